@@ -21,9 +21,10 @@ are the program's own. Each capture begins and ends at random, with or without a
 in the file is compared with the number in its picture and with the camera's clock, and the account's begin
 and end with what was asked for.
 
-A lie is a number or a time that is wrong, without being said to be uncertain by as much; an account that
-begins or ends elsewhere; or a loss whose cause is none of what went wrong. There are **{lies} lies**. Of all
-fields {uncertain} are said to be uncertain, and therefore damaged.
+A lie is a number or a time that is wrong, unless this very field is said to be uncertain by as much, or the
+numbers from one before it on to be off by as many; an account that begins or ends elsewhere; or a loss whose
+cause is none of what went wrong. There are **{lies} lies**. Of all fields {uncertain} are said to be
+uncertain, and therefore damaged.
 One capture, also of a daemon: `python -m grabberd_fake audit CAPTURE`.
 
 | what goes wrong, alone or with others | runs | captures complete | fields | uncertain | lies |

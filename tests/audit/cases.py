@@ -113,6 +113,8 @@ def drawn(seed: int) -> Case:
         ),
         "jitter_ms": draw.choice([0.5, 2.0, 6.0]),
     }
+    if "computer busy" in kinds:  # the hardest: a queue that drains looks like losses
+        driver["stamps"] = draw.choice(["exposure", "arrival", "arrival"])
     if "stamps late" in kinds:
         driver |= {"late": draw.choice([0.003, 0.02, 0.1]), "late_ms": draw.choice([10.0, 25.0, 60.0])}
     start_s = draw.uniform(0.5, 3.0)

@@ -5,6 +5,7 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
+from grabberd.acquisition import UNCERTAIN, too_high_by
 from grabberd_fake.audit import Audit, audit
 from grabberd_fake.faults import PERIOD_NS
 
@@ -47,18 +48,24 @@ def judged_case(case: Case) -> Verdict:
         simulation.write(path)
         found = audit(path)
     ledger = simulation.recorder.ledger
-    # Where numbers are uncertain, a loss may be a mistake, and then it has no cause.
-    causes = () if found.uncertain else tuple(wrong_causes(case, ledger))
-    return Verdict(case, found, ledger.complete, (*found.lies, *_of_the_end(simulation, found), *causes))
+    causes = tuple(wrong_causes(case, ledger))
+    return Verdict(case, found, ledger.complete, (*found.lies, *_of_the_end(simulation), *causes))
 
 
-def _of_the_end(simulation: Simulation, found: Audit) -> tuple[str, ...]:
-    """The account goes on to the end that was asked for."""
+def _of_the_end(simulation: Simulation) -> tuple[str, ...]:
+    """The account goes on to the end that was asked for: by its own numbers if that was a length, and by the
+    camera's if it was stopped.
+    """
     assert simulation.recorder is not None
+    ledger, length = simulation.recorder.ledger, simulation.case.fields
+    last = ledger.entries[-1] if ledger.entries else None
+    if last is not None and last.reason.startswith(UNCERTAIN) and last.end_n == ledger.end_n:
+        return ()  # what is uncertain to the end leaves open how many fields there were
+    end_n = ledger.end_n or 0
     begin_n = math.ceil((simulation.start_ns - simulation.before * PERIOD_NS) / PERIOD_NS)
-    end_n = simulation.recorder.ledger.end_n or 0
     stopped = math.ceil(simulation.stop_ns / PERIOD_NS) - begin_n if simulation.stop_ns else math.inf
-    wanted = min(simulation.case.fields or math.inf, stopped)
-    if found.uncertain or abs(end_n - wanted) <= _AT_AN_EDGE:
+    camera_n = end_n - sum(too_high_by(event) for event in ledger.events)
+    if end_n == length or abs(camera_n - stopped) <= _AT_AN_EDGE:
         return ()
+    wanted = min(length or math.inf, stopped)
     return (f"its account ends after {end_n} fields, {wanted} were asked for",)

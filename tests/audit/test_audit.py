@@ -71,3 +71,36 @@ def test_a_time_that_is_off_by_a_whole_field_is_a_lie() -> None:
 def test_where_times_are_not_those_of_a_clock_only_the_order_is_judged() -> None:
     assert list(lies_of([field(0, 7, late_ns=10**12), field(1, 8)], None)) == []
     assert len(list(lies_of([field(0, 7), field(1, 9)], None))) == 1
+
+
+def test_a_doubt_excuses_no_field_after_it() -> None:
+    fields = [field(0, 100), field(1, 103, reason="number uncertain by up to 2"), field(2, 104)]
+    assert list(lies_of(fields, 100)) == ["field 2 is the camera's 104, 2 places from where it is entered"]
+
+
+def test_numbers_that_are_said_to_be_off_are_judged_by_that() -> None:
+    fields = [field(0, 100), field(1, 101), field(5, 102), field(6, 103)]
+    assert len(list(lies_of(fields, 100))) == 2
+    assert list(lies_of(fields, 100, [(5, 3)])) == []
+    assert len(list(lies_of(fields, 100, [(6, 3)]))) == 1
+
+
+@pytest.mark.parametrize("mean_ms", [30, 60])
+@pytest.mark.parametrize("counts", ["fields", "nothing"])
+@pytest.mark.parametrize("order", ["alternate", "top_first"])
+def test_stamps_of_arrivals_on_a_busy_computer_are_accounted_for(
+    order: str, counts: str, mean_ms: int
+) -> None:
+    """A queue that drains looks like losses; that as many were not lost is told when it is known."""
+    case = Case(
+        seed=mean_ms,
+        kinds=("computer busy",),
+        driver={"order": order, "stamps": "arrival", "counts": counts, "jitter_ms": 2.0},
+        buffers=16,
+        faults=[{"kind": "busy", "at_s": 3.0, "duration_s": 3.0, "mean_ms": mean_ms}],
+        start_s=2.0,
+        stop_s=8.0,
+        pre_fields=0,
+        fields=None,
+    )
+    assert judged_case(case).lies == ()
