@@ -68,5 +68,5 @@ def test_after_an_interruption_the_count_may_begin_anew():
 
 
 def test_a_number_that_is_repeated_once_is_forgotten():
-    counts = [*range(10), 9, *range(10, 30)]
+    counts = [*range(10), 9, *range(10, 40)]
     assert steps(counts)[-15:] == [1] * 15

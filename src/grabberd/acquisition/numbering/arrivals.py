@@ -83,7 +83,7 @@ class Arrivals:
         self._before_ns: int | None = None
         self._dequeued_ns: int | None = None
         self.way = Way()
-        self._stamped: tuple[int, int] | None = None
+        self._stamped: tuple[int, int, int] | None = None
         self._variations = 0
 
     @property
@@ -101,11 +101,15 @@ class Arrivals:
             return False
         varied = False
         if self._stamped is not None:
-            before_ns, way_ns = self._stamped
+            newest_ns, before_ns, way_ns = self._stamped
             varied = abs(arrival.time_ns - stamp_ns - way_ns) > _BURST * self._period_ns
-            # Stamps that stand still or run backward vary as well, and tell nothing.
-            self._variations += varied and stamp_ns - before_ns > _BURST * self._period_ns
-        self._stamped = stamp_ns, arrival.time_ns - stamp_ns
+            # Stamps that stand still or run backward vary as well, and tell nothing; nor does the one after.
+            ahead = min(stamp_ns, before_ns) >= newest_ns - _BURST * self._period_ns
+            self._variations += varied and ahead and stamp_ns - before_ns > _BURST * self._period_ns
+            newest_ns = max(newest_ns, stamp_ns)
+        else:
+            newest_ns = stamp_ns
+        self._stamped = newest_ns, stamp_ns, arrival.time_ns - stamp_ns
         return not (varied or self.tells_of_stamps)
 
     def look(self, parity: int, now_ns: int | None) -> Arrival:

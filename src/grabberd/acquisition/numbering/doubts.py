@@ -17,20 +17,20 @@ class Evidence(NamedTuple):
     Attributes:
         uncertain_by: Doubt about this field alone.
         way_is_known: False if none has come by the shortest way yet: then nothing arrives in time.
+        in_time: True if it has arrived in time, as far as its arrival and the program tell.
         ahead_by: Fields by which numbers have run ahead of the camera, whose clock begins again with this
             one: then stamps that fit tell nothing more, until an arrival does.
         of_loss: True if it is in doubt whether fields are missing before it, which stamps that fit do not
             tell either.
         of_place: True if the doubt is only which of the fields beside it was lost.
-        interrupted: True if the stream has begun again with it, so that nothing has waited before it.
     """
 
     uncertain_by: int
     way_is_known: bool
+    in_time: bool
     ahead_by: int = 0
     of_loss: bool = False
     of_place: bool = False
-    interrupted: bool = False
 
 
 class Doubts:
@@ -82,14 +82,15 @@ class Doubts:
         self.too_high_by = evidence.ahead_by
         self._known_too_high += evidence.ahead_by
         self._fields += 1
-        regular = way_is_known and step.arrived_in_time and step.fields == 1
+        in_time = evidence.in_time
+        regular = way_is_known and in_time and step.fields == 1
         self._in_a_row = self._in_a_row + 1 if regular else 0
         told_by_arrivals = evidence.ahead_by > 0 or evidence.of_loss
         self._arrival_decides = told_by_arrivals or (self._arrival_decides and self.open)
         if uncertain_by:
             self._of_place = evidence.of_place and (self._of_place or not self.open)
-        in_place = way_is_known and step.arrived_in_time and self._is_where_it_arrived(n, arrival)
-        ends = self._ends(step) or (in_place and (evidence.interrupted or self._of_place))
+        in_place = way_is_known and in_time and self._is_where_it_arrived(n, arrival)
+        ends = self._ends(step, in_time=in_time) or (in_place and self._of_place)
         was_open, self.open = self.open, uncertain_by > 0 or (self.open and not ends)
         if self.open:
             return max(uncertain_by, self._range(n, time_ns, arrival), 1)
@@ -98,9 +99,9 @@ class Doubts:
         self._certain, self._fields, self._known_too_high = (n, time_ns), 0, 0
         return 0
 
-    def _ends(self, step: Step) -> bool:
+    def _ends(self, step: Step, *, in_time: bool) -> bool:
         told = self._arrivals.tells_of_stamps and step.late is not None and abs(step.late) < 0.5
-        told = told and (step.arrived_in_time or not self._arrival_decides)
+        told = told and (in_time or not self._arrival_decides)
         return told or self._in_a_row >= _REGULAR or step.arrived is None
 
     def _true_n(self, n: int, time_ns: int, step: Step, arrival: Arrival) -> int:

@@ -82,6 +82,7 @@ class FieldNumbering:
         self._most_pending = max(_MOST_PENDING, self._buffered + _CONFIRMING)
         self._start = StreamStart(info, self._arrivals, since_ns, self._most_pending)
         self._interruption: str | None = None
+        self._since_ns: int | None = None
         self._standstill = COMPUTER_BUSY
         self._waited = 0
 
@@ -96,6 +97,10 @@ class FieldNumbering:
         if self._sequence is not None:
             self._sequence.forget()
         return settled
+
+    def resume(self, since_ns: int | None) -> None:
+        """Note that the stream was asked for again: no field that comes was exposed before `since_ns`."""
+        self._since_ns = since_ns
 
     def stood_still(self, time_ns: int, reason: str = COMPUTER_BUSY) -> None:
         """Note that nobody took fields for some time, which fills the driver's buffers.
@@ -115,6 +120,8 @@ class FieldNumbering:
         damage: str | None = None,
         now_ns: int | None = None,
         no_picture: str | None = None,
+        *,
+        in_time: bool = True,
     ) -> list[Numbered]:
         """Number the next field.
 
@@ -125,13 +132,15 @@ class FieldNumbering:
             now_ns: Arrival, on the clock that a live stream's times should use: no field comes from the
                 future.
             no_picture: Picture that the grabber substituted, as found in its content.
+            in_time: False if it may have waited in the driver's buffers, as far as the program knows.
 
         Returns:
             The fields that are settled now, the oldest first; none while this one is in doubt.
         """
         absent = NO_SIGNAL if signal is Signal.ABSENT else no_picture
         pending = self._look(grabbed, now_ns, *outcome_of(absent, grabbed.damage or damage))
-        pending = replace(pending, no_signal=signal is Signal.ABSENT)
+        waited = 0 if in_time else self._longest_wait(pending)
+        pending = replace(pending, no_signal=signal is Signal.ABSENT, in_time=in_time, may_have_waited=waited)
         self._waited = max(self._waited - 1, 0)
         self._interruption = None
         if self._paths is not None:
@@ -171,6 +180,17 @@ class FieldNumbering:
         """True if the oldest field has its number, or has waited for it as long as it may."""
         return self._settling.is_settled(self._pending, paths) or len(self._pending) > self._most_pending
 
+    def _longest_wait(self, pending: Pending) -> int:
+        """Number of fields for which the first one after an interruption may have waited, by its arrival."""
+        exposed_ns = self._arrivals.exposed_ns(pending.arrival)
+        if not pending.interruption or exposed_ns is None or self._arrivals.tells_of_stamps:
+            return 0
+        since_last = self._timing.steps_to(exposed_ns)
+        longest = math.inf if since_last is None else since_last - 1
+        if self._since_ns is not None:
+            longest = min(longest, (exposed_ns - self._since_ns) / self._period_ns)
+        return max(math.ceil(longest), 0) if math.isfinite(longest) else self._buffered
+
     def _look(
         self, grabbed: GrabbedField, now_ns: int | None, outcome: Outcome, reason: str | None
     ) -> Pending:
@@ -193,6 +213,8 @@ class FieldNumbering:
             outcome,
             reason,
             no_signal=False,
+            in_time=True,
+            may_have_waited=0,
             interruption=self._interruption,
             standstill=self._standstill if self._waited > 0 else None,
         )
@@ -213,15 +235,15 @@ class FieldNumbering:
         ahead = self._timing.take_ahead()
         # The early fields before it have moved the clock by part of a period.
         too_many = math.ceil(ahead) + 1 if ahead else 0
-        of_itself = max(step.doubt, too_many, contradiction(pending, step))
+        of_itself = max(step.doubt, too_many, contradiction(pending, step), pending.may_have_waited)
         was_open = self._doubts.open
         evidence = Evidence(
             max(doubt_of_number.fields, of_itself),
             way_is_known=paths.best.way.is_known,
+            in_time=step.arrived_in_time and pending.in_time,
             ahead_by=round(ahead),
-            of_loss=doubt_of_number.of_loss,
+            of_loss=doubt_of_number.of_loss or pending.may_have_waited > 0,
             of_place=doubt_of_number.of_place and not of_itself,
-            interrupted=pending.interruption is not None,
         )
         uncertain_by = self._doubts.of(self._n, time_ns, step, pending.arrival, evidence)
         rebases = self._rebases(pending, step)

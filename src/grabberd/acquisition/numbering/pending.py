@@ -22,6 +22,9 @@ class Pending:
         recounted: True if that count has restarted.
         outcome, reason: What is known of it without its number.
         no_signal: True if the driver reports no camera.
+        in_time: False if it may have waited in the driver's buffers, as far as the program knows.
+        may_have_waited: Number of fields for which it may have waited in the driver's buffers, after an
+            interruption.
         interruption: Why the stream stopped before it, or None.
         standstill: Why the driver's buffers may have been full before it, or None.
     """
@@ -39,6 +42,8 @@ class Pending:
     outcome: Outcome
     reason: str | None
     no_signal: bool
+    in_time: bool
+    may_have_waited: int
     interruption: str | None
     standstill: str | None
 

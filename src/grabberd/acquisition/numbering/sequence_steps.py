@@ -3,6 +3,9 @@
 _SURE = 3
 """Fields of the other parity, each counted one further, after which a driver counts fields. Where both fields
 of a frame share a number, every second difference is 0, unless fields are lost."""
+_SURER = 12
+"""Such fields after which a number that came twice was a repetition: were it that of a frame, one of every two
+fields would have had to be lost."""
 _WRAP = 2**32  # V4L2 counts in 32 bits
 
 
@@ -55,8 +58,8 @@ class SequenceSteps:
 
     def _learn(self, difference: int, parity: int, *, turned: bool) -> None:
         self._single_steps = self._single_steps + 1 if difference == 1 and turned else 0
-        if self._single_steps >= _SURE:
-            self._counts_fields, self._newer = True, None  # what was the same number twice was a repetition
+        if self._single_steps >= (_SURE if self._newer is None else _SURER):
+            self._counts_fields, self._newer = True, None
         if self._alternate and difference == 0:
             self._newer = parity
 

@@ -70,7 +70,7 @@ class Settling:
         lost = sum(uncounted(one, step) for one, step in zip(in_turn[: anchor + 1], steps, strict=False))
         if lost and paths.best.way.is_known and not _is_met(in_turn[anchor:], steps[anchor:]):
             return False
-        if lost and self._arrivals.tells_of_stamps and not _is_there(steps[anchor]):
+        if lost and self._arrivals.tells_of_stamps and not _is_there(in_turn[anchor], steps[anchor]):
             self._doubt_of_anchor = (
                 lost  # its stamp alone tells of a loss: that of another clock would as well
             )
@@ -107,9 +107,9 @@ class Settling:
         return step.arrived_in_time or (step.late is not None and abs(step.late) <= self._latest)
 
 
-def _is_there(step: Step) -> bool:
+def _is_there(pending: Pending, step: Step) -> bool:
     """True if a field has arrived in time, or its arrival tells nothing."""
-    return step.arrived is None or step.arrived_in_time
+    return step.arrived is None or (step.arrived_in_time and pending.in_time)
 
 
 def _is_met(pending: Iterable[Pending], steps: Sequence[Step]) -> bool:
@@ -117,7 +117,8 @@ def _is_met(pending: Iterable[Pending], steps: Sequence[Step]) -> bool:
     one another, and with a clock that was set meanwhile.
     """
     return any(
-        step.arrived_in_time and not one.arrival.burst for one, step in zip(pending, steps, strict=False)
+        step.arrived_in_time and one.in_time and not one.arrival.burst
+        for one, step in zip(pending, steps, strict=False)
     )
 
 

@@ -244,7 +244,11 @@ class CaptureThread(threading.Thread):
             if standstill is not None and standstill.time_ns > info.buffered_ns:
                 self._board.stood_still(standstill)
             for grabbed in fields:
-                self._count(self._pipeline.take(grabbed, self._signal, now_ns, standstill))
+                self._count(
+                    self._pipeline.take(
+                        grabbed, self._signal, now_ns, standstill, in_time=self._scheduling.was_in_time
+                    )
+                )
                 standstill = None
         if now_ns >= self._signal_due_ns:
             self._ask_signal()

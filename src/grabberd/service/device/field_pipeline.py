@@ -92,6 +92,8 @@ class FieldPipeline:
         change = _change(self._granted, info)
         if self._numbering is None or change:
             self._numbering = FieldNumbering(info, since_ns)
+        else:
+            self._numbering.resume(since_ns)
         if change:
             with self._configuring:
                 self._exchange(self.ring.bits, self.ring.lines)
@@ -121,7 +123,13 @@ class FieldPipeline:
         return released
 
     def take(
-        self, grabbed: GrabbedField, signal: Signal, now_ns: int, standstill: Standstill | None = None
+        self,
+        grabbed: GrabbedField,
+        signal: Signal,
+        now_ns: int,
+        standstill: Standstill | None = None,
+        *,
+        in_time: bool = True,
     ) -> list[Slot]:
         """Numbers, quantises and packs a field and puts it into the ring as soon as its number is certain.
 
@@ -130,6 +138,7 @@ class FieldPipeline:
             signal: The driver's last report.
             now_ns: Arrival.
             standstill: What kept the program from taking fields before it, or None.
+            in_time: False if it may have waited in the driver's buffers.
 
         Returns:
             The slots that are in the ring now: none while the field is in doubt, several after that.
@@ -148,7 +157,9 @@ class FieldPipeline:
         if standstill is not None:
             self._numbering.stood_still(standstill.time_ns, standstill.reason)
         return self._release(
-            self._numbering.number(grabbed, signal, content.damage, now_ns, content.no_picture)
+            self._numbering.number(
+                grabbed, signal, content.damage, now_ns, content.no_picture, in_time=in_time
+            )
         )
 
     def _release(self, numbered: Iterable[Numbered]) -> list[Slot]:

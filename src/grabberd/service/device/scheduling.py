@@ -91,6 +91,9 @@ class Scheduling:
         clock: Source of time.
         account: The kernel's account of the thread that uses this.
         called_ns: Time spent so far in calls to the device that should return at once.
+
+    Attributes:
+        was_in_time: True if the thread waited for the last field, and took it as soon as it came.
     """
 
     def __init__(
@@ -106,6 +109,7 @@ class Scheduling:
         self._times_at_begin: ThreadTimes | None = None
         self._late_ns = self._program_ns_at_begin = self._called_ns_at_begin = 0
         self._untold = False
+        self.was_in_time = False
 
     def excuse(self) -> None:
         """Notes that nobody had to take fields until now."""
@@ -139,6 +143,7 @@ class Scheduling:
         else:
             # There was a field to take all the time since the last ones; those had their own time.
             late_ns = now_ns - self._came_ns - self._fields * _FIELD_NS
+        self.was_in_time = found_empty and late_ns < _NOTABLE_NS
         self._came_ns, self._fields = now_ns, fields
         self._late_ns = max(0, self._late_ns + late_ns)
         self._untold |= late_ns >= _NOTABLE_NS
