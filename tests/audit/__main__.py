@@ -19,9 +19,9 @@ computer and what goes wrong with them are drawn at random, up to three kinds of
 in simulated time, {fields} fields. Capture thread, content checks, numbering, ring, recorder and capture file
 are the program's own. Each capture begins and ends at random, with or without a pre-trigger. Then every field
 in the file is compared with the number in its picture and with the camera's clock, and the account's begin
-and end with what was asked for. Left out is a clock of the stamps that is set forward by a few fields on a busy
-computer: while every field waits and some are lost, nothing tells that from as many more lost ones, until a
-field arrives in time.
+and end with what was asked for. Left out is a clock of the stamps that is set by a few fields on a busy
+computer: while every field waits and some are lost, nothing tells that from as many lost ones more or less,
+until a field arrives in time.
 
 A lie is a number or a time that is wrong, unless this very field is said to be uncertain by as much, or the
 numbers from one before it on to be off by as many; an account that begins or ends elsewhere; or a loss whose

@@ -99,8 +99,8 @@ KINDS: dict[str, Callable[[random.Random], Faults]] = {
 
 
 BUSY, FEW_FIELDS_S = ("computer busy", "computer overloaded from the beginning"), 0.2
-"""While every field waits and some are lost, a clock that is set forward by a few fields passes for as many lost
-ones, until a field arrives in time: nothing tells them apart, and it is left out."""
+"""While every field waits and some are lost, a clock that is set by a few fields passes for as many lost ones
+more or less, until a field arrives in time: nothing tells them apart, and it is left out."""
 
 
 def drawn(seed: int) -> Case:
@@ -124,7 +124,7 @@ def drawn(seed: int) -> Case:
         driver |= {"late": draw.choice([0.003, 0.02, 0.1]), "late_ms": draw.choice([10.0, 25.0, 60.0])}
     faults = [fault for kind in kinds for fault in KINDS[kind](draw)]
     if any(kind in kinds for kind in BUSY):
-        faults = [fault for fault in faults if not 0 < fault.get("by_s", 0) < FEW_FIELDS_S]
+        faults = [fault for fault in faults if not 0 < abs(fault.get("by_s", 0)) < FEW_FIELDS_S]
     start_s = draw.uniform(0.5, 3.0)
     return Case(
         seed=seed,

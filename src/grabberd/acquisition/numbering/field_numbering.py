@@ -221,7 +221,7 @@ class FieldNumbering:
 
     def _settle_oldest(self, paths: Paths) -> Numbered:
         pending = self._pending.popleft()
-        doubt_of_number = self._settling.settle_next(paths)
+        doubt_of_number = self._settling.settle_next(pending, paths)
         step = paths.settle()
         lost = lost_before(pending, step, self._n + 1)
         self._n += step.fields

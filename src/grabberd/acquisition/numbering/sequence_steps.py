@@ -4,8 +4,8 @@ _SURE = 3
 """Fields of the other parity, each counted one further, after which a driver counts fields. Where both fields
 of a frame share a number, every second difference is 0, unless fields are lost."""
 _SURER = 12
-"""Such fields after which a number that came twice was a repetition: were it that of a frame, one of every two
-fields would have had to be lost."""
+"""Such fields after which a number that came twice was a repetition: were it that of a frame, every other
+field would have had to be lost."""
 _WRAP = 2**32  # V4L2 counts in 32 bits
 
 

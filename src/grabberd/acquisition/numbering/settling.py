@@ -78,7 +78,10 @@ class Settling:
         if lost and not self._arrivals.tells_of_stamps:
             if len(after) < self._telling:
                 return False
-            told = all(steps[i].arrived_in_time and not uncounted(in_turn[i], steps[i]) for i in after)
+            told = in_turn[anchor].in_time and all(
+                steps[i].arrived_in_time and in_turn[i].in_time and not uncounted(in_turn[i], steps[i])
+                for i in after
+            )
             self._doubt_of_anchor = 0 if told else lost
         self._linked = anchor + 1
         exchanged = _exchanged(in_turn[:anchor], steps[: anchor + 1])
@@ -86,15 +89,21 @@ class Settling:
         self._of_place = not self._doubt_of_anchor
         return True
 
-    def settle_next(self, paths: Paths) -> Doubt:
+    def settle_next(self, oldest: Pending, paths: Paths) -> Doubt:
         """Note that the oldest field is about to be settled; returns the doubt about it."""
         if not self._linked:
-            return Doubt(self._spread(paths))
+            return self._unsettled(oldest, paths)
         self._linked -= 1
         if self._linked:
             return Doubt(self._doubt_linked, not self._of_place, self._of_place)
         doubt, self._doubt_of_anchor = self._doubt_of_anchor, 0
         return Doubt(doubt, of_loss=doubt > 0)
+
+    def _unsettled(self, oldest: Pending, paths: Paths) -> Doubt:
+        """Doubt about a field whose number has to be settled before later ones have told of it."""
+        lost = uncounted(oldest, paths.best.steps[0])
+        in_doubt = lost > 0 and oldest.arrival.time_ns is not None and not self._arrivals.tells_of_stamps
+        return Doubt(max(self._spread(paths), lost * in_doubt), of_loss=in_doubt)
 
     def _spread(self, paths: Paths) -> int:
         """Number of fields by which one may be off whose number is settled before it is certain."""
