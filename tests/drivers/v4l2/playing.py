@@ -7,7 +7,7 @@ from simulated_time import SMALL, NoCaptures, Until
 from drivers.v4l2.bench import Bench
 from drivers.v4l2.fake_kernel import number_in
 from drivers.v4l2.fake_kernel.card import PERIOD_NS
-from grabberd.acquisition import Ledger
+from grabberd.acquisition import Ledger, too_high_by
 from grabberd.config import RingConfig
 from grabberd.field import unpack
 from grabberd.service.capture.edges import Begin, cut
@@ -146,8 +146,8 @@ class Play:
         self._ioctl(fd, request, argument)
         self.scheduler.hang(ioctls.NAMES[request])
 
-    def _late_work(self, *grabbed):
-        slots = self._work(*grabbed)
+    def _late_work(self, *grabbed, **known):
+        slots = self._work(*grabbed, **known)
         self.scheduler.hold(at_work=True)
         return slots
 
@@ -170,7 +170,8 @@ class Play:
             Judged(slot.n, number, slot.time_ns, slot.reason)
             for slot, number in zip(self.slots, numbers, strict=True)
         ]
-        return list(lies_of(judged, numbers[0]))
+        too_high = [(event.n, too_high_by(event)) for event in self.ledger.events]
+        return list(lies_of(judged, numbers[0], too_high))
 
     def captured_from(self, begin_s):
         """The account of a capture that begins then, and the camera's number and the time of each field."""

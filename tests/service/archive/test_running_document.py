@@ -45,7 +45,7 @@ def test_its_ledger_and_fields_are_those_of_the_sealed_file(tmp_path: Path) -> N
         recording = written(service)
         sealed(service)
         remembered, stored = running_document(recording), describe(recording.path)
-    end = {"state", "verdict", "coverage", "rig", "runs"}
+    end = {"state", "verdict", "coverage", "field_order", "rig", "runs"}
     assert remembered.model_dump(exclude=end) == stored.model_dump(exclude=end)
 
 

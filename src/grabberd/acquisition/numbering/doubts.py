@@ -22,6 +22,8 @@ class Evidence(NamedTuple):
             one: then stamps that fit tell nothing more, until an arrival does.
         of_loss: True if it is in doubt whether fields are missing before it, which stamps that fit do not
             tell either.
+        stamps_follow: True if the stamps are of another clock from this field on: they are shifted to continue
+            the numbers as they are, and tell nothing of them.
         of_place: True if the doubt is only which of the fields beside it was lost.
     """
 
@@ -30,6 +32,7 @@ class Evidence(NamedTuple):
     in_time: bool
     ahead_by: int = 0
     of_loss: bool = False
+    stamps_follow: bool = False
     of_place: bool = False
 
 
@@ -85,7 +88,7 @@ class Doubts:
         in_time = evidence.in_time
         regular = way_is_known and in_time and step.fields == 1
         self._in_a_row = self._in_a_row + 1 if regular else 0
-        told_by_arrivals = evidence.ahead_by > 0 or evidence.of_loss
+        told_by_arrivals = evidence.ahead_by > 0 or evidence.of_loss or evidence.stamps_follow
         self._arrival_decides = told_by_arrivals or (self._arrival_decides and self.open)
         if uncertain_by:
             self._of_place = evidence.of_place and (self._of_place or not self.open)

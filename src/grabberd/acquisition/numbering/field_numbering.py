@@ -243,6 +243,7 @@ class FieldNumbering:
             in_time=step.arrived_in_time and pending.in_time,
             ahead_by=round(ahead),
             of_loss=doubt_of_number.of_loss or pending.may_have_waited > 0,
+            stamps_follow=any(kind is Rebase.CLOCK for kind, _ in self._timing.rebases),
             of_place=doubt_of_number.of_place and not of_itself,
         )
         uncertain_by = self._doubts.of(self._n, time_ns, step, pending.arrival, evidence)
@@ -250,7 +251,7 @@ class FieldNumbering:
         if uncertain_by:
             known = pending.arrival.time_ns is None or paths.best.way.is_known
             if was_open or not known or doubt_of_number.of_loss or too_many:
-                lost = doubtful(lost, pending, uncertain_by)
+                lost = doubtful(lost, uncertain_by)
             pending = pending.uncertain(uncertain_by)
         else:
             self._arrivals.learn(pending.arrival, time_ns)

@@ -28,14 +28,12 @@ def _gap(pending: Pending, step: Step) -> str:
     return REPEATED_PARITY if pending.time_ns is None else TIME_GAP
 
 
-def doubtful(lost: tuple[LedgerEntry, ...], pending: Pending, uncertain_by: int) -> tuple[LedgerEntry, ...]:
-    """The same entries, where it is uncertain whether the fields are missing at all: then nothing has cost
-    them. What an interruption has cost is missing for that reason, however many they are.
+def doubtful(lost: tuple[LedgerEntry, ...], uncertain_by: int) -> tuple[LedgerEntry, ...]:
+    """The same entries, where it is uncertain whether the fields are missing at all: then no cable has cost
+    them. An interruption and a computer that was busy are known besides, however many fields they have cost.
     """
-    if pending.interruption:
-        return lost
-    reason, in_doubt = f"{UNCERTAIN} {uncertain_by}", {*GAPS, pending.standstill}
-    return tuple(one._replace(reason=reason) if one.reason in in_doubt else one for one in lost)
+    reason = f"{UNCERTAIN} {uncertain_by}"
+    return tuple(one._replace(reason=reason) if one.reason in GAPS else one for one in lost)
 
 
 def uncounted(pending: Pending, step: Step) -> int:

@@ -78,7 +78,7 @@ class Settling:
         if lost and not self._arrivals.tells_of_stamps:
             if len(after) < self._telling:
                 return False
-            told = in_turn[anchor].in_time and all(
+            told = all(
                 steps[i].arrived_in_time and in_turn[i].in_time and not uncounted(in_turn[i], steps[i])
                 for i in after
             )
