@@ -22,7 +22,7 @@ class Evidence(NamedTuple):
             one: then stamps that fit tell nothing more, until an arrival does.
         of_loss: True if it is in doubt whether fields are missing before it, which stamps that fit do not
             tell either.
-        stamps_follow: True if the stamps are of another clock from this field on: they are shifted to continue
+        stamps_follow: True if the stamps are of another clock from this field on, and shifted to continue
             the numbers as they are, and tell nothing of them.
         of_place: True if the doubt is only which of the fields beside it was lost.
     """
