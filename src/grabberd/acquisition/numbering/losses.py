@@ -1,5 +1,7 @@
 """Losses before a field: how many, and what tells of them."""
 
+import math
+
 from grabberd.acquisition.ledger import NO_SIGNAL, UNCERTAIN, LedgerEntry, never_came
 from grabberd.acquisition.numbering.paths import Step
 from grabberd.acquisition.numbering.pending import Pending
@@ -7,6 +9,8 @@ from grabberd.acquisition.numbering.pending import Pending
 TIME_GAP = "time gap"
 SEQUENCE_GAP = "sequence gap"
 REPEATED_PARITY = "repeated parity"
+_LATE = 0.75
+"""Periods by which a field that has not waited may arrive late."""
 GAPS = {TIME_GAP, SEQUENCE_GAP, REPEATED_PARITY}
 
 
@@ -44,7 +48,12 @@ def uncounted(pending: Pending, step: Step) -> int:
 
 
 def contradiction(pending: Pending, step: Step) -> int:
-    """Number of fields by which stamp and count differ, where no arrival tells which of them is wrong."""
-    if pending.count is None or pending.interruption or step.arrived_in_time:
+    """Number of fields by which evidence differs: stamp and count, where no arrival tells which of them is
+    wrong, or after an interruption a stamp and the arrival of a field that has not waited.
+    """
+    if pending.interruption:
+        has_waited = not pending.in_time or step.arrived is None or step.arrived <= _LATE
+        return 0 if has_waited else math.ceil(step.arrived or 0.0)
+    if pending.count is None or step.arrived_in_time:
         return 0
     return abs(pending.count - step.fields)
