@@ -2,10 +2,11 @@
 
 import math
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from grabberd.acquisition import UNCERTAIN, too_high_by
+from grabberd.acquisition import UNCERTAIN, LedgerEntry, too_high_by
 from grabberd_fake.audit import Audit, audit
 from grabberd_fake.faults import PERIOD_NS
 
@@ -58,10 +59,9 @@ def _of_the_end(simulation: Simulation) -> tuple[str, ...]:
     """
     assert simulation.recorder is not None
     ledger, length = simulation.recorder.ledger, simulation.case.fields
-    last = ledger.entries[-1] if ledger.entries else None
-    if last is not None and last.reason.startswith(UNCERTAIN) and last.end_n == ledger.end_n:
-        return ()  # what is uncertain to the end leaves open how many fields there were
     end_n = ledger.end_n or 0
+    if _is_open(ledger.entries, end_n):
+        return ()  # what is uncertain to the end leaves open how many fields there were
     begin_n = math.ceil((simulation.start_ns - simulation.before * PERIOD_NS) / PERIOD_NS)
     stopped = math.ceil(simulation.stop_ns / PERIOD_NS) - begin_n if simulation.stop_ns else math.inf
     camera_n = end_n - sum(too_high_by(event) for event in ledger.events)
@@ -69,3 +69,14 @@ def _of_the_end(simulation: Simulation) -> tuple[str, ...]:
         return ()
     wanted = min(length or math.inf, stopped)
     return (f"its account ends after {end_n} fields, {wanted} were asked for",)
+
+
+def _is_open(entries: Sequence[LedgerEntry], end_n: int) -> bool:
+    """True if the last field that came is said to be uncertain."""
+    for entry in reversed(entries):
+        if entry.end_n != end_n:
+            return False
+        if entry.reason.startswith(UNCERTAIN):
+            return True
+        end_n = entry.first_n
+    return False

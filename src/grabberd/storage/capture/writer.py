@@ -1,5 +1,6 @@
 """Writing a capture file, on one thread; the caller decides when to commit."""
 
+import copy
 import json
 import os
 import sqlite3
@@ -150,6 +151,8 @@ class CaptureWriter:
                 stays as `.grab.part` and is sealed at the next start.
         """
         self._commit_what_fits()
+        # A copy: a capture that was given up may still be recording, and what is written is compared below.
+        ledger = copy.deepcopy(ledger)
         with storage_errors(self.path):
             self._connection.execute("BEGIN IMMEDIATE")
             self._connection.execute("DELETE FROM reserve")  # first: its pages hold what follows
