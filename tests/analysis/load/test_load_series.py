@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.load.test_middle_surface import Case
+from analysis.fitted_liner import FittedLiner
 from grabberd.analysis.load import load_series
 from grabberd.analysis.load.load_fit import fit_load
 from grabberd.errors import AnalysisError
@@ -10,13 +10,13 @@ from grabberd.errors import AnalysisError
 
 @pytest.fixture
 def case():
-    return Case("reference-round")
+    return FittedLiner("reference-round")
 
 
 def test_a_search_that_fails_nearby_begins_again_from_the_open_wall(case, monkeypatch):
     """Of states that were seen rarely enough, one lies across a fold from all that are known."""
     expected = case.fitted(30.0)
-    again = Case("reference-round")
+    again = FittedLiner("reference-round")
     again.fitted(0.0)
 
     def across_a_fold(model, sights, difference, start=None):

@@ -3,42 +3,17 @@
 import numpy as np
 import pytest
 
+from analysis.fitted_liner import FittedLiner
 from analysis.solved_middle import solved_middle
-from analysis.walls import EIGHT_BITS_MM, as_points, solved
 from grabberd.analysis.load.load_fit import Response
-from grabberd.analysis.load.load_prior import Difference, LoadPrior, TubePrior
-from grabberd.analysis.load.load_series import LoadSeries
-from grabberd.analysis.load.middle_surface import MiddleSurfaces, _forms
-from grabberd.analysis.load.mounted.mounting import Mounting
+from grabberd.analysis.load.middle_surface import _forms
 from grabberd.analysis.load.wall_model import State, WallModel
 from grabberd.analysis.wall.shell import Geometry
 
 
-class Case:
-    """A solved liner with the middle surfaces of its wall."""
-
-    def __init__(self, name):
-        self.liner = solved(name)
-        self.material = self.liner.zones()[0].material
-        reference = as_points(self.liner.places_mm(0.0), np.full(3, 0.005))
-        self.mounting = Mounting.of(self.liner.grid, self.material, reference)
-        self.model = WallModel(
-            self.mounting.half,
-            self.mounting.targets,
-            LoadPrior(),
-            TubePrior.of(self.material),
-            mirrored=False,
-        )
-        self.series, self.middles = LoadSeries(self.model), MiddleSurfaces(self.model, self.material)
-
-    def fitted(self, outer_kpa, seed=0):
-        sights = self.mounting.sights(self.liner.points(outer_kpa, seed, EIGHT_BITS_MM), self.liner.grid)
-        return self.series.load(sights, Difference(outer_kpa, 0.5))
-
-
 @pytest.fixture(scope="module")
 def case():
-    return Case("reference-round")
+    return FittedLiner("reference-round")
 
 
 def test_the_open_liner_is_round_unstrained_and_as_tight_as_it_was_mounted(case):
@@ -89,7 +64,7 @@ def test_a_field_s_values_do_not_depend_on_the_fields_that_came_before(case):
 def test_they_follow_each_parameter_as_the_settled_wall_does():
     """σ rests on these derivatives: here against walls that were settled anew under a changed parameter."""
     # By itself: a state that other tests have linearised may be too far from equilibrium for whole steps.
-    case = Case("reference-round")
+    case = FittedLiner("reference-round")
     state = settled(case.model, case.fitted(18.0).moved())
     response = Response.of(case.model, state)
     by = case.middles._by_parameters(response)

@@ -1,33 +1,14 @@
 """The recorder: which fields belong to a capture, and what its ledger says."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
-from slots import PERIOD_NS, STREAM, ManualClock, Source, damaged, slot, without_signal
+from recorders import recorded, recorder
+from slots import PERIOD_NS, STREAM, ManualClock, damaged, slot, without_signal
 
-from grabberd.acquisition import LedgerEntry, Outcome, Ring, RingReader, Slot, StreamInfo
+from grabberd.acquisition import LedgerEntry, Outcome, Ring, RingReader, Slot
 from grabberd.service.capture.edges import Begin
-from grabberd.service.capture.recorder import GRACE_NS, HEARINGS, Backlog, Recorder
-
-
-def recorder(
-    fields: int | None = None,
-    capacity: int = 500,
-    clock: ManualClock | None = None,
-    *,
-    reader: RingReader | None = None,
-    stream: StreamInfo = STREAM,
-    interruption: Callable[[], str | None] = lambda: None,
-    begin: Begin | None = None,
-) -> tuple[Recorder, Backlog[Slot]]:
-    backlog: Backlog[Slot] = Backlog(capacity)
-    clock, reader = clock or ManualClock(), reader or Ring().reader()
-    return Recorder(reader, backlog, clock, stream, Source(interruption), fields, begin), backlog
-
-
-def recorded(backlog: Backlog[Slot]) -> list[int]:
-    return [one.n for one in backlog.from_index(0, 0)]
+from grabberd.service.capture.recorder import GRACE_NS
 
 
 def test_fields_are_numbered_from_the_captures_first() -> None:
@@ -389,33 +370,3 @@ def test_a_recording_may_pause_before_it_ends() -> None:
     one.stop("the recording has ended")
     one.run()
     assert one.ledger.complete
-
-
-def test_what_a_stopped_program_has_kept_is_taken_though_the_capture_is_due_to_end() -> None:
-    """The recorder may run first after a stop: its wait has timed out, and the ring has nothing new yet."""
-    clock, ring = ManualClock(), Ring(64)
-    one, backlog = recorder(100, clock=clock, reader=ring.reader(), begin=Begin(0, PERIOD_NS))
-    for n in range(50):
-        one.take(slot(n))
-    clock.advance(100 * PERIOD_NS / 1e9 + GRACE_NS / 1e9 + 1.0)
-    one._take_one()
-    assert one.recording
-    for n in range(50, 58):
-        ring.put(slot(n))
-    ring.put(slot(252, lost_before=194, reason="program stopped (for 4.0 s)"))
-    while one.recording:
-        one._take_one()
-    assert one.ledger.entries == [LedgerEntry(58, 42, Outcome.LOST, "program stopped (for 4.0 s)")]
-    assert len(recorded(backlog)) == 58
-
-
-def test_a_capture_of_which_nothing_more_comes_ends_all_the_same() -> None:
-    clock = ManualClock()
-    one, _ = recorder(100, clock=clock, reader=Ring(64).reader(), begin=Begin(0, PERIOD_NS))
-    for n in range(50):
-        one.take(slot(n))
-    clock.advance(100 * PERIOD_NS / 1e9 + GRACE_NS / 1e9 + 1.0)
-    for _ in range(HEARINGS + 1):
-        one._take_one()
-    assert not one.recording
-    assert one.ledger.entries == [LedgerEntry(50, 50, Outcome.LOST, "nothing came")]

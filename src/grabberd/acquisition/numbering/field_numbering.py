@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal, StreamInfo
 from grabberd.acquisition.ledger import NO_SIGNAL, LedgerEntry, Outcome
-from grabberd.acquisition.numbering.arrivals import Arrivals
+from grabberd.acquisition.numbering.arrivals import Arrival, Arrivals
 from grabberd.acquisition.numbering.doubts import Doubts, Evidence
 from grabberd.acquisition.numbering.losses import contradiction, doubtful, lost_before
 from grabberd.acquisition.numbering.paths import Paths, Step
 from grabberd.acquisition.numbering.pending import Pending, outcome_of
 from grabberd.acquisition.numbering.sequence_steps import SequenceSteps
-from grabberd.acquisition.numbering.settling import Settling
+from grabberd.acquisition.numbering.settling import Doubt, Settling
 from grabberd.acquisition.numbering.stamps import Stamps
 from grabberd.acquisition.numbering.stream_start import StreamStart
 from grabberd.acquisition.numbering.timing import Timing
@@ -232,33 +232,40 @@ class FieldNumbering:
             self._doubts.shift(round(late * self._period_ns))
         if step.wrong_parity:
             pending = pending.damaged("parity contradicts time")
-        ahead = self._timing.take_ahead()
-        # The early fields before it have moved the clock by part of a period.
-        too_many = math.ceil(ahead) + 1 if ahead else 0
-        of_itself = max(step.doubt, too_many, contradiction(pending, step), pending.may_have_waited)
-        was_open = self._doubts.open
-        evidence = Evidence(
-            max(doubt_of_number.fields, of_itself),
-            way_is_known=paths.best.way.is_known,
-            in_time=step.arrived_in_time and pending.in_time,
-            ahead_by=round(ahead),
-            of_loss=doubt_of_number.of_loss or pending.may_have_waited > 0,
-            stamps_follow=any(kind is Rebase.CLOCK for kind, _ in self._timing.rebases),
-            of_place=doubt_of_number.of_place and not of_itself,
-        )
+        was_open, evidence = self._doubts.open, self._evidence(pending, step, doubt_of_number, paths)
         uncertain_by = self._doubts.of(self._n, time_ns, step, pending.arrival, evidence)
         rebases = self._rebases(pending, step)
         if uncertain_by:
-            known = pending.arrival.time_ns is None or paths.best.way.is_known
-            if was_open or not known or doubt_of_number.of_loss or too_many:
+            is_met = pending.arrival.time_ns is None or evidence.way_is_known
+            if was_open or not is_met or doubt_of_number.of_loss or evidence.ahead_by:
                 lost = doubtful(lost, uncertain_by)
             pending = pending.uncertain(uncertain_by)
         else:
-            self._arrivals.learn(pending.arrival, time_ns)
-            if paths.best.way.is_known and not self._arrivals.way.is_known:
-                self._arrivals.way = paths.best.way
-            paths.confirm_way(self._arrivals.way)
+            self._learn(pending.arrival, time_ns, paths)
         return self._numbered(pending, time_ns, lost, doubt)._replace(rebases=rebases)
+
+    def _evidence(self, pending: Pending, step: Step, doubt: Doubt, paths: Paths) -> Evidence:
+        """Evidence about a field's number, besides how it was numbered."""
+        ahead = self._timing.take_ahead()
+        # One more: the early fields before it have moved the clock by part of a period.
+        too_many = math.ceil(ahead) + 1 if ahead else 0
+        of_itself = max(step.doubt, too_many, contradiction(pending, step), pending.may_have_waited)
+        return Evidence(
+            max(doubt.fields, of_itself),
+            way_is_known=paths.best.way.is_known,
+            in_time=step.arrived_in_time and pending.in_time,
+            ahead_by=round(ahead),
+            of_loss=doubt.of_loss or pending.may_have_waited > 0,
+            stamps_follow=any(kind is Rebase.CLOCK for kind, _ in self._timing.rebases),
+            of_place=doubt.of_place and not of_itself,
+        )
+
+    def _learn(self, arrival: Arrival, time_ns: int, paths: Paths) -> None:
+        """Learn the shortest way from a field whose number is certain."""
+        self._arrivals.learn(arrival, time_ns)
+        if paths.best.way.is_known and not self._arrivals.way.is_known:
+            self._arrivals.way = paths.best.way
+        paths.confirm_way(self._arrivals.way)
 
     def _rebases(self, pending: Pending, step: Step) -> tuple[LedgerEvent, ...]:
         """Changes of what numbers and times go by, from this field on."""

@@ -239,11 +239,8 @@ def _way(before: Way, periods: float, joined: bool) -> Way:
 
     A way that is known is not given up for a field whose number may be wrong.
     """
-    return (
-        before
-        if before.is_known and before.is_far_longer_than(periods)
-        else before.after(periods, joined=joined)
-    )
+    stays = before.is_known and before.is_far_longer_than(periods)
+    return before if stays else before.after(periods, joined=joined)
 
 
 def _exposed(path: Path, seen: Seen) -> float | None:

@@ -71,9 +71,8 @@ class Settling:
         if lost and paths.best.way.is_known and not _is_met(in_turn[anchor:], steps[anchor:]):
             return False
         if lost and self._arrivals.tells_of_stamps and not _is_there(in_turn[anchor], steps[anchor]):
-            self._doubt_of_anchor = (
-                lost  # its stamp alone tells of a loss: that of another clock would as well
-            )
+            # Its stamp alone tells of a loss: that of another clock would as well.
+            self._doubt_of_anchor = lost
         after = range(anchor + 1, min(anchor + 1 + self._telling, len(steps)))
         if lost and not self._arrivals.tells_of_stamps:
             if len(after) < self._telling:

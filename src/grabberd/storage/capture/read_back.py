@@ -64,12 +64,14 @@ class Uncommitted:
         Raises:
             StorageError: Something is not in the file as it was written.
         """
+        fields, newest_field = self._fields, self._newest_field
+        points, newest_points = self._points, self._newest_points
+        self.forget()  # before it is checked: what does not come back is told of once
         with _mismatches(path), reading_errors(path):
-            if self._newest_field is not None:
-                _check_fields(path, connection, self._fields, self._newest_field)
-            if self._newest_points is not None:
-                _check_points(path, connection, self._points, self._newest_points)
-        self.forget()
+            if newest_field is not None:
+                _check_fields(path, connection, fields, newest_field)
+            if newest_points is not None:
+                _check_points(path, connection, points, newest_points)
 
 
 def check_sealed(path: Path, ledger: Ledger, *, complete: bool, runs: Sequence[int]) -> None:

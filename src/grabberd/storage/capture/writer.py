@@ -82,6 +82,7 @@ class CaptureWriter:
         """
         if not self.path.exists() and sealed_path(self.path).exists():
             self.path = sealed_path(self.path)  # only to see its new name onto the disk has failed
+        self._uncommitted.forget()  # it went with the connection
         self._connection = connect(self.path, writable=True)
 
     def begin_run(
