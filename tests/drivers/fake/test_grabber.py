@@ -189,3 +189,14 @@ def test_with_a_real_clock_it_keeps_its_pace() -> None:
     fields = taken(made, 3, timeout_s=1.0)
     assert steps(fields) == [1, 1]
     made.close()
+
+
+def test_it_says_whether_a_field_was_waiting_when_it_was_asked(grabber: MakeGrabber) -> None:
+    made, clock = grabber()
+    found = []
+    for late_ns in (0, 0, 3 * PERIOD, 0, 0, 0):
+        clock.sleep_until_ns(clock.now_ns() + late_ns)
+        with made.dequeue(1.0) as fields:
+            assert fields
+        found.append(made.found_empty)
+    assert found == [True, True, False, False, False, True]

@@ -333,6 +333,19 @@ def test_at_real_pace_nothing_comes_before_it_is_due(tmp_path):
             assert len(fields) == expected
 
 
+def test_at_real_pace_it_says_whether_a_frame_was_due_when_it_was_asked(tmp_path):
+    clock = StandingClock()
+    grabber = ReplayGrabber(frames(tmp_path), pace="real", clock=clock)
+    grabber.open()
+    found = []
+    for late_s in (0.0, 0.0, 0.1):
+        clock.sleep(late_s)
+        with grabber.dequeue(1.0) as fields:
+            assert fields
+        found.append(grabber.found_empty)
+    assert found == [False, True, False]
+
+
 def test_a_free_recording_waits_for_its_reader(tmp_path):
     assert ReplayGrabber(frames(tmp_path)).open().waits_for_reader
 

@@ -146,3 +146,20 @@ def test_timestamps_that_do_not_say_their_clock_give_way_to_the_arrival(streamin
     fields = take(bench, 10)
     steps = np.diff([field.time_ns for field in fields])
     assert set(steps.tolist()) == {20_000_000}
+
+
+def test_it_says_whether_a_buffer_was_filled_when_it_was_asked(streaming):
+    bench, found = streaming(), []
+    for late_s in (0.0, 0.0, 0.06, 0.0, 0.0, 0.0):
+        bench.kernel.sleep(late_s)
+        with bench.grabber.dequeue(1.0) as fields:
+            assert fields
+        found.append(bench.grabber.found_empty)
+    assert found == [True, True, False, False, False, True]
+
+
+def test_a_time_out_finds_the_buffers_empty(streaming):
+    bench = streaming()
+    with bench.grabber.dequeue(0.005) as fields:
+        assert not fields
+    assert bench.grabber.found_empty
