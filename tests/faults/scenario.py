@@ -77,6 +77,7 @@ class Scenario(Part):
         options: further options of the simulated grabber.
         capture: what is asked for; None: the fault is there from the beginning, the capture comes after it.
         calibrated: the device has the calibration of its pictures, and is measured.
+        own_daemon: no other device is in its daemon, whose work would count as the program's.
         refused: words of why no capture begins after it.
         noticed_within_s: None: nobody has to notice.
     """
@@ -88,6 +89,7 @@ class Scenario(Part):
     capture: dict[str, Any] | None = {}
     refused: str | None = None
     calibrated: bool = False
+    own_daemon: bool = False
     sees: Sees = Sees()
     ledger: Account = Account()
     noticed_within_s: float | None = NOTICED_S

@@ -122,11 +122,18 @@ def suffer_all(
     scenarios: Sequence[Scenario], folder: Path, daemons: int = DAEMONS, side_by_side: int = SIDE_BY_SIDE
 ) -> dict[str, Suffered]:
     """What became of every scenario, by name."""
-    devices = devices_of(scenarios)
-    rows = [devices[first : first + side_by_side] for first in range(0, len(devices), side_by_side)]
+    rows = _rows(devices_of(scenarios), side_by_side)
     with ThreadPoolExecutor(daemons) as pool:
         works = [pool.submit(suffer, row, folder / f"daemon-{number}") for number, row in enumerate(rows)]
         return {name: one for work in works for name, one in work.result().items()}
+
+
+def _rows(devices: Sequence[Device], side_by_side: int) -> list[Sequence[Device]]:
+    """The devices of each daemon."""
+    by_itself = [[one] for one in devices if one[0].scenario.own_daemon]
+    others = [one for one in devices if not one[0].scenario.own_daemon]
+    starts = range(0, len(others), side_by_side)
+    return [*(others[first : first + side_by_side] for first in starts), *by_itself]
 
 
 def suffer(devices: Sequence[Device], folder: Path) -> dict[str, Suffered]:

@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from grabberd.acquisition import UNCERTAIN
 from vm.guest import faults, instrument, vivid
 from vm.machine import Machine
 from vm.tables import Tables
@@ -80,7 +81,11 @@ def test_a_fault_is_noticed_recovered_from_and_accounted_for(
     else:
         assert result["noticed_s"] is not None
         assert result["noticed_s"] <= NOTICED_S
-        assert [expected.outcome] == sorted({outcome for _, outcome, _ in result["entries"]})
+        # A busy computer takes the first fields of a new stream late, and the ledger says that their numbers
+        # are uncertain; what is asked here is what the fault itself is told as.
+        assert [expected.outcome] == sorted(
+            {outcome for _, outcome, reason in result["entries"] if UNCERTAIN not in reason}
+        )
     assert result["recovered_s"] is not None
     assert result["recovered_s"] <= RECOVERED_S
     assert result["received"] + sum(count for count, *_ in result["entries"]) == result["total"]
