@@ -2,8 +2,9 @@
 
 import os
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,10 @@ from .suffering import Suffered, suffer_all
 
 FAULTS: Mapping[str, Callable[[Machine], Finding]] = {**machine.FAULTS, **files.FAULTS, **clients.FAULTS}
 TURNS = 2
+PRESSURE = Path("/proc/pressure/cpu")
+NOTABLE_SHARE = 0.03
+"""Of the time. All scenarios at once make programs wait for about twice that on two processors, which is
+enough to lose a field; two devices in one daemon make them wait for next to nothing."""
 INJECTED = (sys.executable, str(Path(__file__).with_name("injected.py")))
 
 
@@ -57,23 +62,47 @@ def play_all(scenarios: Sequence[Scenario], folder: Path) -> dict[str, Suffered]
     A computer that has more to do than it can loses fields by itself: what is not as wanted there is played
     again, with little beside it.
     """
+    shortage = Shortage()
     suffered = suffer_all(scenarios, folder / "first")
     for turn in range(TURNS):
         again = [one for one in scenarios if problems_of(one, suffered[one.name])]
-        if not again or not _is_busy():
+        if not again or not shortage.was_there:
             break
+        shortage = Shortage()
         suffered |= suffer_all(again, folder / f"again-{turn}", daemons=1, side_by_side=2)
     return suffered
 
 
-def _is_busy() -> bool:
-    return os.getloadavg()[0] > (os.cpu_count() or 1)
+class Shortage:
+    """Shortage of processors, from when this is made on."""
+
+    def __init__(self) -> None:
+        self._begin_s, self._waited_s = time.monotonic(), _waited_s()
+
+    @property
+    def was_there(self) -> bool:
+        """Whether programs waited for a processor a notable part of the time, by the kernel's account.
+
+        Without one, by its load, which follows within a minute.
+        """
+        if self._waited_s is None:
+            return os.getloadavg()[0] > (os.cpu_count() or 1)
+        waited_s = (_waited_s() or 0.0) - self._waited_s
+        return waited_s > NOTABLE_SHARE * (time.monotonic() - self._begin_s)
+
+
+def _waited_s() -> float | None:
+    """For how long some program has waited for a processor since the computer was started."""
+    with suppress(OSError):
+        return int(PRESSURE.read_text().split("total=")[1].split()[0]) / 1e6
+    return None
 
 
 def play(fault: str, on: Machine) -> Finding:
     """What comes of a fault of the machine or of clients, on a busy computer at the second try."""
+    shortage = Shortage()
     finding = _play(fault, on)
-    return _play(fault, on) if finding.problems and _is_busy() else finding
+    return _play(fault, on) if finding.problems and shortage.was_there else finding
 
 
 def _play(fault: str, on: Machine) -> Finding:
