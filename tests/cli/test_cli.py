@@ -369,6 +369,38 @@ main()
     assert (ended.returncode, ended.stderr.strip()) == (130, "grabberd: interrupted")
 
 
+BROKEN = """
+import typer
+from grabberd.cli import app, main
+
+@app.app.command()
+def broken():
+    raise RuntimeError("two\\nlines")
+
+main()
+"""
+
+
+def test_an_error_of_the_program_itself_is_a_sentence_and_a_file_with_the_traceback(tmp_path: Path) -> None:
+    variables = {**os.environ, "TMPDIR": str(tmp_path)}
+    variables.pop("JOURNAL_STREAM", None)
+    command = [sys.executable, "-c", BROKEN, "broken"]
+    ended = subprocess.run(command, check=False, capture_output=True, text=True, env=variables)
+    (kept,) = tmp_path.glob("grabberd-error-*.txt")
+    assert ended.returncode == 70
+    said = "grabberd: internal error: RuntimeError: two lines\nhint: this is an error of grabberd itself; "
+    assert ended.stderr == f"{said}please report it, with {kept}\n"
+    assert "in broken" in kept.read_text()
+
+
+def test_a_service_tells_the_journal_of_an_error_of_its_own() -> None:
+    variables = {**os.environ, "JOURNAL_STREAM": "8:1"}
+    command = [sys.executable, "-c", BROKEN, "broken"]
+    ended = subprocess.run(command, check=False, capture_output=True, text=True, env=variables)
+    assert ended.returncode == 70
+    assert "Traceback (most recent call last)" in ended.stderr
+
+
 def test_a_command_that_was_started_with_interrupts_ignored_goes_on_ignoring_them() -> None:
     assert interrupted_while_it_imports("SIG_IGN") == (0, "done\n", "")
 

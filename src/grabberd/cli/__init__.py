@@ -1,7 +1,7 @@
 """The command line: one file per command; the work is done in the rooms below.
 
-Exit codes: 0 success; 1 failure, explained by the message; 2 invalid command line; 74 the daemon cannot
-write to its disk, or a command its output; 78 invalid configuration.
+Exit codes: 0 success; 1 failure, explained by the message; 2 invalid command line; 70 an error of grabberd
+itself; 74 the daemon cannot write to its disk, or a command its output; 78 invalid configuration.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from grabberd.errors import GrabberdError
 
 # From sysexits.h. The systemd unit does not restart on 78: restarting cannot fix a bad configuration.
+EX_SOFTWARE = 70
 EX_IOERR = 74
 EX_CONFIG = 78
 EX_INTERRUPTED = 130
@@ -50,12 +51,15 @@ def main() -> None:
     except BrokenPipeError:  # `| head` has seen enough
         _drop_output()
         sys.exit(1)
-    except OSError as error:
-        if error.errno not in _NO_ROOM:
-            raise
-        _drop_output()
-        complain(StorageError(f"the output cannot be written: {error.strerror}", "make room on its disk"))
-        sys.exit(EX_IOERR)
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno in _NO_ROOM:
+            _drop_output()
+            complain(StorageError(f"the output cannot be written: {error.strerror}", "make room on its disk"))
+            sys.exit(EX_IOERR)
+        from grabberd.cli.internal_error import explain  # noqa: PLC0415 - rarely needed
+
+        explain(error)
+        sys.exit(EX_SOFTWARE)
 
 
 def _imported_app() -> Callable[[], None]:

@@ -12,6 +12,7 @@ from grabberd.cli.options import (
     JsonOption,
     LineJitterOption,
     console,
+    follow_link,
     given,
     print_json,
     progress_console,
@@ -26,7 +27,9 @@ if TYPE_CHECKING:
 
 
 def accuracy(  # noqa: PLR0913, PLR0917 - options of a command
-    capture: Annotated[Path, typer.Argument(help="Capture file, NAME.grab; it is not modified.")],
+    capture: Annotated[
+        Path, typer.Argument(help="Capture file, NAME.grab; it is not modified.", callback=follow_link)
+    ],
     truth: Annotated[
         Path, typer.Option(help="CSV file: target, x_mm, y_mm, z_mm, and n if the object moves.")
     ],

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from grabberd.cli.options import JsonOption, console, print_json, progress_bar, warn
+from grabberd.cli.options import JsonOption, console, follow_link, print_json, progress_bar, warn
 from grabberd.errors import ExtraMissing, InputError
 
 if TYPE_CHECKING:
@@ -26,7 +26,10 @@ _SHOWN = (
 
 
 def analyse(
-    capture: Annotated[Path, typer.Argument(help="Capture file with points, NAME.grab; it is not modified.")],
+    capture: Annotated[
+        Path,
+        typer.Argument(help="Capture file with points, NAME.grab; it is not modified.", callback=follow_link),
+    ],
     out: Annotated[Path, typer.Option("--out", "-o", help="New or empty folder for the results.")],
     inputs: Annotated[
         Path | None,

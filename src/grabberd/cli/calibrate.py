@@ -15,6 +15,7 @@ from grabberd.cli.options import (
     check_absent,
     check_folder,
     console,
+    follow_link,
     load,
     only_device,
     print_json,
@@ -40,7 +41,9 @@ VERDICTS = {
 
 
 def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
-    capture: Annotated[Path, typer.Argument(help="Capture of the calibration frame, NAME.grab.")],
+    capture: Annotated[
+        Path, typer.Argument(help="Capture of the calibration frame, NAME.grab.", callback=follow_link)
+    ],
     calibration_frame: Annotated[Path, typer.Option(help="Targets of the calibration frame (YAML).")],
     out: Annotated[Path, typer.Option(help="Calibration file to write (JSON); never overwrites.")],
     report: Annotated[

@@ -14,6 +14,7 @@ from grabberd.cli.options import (
     TokenFileOption,
     UrlOption,
     console,
+    follow_link,
     print_json,
     progress_bar,
 )
@@ -26,7 +27,10 @@ POLL_S = 0.2
 
 def check(
     capture: Annotated[
-        Path | None, typer.Argument(help="Capture of the calibration frame; default: the daemon records one.")
+        Path | None,
+        typer.Argument(
+            help="Capture of the calibration frame; default: the daemon records one.", callback=follow_link
+        ),
     ] = None,
     calibration: Annotated[
         Path | None, typer.Option(help="Calibration to check (JSON); default: the capture's.")

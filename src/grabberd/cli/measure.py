@@ -12,6 +12,7 @@ from grabberd.cli.options import (
     LineJitterOption,
     check_absent,
     check_folder,
+    follow_link,
     given,
     print_result,
     progress_bar,
@@ -27,7 +28,7 @@ ProposeOption = Annotated[
 
 
 def measure(
-    capture: Annotated[Path, typer.Argument(help="Capture file, NAME.grab.")],
+    capture: Annotated[Path, typer.Argument(help="Capture file, NAME.grab.", callback=follow_link)],
     calibration: Annotated[Path, typer.Option(help="Calibration (JSON).")],
     object_model: Annotated[Path, typer.Option("--object", help="Object model (YAML).")],
     method: Annotated[str | None, typer.Option(help="Location method; default: the capture's.")] = None,

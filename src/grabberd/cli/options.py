@@ -55,6 +55,11 @@ progress_console = Console(stderr=True)
 """Standard error, for progress, so that results can be piped."""
 
 
+def follow_link(path: Path | None) -> Path | None:
+    """The file that a link named by the user leads to; links in folders of captures are not followed."""
+    return path.resolve() if path is not None and path.is_symlink() else path
+
+
 def load(config: Path | None) -> Config:
     """Load the configuration named on the command line, or the simulated grabber's."""
     return load_config(config or default_config_file())

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from grabberd.cli.options import JsonOption
+from grabberd.cli.options import JsonOption, follow_link
 
 What = Literal["model", "synthetic", "overlay", "animation"]
 Side = Literal["oblique", "top", "side", "front", "all"]
@@ -13,7 +13,7 @@ Colour = Literal["plain", "height", "curvature", "strain", "movement", "sigma"]
 
 
 def render(  # noqa: PLR0913, PLR0917 - options of a command
-    capture: Annotated[Path, typer.Argument(help="Measured capture, NAME.grab.")],
+    capture: Annotated[Path, typer.Argument(help="Measured capture, NAME.grab.", callback=follow_link)],
     out: Annotated[Path, typer.Option("--out", "-o", help="New or empty folder for the pictures.")],
     what: Annotated[
         What,

@@ -52,7 +52,7 @@ def retention(config: ConfigOption = None, json: JsonOption = False) -> None:
     from grabberd.storage.capture.schema import SUFFIX  # noqa: PLC0415
     from grabberd.storage.disk import storage_errors  # noqa: PLC0415
     from grabberd.storage.state.annotation_store import AnnotationStore  # noqa: PLC0415
-    from grabberd.storage.state.capture_index import entry_of  # noqa: PLC0415
+    from grabberd.storage.state.index_entries import entry_of  # noqa: PLC0415
 
     settings = load(config)
     state, folder = settings.state_directory / "state.sqlite", settings.state_directory / "captures"

@@ -5,10 +5,10 @@ describes it. It is called `NAME.grab.part` while it is written and `NAME.grab` 
 """
 
 from grabberd.storage.capture.crash_recovery import recover
+from grabberd.storage.capture.meta import CaptureMeta
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.capture.rows import RecordedField, RunInfo
 from grabberd.storage.capture.runs import append_run
-from grabberd.storage.capture.schema import CaptureMeta
 from grabberd.storage.capture.writer import CaptureWriter
 from grabberd.storage.export.field_pictures import export_png, field_png
 from grabberd.storage.export.points_export import (

@@ -1,7 +1,9 @@
 """The folder of captures: what a crash or a bad disk left keeps nobody from starting, and nothing is lost."""
 
+import os
 import sqlite3
-from contextlib import closing
+import time
+from contextlib import closing, suppress
 from dataclasses import asdict
 from pathlib import Path
 
@@ -11,6 +13,10 @@ from grabberd.errors import NotFound
 from grabberd.service.archive.archive import Archive
 from grabberd.storage import CaptureReader, CaptureWriter
 from storage.captures import meta, slots, write
+
+ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT"
+SOON_S = 10.0
+"""Processor time within which a folder is opened and listed."""
 
 
 def archive_in(folder: Path) -> Archive:
@@ -43,18 +49,63 @@ def test_a_damaged_file_is_set_aside_and_shown_beside_the_others(tmp_path: Path)
     assert "cannot be read as a capture" in document.ended_because
 
 
-@pytest.mark.parametrize("value", ["{}", "[1]", "7", "garbage", "null", '""'])
+NONSENSE = ("{}", "[1]", "7", "garbage", "null", '""', "1e999", "[" * 5000, "9" * 5000, b"\xff", None)
+
+
 @pytest.mark.parametrize("key", sorted(asdict(meta())))
-def test_a_file_that_says_nonsense_of_itself_is_listed_and_hides_no_other(
-    tmp_path: Path, key: str, value: str
-) -> None:
+def test_files_that_say_nonsense_of_themselves_are_listed_and_hide_no_other(tmp_path: Path, key: str) -> None:
     write(tmp_path, slots(3), name="good", id="good")
-    path = write(tmp_path, slots(3), name="odd", id="odd", created_utc="2026-03-01T09:31:00.000Z")
-    with closing(sqlite3.connect(path, isolation_level=None)) as connection:
-        connection.execute("UPDATE meta SET value = ? WHERE key = ?", (value, key))
+    for number, value in enumerate(NONSENSE):
+        path = write(tmp_path, slots(3), name=f"odd{number}", id=f"odd{number}")
+        with closing(sqlite3.connect(path, isolation_level=None)) as connection, suppress(sqlite3.Error):
+            connection.execute("UPDATE meta SET value = ? WHERE key = ?", (value, key))
     shown = states(archive_in(tmp_path))
     assert shown.pop("good") == "sealed"
-    assert len(shown) == 1
+    assert len(shown) == len(NONSENSE)
+
+
+def hostile(folder: Path) -> None:
+    """What a stranger with write access to the folder may leave there."""
+    for number, statements in enumerate(
+        (
+            f"DROP TABLE meta; CREATE VIEW meta AS {ENDLESS} i AS key, i AS value FROM n",
+            f"DROP TABLE fields; CREATE VIEW fields AS {ENDLESS} i AS n FROM n",
+            "UPDATE meta SET value = '0' WHERE key = 'rate_hz'",
+            "UPDATE meta SET value = '\"9999\"' WHERE key = 'created_utc'",
+            "UPDATE meta SET value = '{\"cow\": {\"a\": 1}}' WHERE key = 'labels'",
+            "UPDATE fields SET n = 4000000000000 WHERE n = 2",
+            "INSERT INTO ledger VALUES (3, 4000000000000, 'lost', 'time gap')",
+        )
+    ):
+        path = write(folder, slots(3), name=f"bad{number}", id=f"bad{number}")
+        with closing(sqlite3.connect(path)) as connection:
+            connection.executescript(statements)
+        if number % 2:
+            path.rename(path.with_name(path.name + ".part"))
+    (folder / "link.grab").symlink_to("/etc/hostname")
+    (folder / "loop.grab").symlink_to("loop.grab")
+    (folder / "folder.grab").mkdir()
+    os.mkfifo(folder / "pipe.grab")
+    os.mkfifo(folder / "pipe2.grab.part")
+    Path(os.fsdecode(os.fsencode(folder) + b"/\xff\xfe.grab")).write_bytes(b"stick")
+    Path(os.fsdecode(os.fsencode(folder) + b"/\xfd.grab.part")).write_bytes(b"stick")
+    (folder / "index.sqlite").write_bytes((folder / "bad6.grab").read_bytes())
+
+
+def test_a_folder_full_of_hostile_files_starts_lists_and_serves_the_good_one(tmp_path: Path) -> None:
+    hostile(tmp_path)
+    write(tmp_path, slots(3), name="good", id="good")
+    begin_s = time.process_time()
+    for _ in range(2):
+        archive = archive_in(tmp_path)
+        shown = {document.id: document for document in archive.documents()}
+        assert shown["good"].state == "sealed"
+        others = [document for document in shown.values() if document.id != "good"]
+        assert all(document.state == "damaged" and document.ended_because for document in others)
+        assert len(others) == 14
+        assert archive.path("good").read_bytes()
+        archive.close()
+    assert time.process_time() - begin_s < SOON_S
 
 
 def test_one_file_that_cannot_be_sealed_keeps_no_other_from_it(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 import logging
 import os
+import sqlite3
+from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -203,16 +205,17 @@ def test_what_was_made_lately_is_not_old_however_old_its_file_is_said_to_be(tmp_
 
 
 @pytest.mark.parametrize("created_utc", ["unknown", "2025-12-31T00:00:00"])
-def test_a_time_that_is_unreadable_or_without_a_zone_does_not_stop_retention(
-    tmp_path: Path, created_utc: str
-) -> None:
+def test_one_whose_time_cannot_be_read_is_damaged_and_stays(tmp_path: Path, created_utc: str) -> None:
     barn = Barn(tmp_path, (), Policy(keep_days=30))
     written = (NOW - timedelta(days=40)).timestamp()
-    path = write(barn.archive.directory, slots(2), name="odd", id="odd", created_utc=created_utc)
+    path = write(barn.archive.directory, slots(2), name="odd", id="odd")
+    with closing(sqlite3.connect(path)) as connection, connection:
+        change = "UPDATE meta SET value = json_quote(?) WHERE key = 'created_utc'"
+        connection.execute(change, (created_utc,))
     os.utime(path, (written, written))
     barn.archive.index.rebuild()
-    # "unknown" falls back to the file's time; a time without a zone is UTC.
-    assert [one.id for one in barn.retention.apply()] == (["odd"] if created_utc == "unknown" else [])
+    assert barn.retention.apply() == []
+    assert "created_utc" in barn.archive.index.get("odd").reason
 
 
 def test_one_that_was_deleted_meanwhile_is_not_counted(tmp_path: Path) -> None:

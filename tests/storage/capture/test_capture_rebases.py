@@ -75,5 +75,5 @@ def test_damaged_ones_are_damage(sealed, stored):
         value = json.dumps({"rebases": [stored]})
         connection.execute("UPDATE meta SET value = ? WHERE key = 'extra'", (value,))
     connection.close()
-    with CaptureReader(sealed) as reader, pytest.raises(CaptureFileError):
+    with pytest.raises(CaptureFileError), CaptureReader(sealed) as reader:
         _ = reader.ledger

@@ -7,7 +7,8 @@ import pytest
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome
 from grabberd.errors import StorageError
 from grabberd.storage import CaptureReader, CaptureWriter
-from grabberd.storage.capture.schema import JOURNAL, JOURNAL_BYTES
+from grabberd.storage.capture.schema import JOURNAL_BYTES
+from grabberd.storage.guarded_database import JOURNAL
 from storage.captures import ledger_of, meta, numbers, slot, slots
 
 # --- while it is being written ---

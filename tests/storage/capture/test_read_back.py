@@ -1,23 +1,19 @@
 """What is written to a capture is read back; triggers in the file stand for a disk that errs."""
 
-import sqlite3
-from contextlib import closing
-
 import pytest
 
 from grabberd.errors import StorageError
 from grabberd.storage import CaptureReader, append_run
+from grabberd.storage.capture import runs, schema
 from storage.captures import ledger_of, points, slots, write
 
 OTHER_DATA = "UPDATE {table} SET data = substr(data, 1, 8) WHERE n = NEW.n"
 
 
-def spoil(path, table, then, when="INSERT"):
-    """Lets the file do something else after every row that is written to a table."""
-    with closing(sqlite3.connect(path)) as connection:
-        statement = then.format(table=table)
-        connection.execute(f"CREATE TRIGGER spoilt_{table} AFTER {when} ON {table} BEGIN {statement}; END")
-        connection.commit()
+def spoil(connection, table, then, when="INSERT"):
+    """Lets a connection do something else after every row that it writes to a table."""
+    statement = then.format(table=table)
+    connection.execute(f"CREATE TEMP TRIGGER spoilt AFTER {when} ON main.{table} BEGIN {statement}; END")
 
 
 @pytest.mark.parametrize(
@@ -29,8 +25,8 @@ def spoil(path, table, then, when="INSERT"):
         ("DELETE FROM fields WHERE n = NEW.n AND n = 3", "field 3 differs"),
     ],
 )
-def test_a_field_that_does_not_come_back_is_an_error_of_the_commit(part, writer, then, words):
-    spoil(part, "fields", then)
+def test_a_field_that_does_not_come_back_is_an_error_of_the_commit(writer, then, words):
+    spoil(writer._connection, "fields", then)
     writer.append(slots(5))
     with pytest.raises(StorageError, match=f"does not read back as it was written: .*{words}") as raised:
         writer.commit()
@@ -38,17 +34,17 @@ def test_a_field_that_does_not_come_back_is_an_error_of_the_commit(part, writer,
 
 
 @pytest.mark.parametrize("then", [OTHER_DATA, "DELETE FROM points WHERE n = NEW.n"])
-def test_points_that_do_not_come_back_are_an_error_of_the_commit(part, writer, then):
-    spoil(part, "points", then)
+def test_points_that_do_not_come_back_are_an_error_of_the_commit(writer, then):
+    spoil(writer._connection, "points", then)
     writer.append_points(1, 0, points(0))
     with pytest.raises(StorageError, match="does not read back as it was written"):
         writer.commit()
 
 
-def test_everything_is_read_back_once(part, writer):
+def test_everything_is_read_back_once(writer):
     writer.append(slots(5))
     writer.commit()
-    spoil(part, "fields", OTHER_DATA, when="UPDATE")
+    spoil(writer._connection, "fields", OTHER_DATA, when="UPDATE")
     writer.append(slots(10)[5:])
     writer.commit()
     writer.seal(ledger_of(slots(10)), complete=True, ended_because="stopped")
@@ -57,15 +53,21 @@ def test_everything_is_read_back_once(part, writer):
 def test_a_ledger_that_does_not_come_back_keeps_the_file_unsealed(part, writer):
     writer.append(slots(5))
     writer.commit()
-    spoil(part, "meta", "INSERT OR IGNORE INTO ledger VALUES (70, 2, 'lost', 'invented')")
+    spoil(writer._connection, "meta", "INSERT OR IGNORE INTO ledger VALUES (70, 2, 'lost', 'invented')")
     with pytest.raises(StorageError, match=r"its ledger says '.*2 fields lost"):
         writer.seal(ledger_of(slots(5)), complete=True, ended_because="stopped")
     assert part.exists()
 
 
-def test_a_run_is_not_entered_unless_its_points_are_there(tmp_path):
+def test_a_run_is_not_entered_unless_its_points_are_there(tmp_path, monkeypatch):
     path = write(tmp_path, slots(4), measured=range(4))
-    spoil(path, "points", "DELETE FROM points WHERE n = NEW.n AND n = 2 AND run = 2")
+
+    def connect(path, **how):
+        connection = schema.connect(path, **how)
+        spoil(connection, "points", "DELETE FROM points WHERE n = NEW.n AND n = 2 AND run = 2")
+        return connection
+
+    monkeypatch.setattr(runs, "connect", connect)
     with pytest.raises(StorageError, match="the points of field 2 differ"):
         append_run(path, "measure", "", "", {}, ((n, points(n)) for n in range(4)))
     with CaptureReader(path) as reader:

@@ -1,14 +1,18 @@
 """The index over many captures can always be made again from the files."""
 
+import os
 import shutil
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from grabberd.errors import NotFound, StorageError
 from grabberd.storage import CaptureIndex
+from grabberd.storage.guarded_database import open_tables
 from grabberd.storage.state import capture_index
+from grabberd.storage.state.entry_process import read_entries
 from storage.captures import slots, write
 
 
@@ -57,6 +61,78 @@ def test_damaged_files_are_listed_as_damaged_and_never_fatal(archive):
     assert index.file_of("c1").read_bytes() == b"garbage"
     assert index.file_of("c1") == archive / "damaged" / "c1.grab"
     assert "cannot be read" in (archive / "damaged" / "c1.grab.txt").read_text()
+
+
+def test_a_damaged_capture_says_why_wherever_it_lies(archive):
+    (archive / "c1.grab").write_bytes(b"garbage")
+    (archive / "c2.grab").unlink()
+    (archive / "c2.grab").symlink_to(archive / "c3.grab")
+    index = CaptureIndex(archive)
+    for _ in range(2):
+        index.rebuild()
+        reasons = {entry.id: entry.reason for entry in index.list()}
+        assert "not a database" in reasons["c1"]
+        assert "a link" in reasons["c2"]
+        assert not reasons["c3"]
+
+
+def test_a_name_that_cannot_be_shown_is_changed_and_nothing_is_lost(archive):
+    bad = os.fsencode(archive) + b"/st\xff\nick.grab"
+    os.rename(archive / "c1.grab", bad)
+    (archive / "damaged").mkdir()
+    Path(os.fsdecode(os.fsencode(archive) + b"/damaged/\xfe.grab")).write_bytes(b"garbage")
+    index = CaptureIndex(archive)
+    index.rebuild()
+    assert index.file_of("c1") == archive / "st%FF%0Aick.grab"
+    assert index.get("%FE").file == "damaged/%FE.grab"
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "CREATE VIEW more AS SELECT * FROM captures",
+        "CREATE TRIGGER late AFTER INSERT ON captures BEGIN DELETE FROM captures; END",
+        "ALTER TABLE captures ADD COLUMN more",
+    ],
+)
+def test_an_index_of_another_schema_is_made_again(archive, statement):
+    index = CaptureIndex(archive)
+    index.rebuild()
+    with closing(sqlite3.connect(index.path, isolation_level=None)) as connection:
+        connection.execute(statement)
+    assert len(index.list()) == 3
+    assert (
+        len(open_tables(index.path, capture_index._TABLE).execute("SELECT * FROM sqlite_schema").fetchall())
+        == 2
+    )
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "file = '../state.sqlite'",
+        "file = '/etc/passwd.grab'",
+        "file = 'damaged/../../c1.grab'",
+        "file = '..'",
+        "state = 'running'",
+        "created_utc = '9999'",
+        "created_utc = 5",
+        "id = 'a' || char(10)",
+        "labels = '[1]'",
+        "labels = '{\"cow\": {}}'",
+        "labels = x'00'",
+    ],
+)
+def test_a_forged_entry_leads_to_no_other_file(archive, change):
+    index = CaptureIndex(archive)
+    index.rebuild()
+    with closing(sqlite3.connect(index.path, isolation_level=None)) as connection:
+        connection.execute(f"UPDATE captures SET {change} WHERE id = 'c1'")
+    assert {entry.id: entry.file for entry in index.list()} == {
+        "c1": "c1.grab",
+        "c2": "c2.grab",
+        "c3": "c3.grab",
+    }
 
 
 def test_a_file_of_a_later_version_is_listed_where_it_is(archive):
@@ -155,17 +231,19 @@ def test_a_folder_that_is_gone_is_not_made_again_by_its_index(archive):
     assert not archive.exists()
 
 
-def test_a_capture_that_ends_while_the_index_is_rebuilt_is_entered_afterwards(archive, monkeypatch):
-    index = CaptureIndex(archive)
+def test_a_capture_that_ends_while_the_index_is_rebuilt_is_entered_afterwards(archive):
     late = "c4"
 
-    def read_slowly(path, read=capture_index._readable):
-        if path.name == "c3.grab":  # the last: the folder has been looked through
-            index.add(write(archive, slots(2), name=late, id=late, created_utc="2026-03-04T09:00:00.000Z"))
-            (archive / "c1.grab").unlink()
-        return read(path)
+    def read_slowly(paths):
+        for reading in read_entries(paths):
+            if reading.path.name == "c3.grab":  # the last: the folder has been looked through
+                index.add(
+                    write(archive, slots(2), name=late, id=late, created_utc="2026-03-04T09:00:00.000Z")
+                )
+                (archive / "c1.grab").unlink()
+            yield reading
 
-    monkeypatch.setattr(capture_index, "_readable", read_slowly)
+    index = CaptureIndex(archive, read_entries=read_slowly)
     index.rebuild()
     assert [entry.id for entry in index.list()] == ["c4", "c3", "c2"], "and what is gone is not in it"
 
@@ -173,9 +251,10 @@ def test_a_capture_that_ends_while_the_index_is_rebuilt_is_entered_afterwards(ar
 def test_a_full_disk_leaves_the_index_as_it_is(archive, monkeypatch):
     index = CaptureIndex(archive)
     index.rebuild()
-    monkeypatch.setattr(capture_index, "_TABLE", "PRAGMA max_page_count = 1;" + capture_index._TABLE)
-    with pytest.raises(StorageError, match="full"):
-        index.rebuild()
+    with monkeypatch.context() as patch:
+        patch.setattr(capture_index, "_TABLE", "PRAGMA max_page_count = 1;" + capture_index._TABLE)
+        with pytest.raises(StorageError, match="full"):
+            index.rebuild()
     assert len(index.list()) == 3
 
 

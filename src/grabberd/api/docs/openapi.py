@@ -17,10 +17,11 @@ REFUSALS = {
     "401": "The token or session is unknown.",
     "403": "The role is not sufficient, or a page of another site sent the request.",
     "408": "The request body took too long.",
+    "410": "The capture's file is damaged.",
     "413": "The request body is too large.",
     "421": "The daemon does not have this host name.",
     "429": "Too many attempts or streams.",
-    "500": "An internal error, or a damaged file.",
+    "500": "An internal error.",
 }
 """Refusals that every route can answer with."""
 PROBLEM_DESCRIPTIONS = {

@@ -2,7 +2,9 @@
 
 import logging
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
@@ -21,15 +23,21 @@ from grabberd.service.faults.fault_board import FaultBoard
 from grabberd.storage import CaptureIndex, recover
 from grabberd.storage.capture.captures_folder import CapturesFolder
 from grabberd.storage.capture.crash_recovery import reason_of
-from grabberd.storage.capture.schema import PART, SUFFIX, part_path
+from grabberd.storage.capture.plain_names import plainly_named
+from grabberd.storage.capture.schema import DAMAGED, PART, SUFFIX, part_path
 from grabberd.storage.disk import storage_errors
+from grabberd.storage.patience import Patience, within
 from grabberd.storage.state.annotation_store import Annotation
-from grabberd.storage.state.capture_index import IndexEntry, Unusable
+from grabberd.storage.state.capture_index import Unusable
+from grabberd.storage.state.index_entries import IndexEntry
 
 log = logging.getLogger(__name__)
 DESCRIBED = 4096
 """Number of captures whose descriptions are cached."""
 AWAY = (Cause.CAPTURES_MISSING, Cause.CAPTURES_REPLACED)
+RECOVERED_S = 600.0
+"""Time to seal what a crash left, for which the daemon's start waits: the ledger of a long capture has to be
+read."""
 RENAMED_S = 10.0
 """Time for a capture whose file has its final name to come into the index."""
 
@@ -117,12 +125,13 @@ class Archive:
         if not taken:
             return
         written = {recording.path for recording in self._recordings()}
-        parts = [part for part in sorted(self.directory.glob(f"*{SUFFIX}{PART}")) if part not in written]
+        found = [part for part in self.directory.glob(f"*{SUFFIX}{PART}") if part not in written]
+        parts = sorted(plain for part in found if (plain := plainly_named(part)) is not None)
         self._left = [part for part in parts if not _recovered(part)]
         self.index.rebuild(self._left)
         for entry in self.index.list():
             if entry.state == "damaged":
-                log.warning("capture %s is damaged: %s", entry.id, self.directory / entry.file)
+                log.warning("capture %s is damaged: %s: %s", entry.id, entry.file, entry.reason)
 
     def _heal(self, reason: Unusable) -> None:
         self.keeper.heal(reason)
@@ -224,6 +233,9 @@ class Archive:
 
     def _sealed_document(self, entry: IndexEntry) -> CaptureDocument:
         path = self.directory / entry.file
+        if path.parent.name == DAMAGED:
+            self._check_there(entry)
+            return damaged_document(entry, path, entry.reason)
         try:
             described = self._describe(path, _changed_ns(path))
         except (CaptureFileError, StorageError) as error:
@@ -244,9 +256,9 @@ class Archive:
             StorageError: Not the file, but the folder is gone.
         """
         path = self.directory / entry.file
-        with storage_errors(path):
-            if path.exists():
-                return
+        with storage_errors(path), suppress(FileNotFoundError):
+            path.lstat()
+            return
         self.check()
         self.index.remove(entry.id)
         raise NotFound(
@@ -255,14 +267,16 @@ class Archive:
 
 
 def _changed_ns(path: Path) -> int:
-    with storage_errors(path):
-        return path.stat().st_mtime_ns if path.exists() else 0
+    with storage_errors(path), suppress(FileNotFoundError):
+        return path.lstat().st_mtime_ns
+    return 0
 
 
 def _recovered(part: Path) -> bool:
     """Seals or sets aside a file that a crash left; returns False, and logs why, if that cannot be done."""
     try:
-        recover(part)
+        with within(Patience(time.monotonic() + RECOVERED_S)):
+            recover(part)
     except (StorageError, LaterVersion) as error:
         log.error("%s stays unsealed: %s; %s", part.name, error.message, error.hint)
         return False

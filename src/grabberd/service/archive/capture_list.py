@@ -11,7 +11,7 @@ from grabberd.documents.captures import CaptureDocument
 from grabberd.errors import NotFound
 from grabberd.service.archive.archive import Archive
 from grabberd.storage.state.annotation_store import Annotation
-from grabberd.storage.state.capture_index import IndexEntry
+from grabberd.storage.state.index_entries import IndexEntry
 
 AT_ONCE = 200
 """Index entries read at once: one search over a large archive must not hold all of them in memory."""

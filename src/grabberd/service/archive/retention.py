@@ -14,7 +14,7 @@ from grabberd.errors import Conflict, GrabberdError, NotFound
 from grabberd.service.archive.archive import Archive
 from grabberd.service.capture.disk_guard import GB, DiskGuard
 from grabberd.storage.capture.schema import SUFFIX
-from grabberd.storage.state.capture_index import IndexEntry
+from grabberd.storage.state.index_entries import IndexEntry
 
 log = logging.getLogger(__name__)
 
@@ -101,12 +101,7 @@ def candidates(
 
 def _changed(created_utc: str, written: float) -> datetime:
     """Returns the later of both: a capture just copied here, or re-measured, is not old."""
-    moment = datetime.fromtimestamp(written, UTC)
-    try:
-        created = datetime.fromisoformat(created_utc)
-    except ValueError:
-        return moment
-    return max(moment, created if created.tzinfo else created.replace(tzinfo=UTC))
+    return max(datetime.fromtimestamp(written, UTC), datetime.fromisoformat(created_utc))
 
 
 class Retention:

@@ -20,7 +20,7 @@ from grabberd.service.capture.recording import Recording
 from grabberd.storage import CaptureMeta, CaptureReader, RunInfo
 from grabberd.storage.capture.schema import reading_errors
 from grabberd.storage.disk import storage_errors
-from grabberd.storage.state.capture_index import IndexEntry
+from grabberd.storage.state.index_entries import IndexEntry
 
 NOMINAL_RATE_HZ = 50.0
 
@@ -132,7 +132,7 @@ def damaged_document(entry: IndexEntry, path: Path, reason: str) -> CaptureDocum
 
 def _size_bytes(path: Path) -> int:
     with storage_errors(path):
-        return path.stat().st_size
+        return path.lstat().st_size
 
 
 def _without_fields(**known: object) -> CaptureDocument:

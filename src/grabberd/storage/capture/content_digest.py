@@ -7,9 +7,10 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from grabberd.storage.capture.reader import FIELDS_AT_ONCE
+from grabberd.storage.capture.meta import CaptureMeta
+from grabberd.storage.capture.reader import FIELDS_AT_ONCE, some_rows
 from grabberd.storage.capture.rows import FIELD_COLUMNS
-from grabberd.storage.capture.schema import CaptureMeta, connect, reading_errors
+from grabberd.storage.capture.schema import connect, reading_errors
 
 _OF_META = ("id", "created_utc", "start_ns", "device", "config", "site", "labels", "note")
 
@@ -38,7 +39,7 @@ def content_sha256(path: Path, meta: CaptureMeta) -> str:
     query = f"SELECT {FIELD_COLUMNS} FROM fields WHERE n > ? ORDER BY n LIMIT ?"  # noqa: S608 - constants
     last_n = -1
     with reading_errors(path), closing(connect(path)) as connection:
-        while rows := connection.execute(query, (last_n, FIELDS_AT_ONCE)).fetchall():
+        while rows := some_rows(connection.execute(query, (last_n, FIELDS_AT_ONCE))):
             for row in rows:
                 cells: Mapping[str, Any] = dict(zip(FIELD_COLUMNS.split(", "), row, strict=True))
                 data = cells["data"]

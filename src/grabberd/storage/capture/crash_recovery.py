@@ -11,18 +11,12 @@ from typing import NamedTuple
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome
 from grabberd.acquisition.clock import Now
 from grabberd.errors import CaptureFileError, LaterVersion
+from grabberd.storage.capture.meta import SEALED, CaptureMeta, write_meta
 from grabberd.storage.capture.reader import CaptureReader
-from grabberd.storage.capture.schema import (
-    DAMAGED,
-    JOURNAL,
-    SEALED,
-    CaptureMeta,
-    connect,
-    reading_errors,
-    write_meta,
-)
+from grabberd.storage.capture.schema import DAMAGED, connect, reading_errors
 from grabberd.storage.capture.writer import FAILED, RUNNING, publish, write_ledger
 from grabberd.storage.disk import storage_errors
+from grabberd.storage.guarded_database import JOURNAL
 
 REASON = ".txt"
 INTERRUPTED = "the program ended while it was recording"

@@ -13,9 +13,10 @@ from grabberd.errors import CaptureFileError, StorageError
 from grabberd.field import PackedField
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import decode_points
+from grabberd.storage.capture.meta import SEALED
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.capture.rows import FIELD_COLUMNS, recorded_field
-from grabberd.storage.capture.schema import SEALED, reading_errors
+from grabberd.storage.capture.schema import reading_errors
 
 _HINT = (
     "check the disk and the memory of this computer (smartctl, memtest86+), and report it if both are sound"

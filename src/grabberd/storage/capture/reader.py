@@ -1,6 +1,7 @@
 """Reading a capture file, also while it is being written."""
 
 import os
+import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, suppress
 from pathlib import Path
@@ -11,6 +12,7 @@ from grabberd.errors import CaptureFileError, NotFound
 from grabberd.field import NumberedField
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import decode_points
+from grabberd.storage.capture.meta import LARGEST_TIME_NS, CaptureMeta, coverage_key, read_coverage, read_meta
 from grabberd.storage.capture.rebases import rebases_in
 from grabberd.storage.capture.rows import (
     FIELD_COLUMNS,
@@ -20,19 +22,14 @@ from grabberd.storage.capture.rows import (
     recorded_field,
     run_info,
 )
-from grabberd.storage.capture.schema import (
-    DAMAGE,
-    CaptureMeta,
-    connect,
-    coverage_key,
-    read_coverage,
-    read_meta,
-    reading_errors,
-)
+from grabberd.storage.capture.schema import DAMAGE, connect, reading_errors
+from grabberd.storage.guarded_database import check_kind
 
 FIELDS_AT_ONCE = 50
 """Fields read under one lock: a reader in the middle of a statement keeps the writer from committing, which
 it does twice a second."""
+BYTES_AT_ONCE = 32 << 20
+"""Size of the pictures after which no further one is read under the same lock."""
 END = 2**62
 """A number beyond every field's."""
 
@@ -102,7 +99,7 @@ class CaptureReader:
             rows = self._rows(first_n, end_n)
             for row in rows:
                 yield self._field(row)
-            if len(rows) < FIELDS_AT_ONCE:
+            if not rows:
                 return
             first_n = rows[-1][0] + 1
 
@@ -169,12 +166,12 @@ class CaptureReader:
         while True:
             with reading_errors(self.path):
                 asked = (number, first_n, end_n, every, FIELDS_AT_ONCE)
-                rows = self._connection.execute(query, asked).fetchall()
+                rows = some_rows(self._connection.execute(query, asked))
             for n, time_ns, data in rows:
-                if not isinstance(time_ns, int):
+                if not isinstance(time_ns, int) or not 0 <= time_ns < LARGEST_TIME_NS:
                     raise self._damaged(f"field {n}", ValueError(f"time_ns is {time_ns!r}"))
                 yield n, time_ns, self._points(n, data)
-            if len(rows) < FIELDS_AT_ONCE:
+            if not rows:
                 return
             first_n = rows[-1][0]
 
@@ -226,7 +223,7 @@ class CaptureReader:
         query = f"SELECT {FIELD_COLUMNS} FROM fields WHERE n >= ? AND n < ? ORDER BY n LIMIT ?"  # noqa: S608 - constants
         values = (first_n, END if end_n is None else end_n, FIELDS_AT_ONCE)
         with reading_errors(self.path):
-            return self._connection.execute(query, values).fetchall()
+            return some_rows(self._connection.execute(query, values))
 
     def _field(self, row: tuple[Any, ...]) -> RecordedField:
         try:
@@ -246,14 +243,30 @@ class CaptureReader:
         return CaptureFileError(f"{self.path}: {what}: {error}", hint)
 
 
+def some_rows(cursor: sqlite3.Cursor) -> list[tuple[Any, ...]]:
+    """The first rows of a query, as many as hold `BYTES_AT_ONCE` together and one more at most."""
+    taken: list[tuple[Any, ...]] = []
+    size = 0
+    with closing(cursor):  # its lock, too, ends here
+        for row in cursor:
+            taken.append(row)
+            size += sum(len(cell) for cell in row if isinstance(cell, bytes))
+            if size > BYTES_AT_ONCE:
+                break
+    return taken
+
+
 def stat_at_rest(path: Path) -> os.stat_result:
     """Size and time of a file between two commits; what is read while they stay the same belongs together.
 
     A file that cannot be read as a capture has no writer: its size and time are taken as they are.
 
     Raises:
+        CaptureFileError: It is a link or the like, which could lead to any other file.
         StorageError: Somebody writes it for longer than ten seconds.
     """
+    with reading_errors(path):
+        check_kind(path)
     with suppress(CaptureFileError), closing(connect(path)) as connection, reading_errors(path):
         connection.execute("BEGIN")
         # BEGIN alone takes no lock; after the first read nobody commits until the connection is closed.

@@ -1,6 +1,5 @@
 """Rows of a capture file as objects; an invalid row is an error, never a guess."""
 
-import json
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -8,12 +7,15 @@ from typing import Any, NamedTuple
 from grabberd.acquisition import Ledger, LedgerEntry, LedgerEvent, Outcome
 from grabberd.field import BIT_DEPTHS, NumberedField, PackedField
 from grabberd.storage.capture.codec import decode_field
+from grabberd.storage.capture.meta import LARGEST_N, LARGEST_TIME_NS, LONGEST_TEXT
+from grabberd.storage.json_value import read_json
 
 FIELD_COLUMNS = (
     "n, time_ns, sequence, parity, y0, y_step, rows, columns, bits, threshold, codec, data, outcome, reason"
 )
 _LARGEST = 1 << 14
 """Lines or columns of a picture; larger values mean damage."""
+_LARGEST_RUN = 1_000_000
 
 
 class RunInfo(NamedTuple):
@@ -65,12 +67,12 @@ def _check_numbers(cells: Mapping[str, Any]) -> None:
         "y0": range(_LARGEST),
         "y_step": (1, 2),
         "threshold": range(256),
+        "n": range(LARGEST_N),
+        "time_ns": range(LARGEST_TIME_NS),
     }
     for name, values in among.items():
-        if cells[name] not in values:
+        if not isinstance(cells[name], int) or cells[name] not in values:
             raise ValueError(f"{name} is {cells[name]!r}")
-    if not isinstance(cells["time_ns"], int):
-        raise ValueError(f"time_ns is {cells['time_ns']!r}")
     if not isinstance(cells["sequence"], int | None):
         raise ValueError(f"sequence is {cells['sequence']!r}")
 
@@ -81,17 +83,20 @@ def run_info(row: tuple[Any, ...], coverage: str | None = None) -> RunInfo:
     Raises:
         ValueError: It is damaged.
     """
-    documents = dict(zip(("calibration", "object", "settings"), map(json.loads, row[6:9]), strict=True))
+    documents = dict(zip(("calibration", "object", "settings"), map(read_json, row[6:9]), strict=True))
     for name, document in documents.items():
         if not isinstance(document, dict | None):
             raise ValueError(f"{name} is {document!r}")
-    run, kind, created_utc, version, state, reason = row[:6]
-    if not (isinstance(run, int) and all(isinstance(text, str) for text in (kind, created_utc, version))):
-        raise ValueError(f"run {run!r} of {created_utc!r} is a {kind!r} by {version!r}")
-    covered = None if coverage is None else json.loads(coverage)
+    run, *texts = row[:6]
+    if not isinstance(run, int) or run not in range(1, _LARGEST_RUN):
+        raise ValueError(f"a run has the number {run!r}")
+    kind, created_utc, version, state, reason = map(_text, texts)
+    if None in (kind, created_utc, version, state):
+        raise ValueError(f"run {run} of {created_utc!r} is a {kind!r} by {version!r}, {state!r}")
+    covered = None if coverage is None else read_json(coverage)
     if not isinstance(covered, dict | None):
         raise ValueError(f"the coverage of run {run} is {covered!r}")
-    return RunInfo(run, kind, created_utc, version, state, reason, documents, covered)
+    return RunInfo(run, str(kind), str(created_utc), str(version), str(state), reason, documents, covered)
 
 
 def ledger(
@@ -104,8 +109,8 @@ def ledger(
     Raises:
         ValueError: They contradict each other.
     """
-    listed = [LedgerEntry(n, count, Outcome(outcome), reason) for n, count, outcome, reason in entries]
-    rows = [(n, Outcome(outcome), reason) for n, outcome, reason in fields]
+    listed = [_entry(*row) for row in entries]
+    rows = [(_n(n), Outcome(outcome), _text(reason)) for n, outcome, reason in fields]
     received = [n for n, outcome, _ in rows if outcome is Outcome.RECEIVED]
     damaged = [
         LedgerEntry(n, 1, outcome, reason or outcome)
@@ -115,6 +120,17 @@ def ledger(
     return Ledger.restore(received, [*listed, *damaged], events=events)
 
 
+def _entry(first_n: Any, count: Any, outcome: Any, reason: Any) -> LedgerEntry:
+    end_n = _n(_n(first_n) + _n(count))
+    return LedgerEntry(first_n, end_n - first_n, Outcome(outcome), _text(reason) or "")
+
+
+def _n(value: Any) -> int:
+    if isinstance(value, int) and 0 <= value < LARGEST_N:
+        return value
+    raise ValueError(f"a number of a field, or of fields, is {value!r}")
+
+
 def _covers(entries: Sequence[LedgerEntry], n: int) -> bool:
     """True if one of the entries, which are in order, covers field n."""
     before = bisect_right(entries, n, key=lambda entry: entry.first_n)
@@ -122,6 +138,6 @@ def _covers(entries: Sequence[LedgerEntry], n: int) -> bool:
 
 
 def _text(value: Any) -> str | None:
-    if isinstance(value, str | None):
+    if isinstance(value, str | None) and len(value or "") <= LONGEST_TEXT:
         return value
-    raise ValueError(f"reason is {value!r}")
+    raise ValueError(f"a text is {type(value).__name__}, or has more than {LONGEST_TEXT} characters")

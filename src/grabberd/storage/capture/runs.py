@@ -14,8 +14,9 @@ from typing import IO, Any
 from grabberd.errors import StorageError
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import encode_points
+from grabberd.storage.capture.meta import coverage_key, write_meta
 from grabberd.storage.capture.read_back import check_staged
-from grabberd.storage.capture.schema import connect, coverage_key, write_meta
+from grabberd.storage.capture.schema import connect
 from grabberd.storage.capture.writer import DONE, INSERT_POINTS, INSERT_RUN, run_row
 from grabberd.storage.disk import storage_errors
 

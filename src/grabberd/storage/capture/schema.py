@@ -1,17 +1,14 @@
 """The tables of a capture file; creating and opening it."""
 
-import json
 import os
 import sqlite3
-import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
-from typing import Any
 
 from grabberd.errors import CaptureFileError, LaterVersion, StorageError
 from grabberd.storage.disk import storage_errors
+from grabberd.storage.guarded_database import JOURNAL, Header, open_tables, read_header
 
 APPLICATION_ID = 0x67726162
 """The letters `grab` in the database's header: tells a capture from other SQLite files."""
@@ -51,16 +48,14 @@ _NOT_THE_FILES_FAULT = (
     sqlite3.SQLITE_READONLY,
     sqlite3.SQLITE_FULL,
 )
-DAMAGE = (ValueError, TypeError, KeyError, OverflowError)
+DAMAGE = (ValueError, TypeError, KeyError, OverflowError, AttributeError, RecursionError)
 """Exceptions that damaged content raises where it is decoded."""
+_READABLE = "check whether another program has it open, whether it may be read, and whether the disk is sound"
 RESERVE_BYTES = 256 * 1024
 """Size of the table `reserve`, which is filled at the start and emptied at the end: its pages hold the
 ledger and the verdict if the disk is full to the last byte by then."""
-JOURNAL = "-journal"
 JOURNAL_BYTES = 256 * 1024
 """Size of the journal from the start: the sealing transaction must not need to extend it either."""
-RECORDING = "recording"
-SEALED = "sealed"
 
 
 def create(path: Path, max_pages: int | None = None) -> sqlite3.Connection:
@@ -112,38 +107,32 @@ def sealed_path(part: Path) -> Path:
 
 
 def connect(path: Path, *, writable: bool = False) -> sqlite3.Connection:
-    """Opens an existing capture file and checks that it is one.
+    """Opens an existing capture file and checks that it is one, and nothing else.
 
     Raises:
         CaptureFileError: It is missing, no capture, damaged, or of a later version.
         StorageError: The disk or another program prevents reading it.
     """
-    # Without the mode, SQLite would create an empty file in place of one that is being renamed just now.
-    uri = f"{path.absolute().as_uri()}?mode=rw"
     with reading_errors(path):
-        # The parts of a download are read one after another, each by whichever pool thread is free.
-        connection = sqlite3.connect(
-            uri, uri=True, isolation_level=None, timeout=10.0, check_same_thread=False
-        )
+        _check(path, read_header(path))
+        connection = open_tables(path, TABLES)
         try:
             connection.execute("PRAGMA synchronous = FULL")
             if not writable:
                 connection.execute("PRAGMA query_only = ON")
-            _check(connection, path)
         except BaseException:
             connection.close()
             raise
     return connection
 
 
-def _check(connection: sqlite3.Connection, path: Path) -> None:
-    application = connection.execute("PRAGMA application_id").fetchone()[0]
-    version = connection.execute("PRAGMA user_version").fetchone()[0]
-    if application != APPLICATION_ID:
+def _check(path: Path, header: Header) -> None:
+    if header.application_id != APPLICATION_ID:
         raise CaptureFileError(f"{path} is a database, but no capture", "choose a file that grabberd wrote")
-    if version > VERSION:
+    if header.user_version > VERSION:
         raise LaterVersion(
-            f"{path} has version {version}, this program reads up to {VERSION}", "use a newer grabberd"
+            f"{path} has version {header.user_version}, this program reads up to {VERSION}",
+            "use a newer grabberd",
         )
 
 
@@ -159,102 +148,27 @@ def reading_errors(path: Path) -> Iterator[None]:
     """Turns damaged content into `CaptureFileError`, a broken disk or a lock into `StorageError`."""
     try:
         yield
+    except FileNotFoundError as error:
+        raise _missing(path) from error
+    except OSError as error:
+        raise StorageError(f"{path} cannot be read now: {error}", _READABLE) from error
     except sqlite3.DatabaseError as error:
         if not path.is_file():
-            hint = "check the name; a running capture ends in .grab.part"
-            raise CaptureFileError(f"no capture file {path}", hint) from error
+            raise _missing(path) from error
+        if _primary_code(error) == sqlite3.SQLITE_INTERRUPT:
+            hint = "ask for less at once; if it happens again and again, the file may be damaged"
+            raise StorageError(f"{path} takes too long to read", hint) from error
         if _primary_code(error) in _NOT_THE_FILES_FAULT:
-            hint = "check whether another program has it open, and whether the disk is sound"
-            raise StorageError(f"{path} cannot be read now: {error}", hint) from error
+            raise StorageError(f"{path} cannot be read now: {error}", _READABLE) from error
         raise _damaged(path, error) from error
     except DAMAGE as error:
         raise _damaged(path, error) from error
 
 
+def _missing(path: Path) -> CaptureFileError:
+    return CaptureFileError(f"no capture file {path}", "check the name; a running capture ends in .grab.part")
+
+
 def _primary_code(error: sqlite3.Error) -> int:
     """The low byte of SQLite's code; errors raised by the Python module itself have none."""
     return getattr(error, "sqlite_errorcode", 0) & 0xFF
-
-
-@dataclass(frozen=True, slots=True)
-class CaptureMeta:
-    """The table `meta`, which has a JSON value for each key.
-
-    Attributes:
-        id: Id of the capture.
-        created_utc: Moment of the request, ISO 8601.
-        start_ns: The same moment by CLOCK_MONOTONIC.
-        device: Name, driver, options and, as `stream`, what the driver granted.
-        config: The device's part of the configuration.
-        site: Site of the configuration, e.g. the barn.
-        labels: The operator's labels.
-        note: The operator's note.
-        bits: Bits per pixel.
-        lines: "doubled" or "field".
-        rate_hz: Nominal fields per second.
-        version: Version of the program that wrote it.
-        state: "recording", then "sealed".
-        boot_id: The kernel's id of the start of the computer that `start_ns` and the fields' times count
-            from; empty if it is unknown.
-        complete: None while recording, then True if nothing is lost or damaged.
-        ended_because: Reason why it ended.
-        extra: Further findings; see docs/reference/capture-file.md.
-    """
-
-    id: str
-    created_utc: str
-    start_ns: int
-    device: Mapping[str, Any]
-    config: Mapping[str, Any]
-    site: Mapping[str, str]
-    labels: Mapping[str, str]
-    note: str
-    bits: int
-    lines: str
-    rate_hz: float
-    version: str
-    boot_id: str = ""
-    state: str = RECORDING
-    complete: bool | None = None
-    ended_because: str | None = None
-    extra: Mapping[str, Any] = field(default_factory=dict)
-
-
-_KINDS = {
-    name: typing.get_origin(kind) or kind for name, kind in typing.get_type_hints(CaptureMeta).items()
-} | {"rate_hz": int | float, "complete": bool | None, "ended_because": str | None}
-
-
-def write_meta(connection: sqlite3.Connection, values: Mapping[str, Any]) -> None:
-    """Writes some keys within the caller's transaction."""
-    rows = [(key, json.dumps(value, ensure_ascii=False)) for key, value in values.items()]
-    connection.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", rows)
-
-
-def coverage_key(run: int) -> str:
-    """Key of a run's coverage in the table `meta`, where earlier versions ignore what they do not know."""
-    return f"coverage.{run}"
-
-
-def read_coverage(connection: sqlite3.Connection) -> dict[str, str]:
-    """The coverage of runs as JSON, by their keys."""
-    rows = connection.execute("SELECT key, value FROM meta WHERE key GLOB 'coverage.*'")
-    return dict(rows.fetchall())
-
-
-def read_meta(connection: sqlite3.Connection) -> CaptureMeta:
-    """Reads the metadata of a file; a key newer than the file has its default.
-
-    Raises:
-        KeyError: A key without a default is missing.
-        ValueError: A value has the wrong type.
-    """
-    stored = {key: json.loads(value) for key, value in connection.execute("SELECT key, value FROM meta")}
-    optional = {f.name for f in fields(CaptureMeta) if not (f.default is f.default_factory is MISSING)}
-    names = [f.name for f in fields(CaptureMeta) if f.name in stored or f.name not in optional]
-    for name in names:
-        if not isinstance(stored[name], _KINDS[name]):
-            raise ValueError(f"{name} is {stored[name]!r}")
-    if not isinstance(stored["device"].get("name"), str):
-        raise ValueError(f"device is {stored['device']!r}, without a name")
-    return CaptureMeta(**{name: stored[name] for name in names})

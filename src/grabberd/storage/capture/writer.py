@@ -10,25 +10,17 @@ from pathlib import Path
 from typing import Any, Self
 
 from grabberd.acquisition import Ledger, LedgerEntry, LedgerEvent, Outcome, Slot
-from grabberd.errors import StorageError
+from grabberd.errors import InputError, StorageError
 from grabberd.field import NumberedField
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import encode_field, encode_points
+from grabberd.storage.capture.meta import SEALED, CaptureMeta, check_meta, coverage_key, read_meta, write_meta
 from grabberd.storage.capture.read_back import Uncommitted, check_sealed
 from grabberd.storage.capture.rebases import with_rebases
 from grabberd.storage.capture.rows import RunInfo
-from grabberd.storage.capture.schema import (
-    JOURNAL,
-    SEALED,
-    CaptureMeta,
-    connect,
-    coverage_key,
-    create,
-    read_meta,
-    sealed_path,
-    write_meta,
-)
+from grabberd.storage.capture.schema import connect, create, sealed_path
 from grabberd.storage.disk import storage_errors, sync_directory
+from grabberd.storage.guarded_database import JOURNAL
 
 RUNNING = "running"
 DONE = "done"
@@ -63,8 +55,14 @@ class CaptureWriter:
         """Creates a file NAME.grab.part; `max_pages` limits its size, for tests of a full disk.
 
         Raises:
+            InputError: The metadata are none that a capture can have.
             StorageError: It exists, or cannot be written.
         """
+        try:
+            check_meta(meta)
+        except ValueError as error:
+            hint = "look at its note and labels, and at the site and the device in the configuration"
+            raise InputError(f"capture {meta.id!r} cannot begin: {error}", hint) from error
         connection = create(path, max_pages)
         writer = cls(path, connection, meta)
         with storage_errors(path):

@@ -20,7 +20,7 @@ from urllib.parse import quote, unquote
 from grabberd.errors import StorageError
 from grabberd.storage.capture.content_digest import document_bytes, document_sha256
 from grabberd.storage.capture.directory_lock import DirectoryLock
-from grabberd.storage.capture.schema import CaptureMeta
+from grabberd.storage.capture.meta import CaptureMeta
 from grabberd.storage.disk import storage_errors
 
 SCRATCH, MADE_WITH, SUFFIX = "_scratch", "_made_with", ".parquet"

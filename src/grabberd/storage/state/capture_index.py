@@ -1,59 +1,42 @@
 """An index of captures, which can be rebuilt from their files at any time."""
 
 import builtins
-import json
 import os
 import sqlite3
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext, suppress
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, TypeVar
 
-from grabberd.errors import CaptureFileError, LaterVersion, NotFound, StorageError
-from grabberd.storage.capture.crash_recovery import numbered, set_aside
-from grabberd.storage.capture.reader import CaptureReader
-from grabberd.storage.capture.schema import DAMAGED, JOURNAL, PART, SUFFIX
+from grabberd.errors import NotFound, StorageError
+from grabberd.storage.capture.crash_recovery import set_aside
+from grabberd.storage.capture.plain_names import plainly_named
+from grabberd.storage.capture.schema import DAMAGED, PART, SUFFIX
 from grabberd.storage.disk import is_damaged, storage_errors
+from grabberd.storage.guarded_database import JOURNAL, open_tables, read_header
+from grabberd.storage.state.entry_process import Reading, read_entries
+from grabberd.storage.state.index_entries import IndexEntry, aside_entry, check_entry, distinct, entry_of
 
 T = TypeVar("T")
 CAPTURES = (SUFFIX, PART)
 _LAST = "~"
 """Sorts after every time."""
-_INSERT = "INSERT OR REPLACE INTO captures VALUES (?, ?, ?, ?, ?, ?, ?)"
+_INSERT = "INSERT OR REPLACE INTO captures VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
 _NOTHING = nullcontext()
 
-VERSION = 1
-_TABLE = f"""
+VERSION = 2
+_TABLE = """
 CREATE TABLE captures (
     id TEXT PRIMARY KEY, file TEXT NOT NULL, device TEXT NOT NULL, created_utc TEXT NOT NULL,
-    state TEXT NOT NULL, note TEXT NOT NULL DEFAULT '', labels TEXT NOT NULL DEFAULT '{{}}') WITHOUT ROWID;
+    state TEXT NOT NULL, note TEXT NOT NULL DEFAULT '', labels TEXT NOT NULL DEFAULT '{}',
+    reason TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
 CREATE INDEX newest ON captures (created_utc DESC);
-PRAGMA user_version = {VERSION};
 """
 
 
 class Unusable(Exception):
     """The index is missing or damaged: it has to be rebuilt."""
-
-
-class IndexEntry(NamedTuple):
-    """One capture.
-
-    Attributes:
-        file: Path below the folder.
-        state: "sealed" or "damaged".
-        note: Note in the file, for searching.
-        labels: Labels in the file as a JSON object, for searching.
-    """
-
-    id: str
-    file: str
-    device: str
-    created_utc: str
-    state: str
-    note: str = ""
-    labels: str = "{}"
 
 
 class CaptureIndex:
@@ -65,6 +48,7 @@ class CaptureIndex:
         directory: Folder of the captures.
         check: Raises StorageError while the folder is not there.
         heal: Rebuilds an index that is missing or damaged, or raises StorageError; by default at once.
+        read_entries: Reads the entries of files, in order, whatever they hold.
 
     Attributes:
         read: While it is rebuilt, how many captures have been read, and of how many.
@@ -75,12 +59,14 @@ class CaptureIndex:
         directory: Path,
         check: Callable[[], None] = lambda: None,
         heal: Callable[[Unusable], None] | None = None,
+        read_entries: Callable[[Sequence[Path]], Iterable[Reading]] = read_entries,
     ) -> None:
         self.directory = directory
         self.path = directory / "index.sqlite"
         self.read = (0, 0)
         self._check = check
         self._heal = heal or (lambda _: self.rebuild())
+        self._read_entries = read_entries
         self._kept_out: set[Path] = set()
         self._changing = threading.Lock()
         self._rebuilding = False
@@ -98,9 +84,9 @@ class CaptureIndex:
         """
         self._rebuilding = True
         try:
-            entries = list(_distinct(self._entries(unsealed)))
+            entries = list(distinct(self._entries(unsealed)))
             with self._changing:
-                self._publish([one for one in entries if (self.directory / one.file).exists()])
+                self._publish([one for one in entries if os.path.lexists(self.directory / one.file)])
         finally:
             self._rebuilding = False
 
@@ -154,15 +140,18 @@ class CaptureIndex:
         return self.directory / self.get(capture_id).file
 
     def _entries(self, unsealed: Iterable[Path]) -> Iterator[IndexEntry]:
-        sealed = sorted(self.directory.glob(f"*{SUFFIX}"))
-        for number, path in enumerate(sealed):
+        sealed = self._named(self.directory.glob(f"*{SUFFIX}"))
+        for number, reading in enumerate(self._read_entries([*sealed, *unsealed])):
             self.read = (number, len(sealed))
-            if (entry := _readable(path)) is not None:
-                yield entry
-        yield from map(entry_of, unsealed)
+            if not (reading.is_damage and _set_aside(reading)):
+                yield reading.entry
         # Last: files that could not be read have only now been set aside.
-        aside = sorted((self.directory / DAMAGED).glob("*"))
-        yield from (_damaged(path) for path in aside if path.suffix in CAPTURES)
+        aside = self._named((self.directory / DAMAGED).glob("*"))
+        yield from (aside_entry(path) for path in aside if path.suffix in CAPTURES)
+
+    @staticmethod
+    def _named(paths: Iterable[Path]) -> "builtins.list[Path]":
+        return sorted(plain for path in paths if (plain := plainly_named(path)) is not None)
 
     def _publish(self, entries: Iterable[IndexEntry]) -> None:
         """Replaces the index by a new one, complete or not at all."""
@@ -170,7 +159,7 @@ class CaptureIndex:
         with storage_errors(self.path):
             _forget(new)
             with closing(sqlite3.connect(new)) as connection:
-                connection.executescript(_TABLE)
+                connection.executescript(_TABLE + f"PRAGMA user_version = {VERSION};")
                 with connection:
                     connection.executemany(_INSERT, entries)
             # A journal that was left beside the old one would be played back into the new.
@@ -183,14 +172,14 @@ class CaptureIndex:
             with suppress(StorageError):
                 self._enter_kept_out()
         query = f"SELECT * FROM captures {which}"  # noqa: S608 - constants
-        return self._use(lambda connection: [IndexEntry(*row) for row in connection.execute(query, values)])
+        return self._use(lambda connection: [_entry(row) for row in connection.execute(query, values)])
 
     def _enter_kept_out(self) -> None:
         # One that has begun may have missed their files, and will replace what is written into the index now.
         if self._rebuilding:
             return
         paths = sorted(self._kept_out)
-        self._write([entry_of(path) for path in paths if path.exists()])
+        self._write([entry_of(path) for path in paths if os.path.lexists(path)])
         self._kept_out.difference_update(paths)
 
     def _write(self, entries: "builtins.list[IndexEntry]") -> None:
@@ -217,12 +206,16 @@ class CaptureIndex:
             raise self._error(reason) from reason
 
     def _attempt(self, act: Callable[[sqlite3.Connection], T]) -> T:
-        uri = f"{self.path.absolute().as_uri()}?mode=rw"
         try:
-            with closing(sqlite3.connect(uri, uri=True, timeout=10.0)) as connection, connection:
-                if connection.execute("PRAGMA user_version").fetchone()[0] != VERSION:
-                    raise Unusable("it is empty, or of another version")
+            if read_header(self.path).user_version != VERSION:
+                raise Unusable("it is of another version")
+            with closing(open_tables(self.path, _TABLE)) as connection, connection:
+                connection.execute("BEGIN")
                 return act(connection)
+        except FileNotFoundError as error:
+            raise Unusable("it is gone") from error
+        except ValueError as error:
+            raise Unusable(f"{error}") from error
         except (sqlite3.Error, OSError) as error:
             if isinstance(error, sqlite3.DatabaseError) and (is_damaged(error) or not self.path.exists()):
                 raise Unusable(f"{error}" if self.path.exists() else "it is gone") from error
@@ -235,49 +228,24 @@ class CaptureIndex:
         )
 
 
+def _entry(row: tuple[Any, ...]) -> IndexEntry:
+    entry = IndexEntry(*row)
+    try:
+        check_entry(entry)
+    except (ValueError, TypeError, AttributeError) as error:
+        raise Unusable(f"{error}") from error
+    return entry
+
+
+def _set_aside(reading: Reading) -> bool:
+    """Sets a damaged file aside; False if it stays where it is."""
+    try:
+        set_aside(reading.path, reading.entry.reason)
+    except StorageError:
+        return False
+    return True
+
+
 def _forget(database: Path) -> None:
     for path in (database, database.with_name(database.name + JOURNAL)):
         path.unlink(missing_ok=True)
-
-
-def entry_of(path: Path) -> IndexEntry:
-    """A capture file's entry; one that cannot be read is damaged, with its file's name as id."""
-    try:
-        return _read(path)
-    except (CaptureFileError, StorageError):
-        return _damaged(path)
-
-
-def _read(path: Path) -> IndexEntry:
-    with CaptureReader(path) as reader:
-        meta = reader.meta
-        labels = json.dumps(meta.labels, ensure_ascii=False)
-        device = str(meta.device["name"])
-        return IndexEntry(meta.id, path.name, device, meta.created_utc, "sealed", meta.note, labels)
-
-
-def _readable(path: Path) -> IndexEntry | None:
-    """A file's entry; None if it was damaged and has been set aside."""
-    try:
-        return _read(path)
-    except (LaterVersion, StorageError):  # the file itself may be sound: it stays where it is
-        return _damaged(path)
-    except CaptureFileError as error:
-        with suppress(StorageError):
-            set_aside(path, error.message)
-            return None
-        return _damaged(path)
-
-
-def _damaged(path: Path) -> IndexEntry:
-    folder = f"{DAMAGED}/" if path.parent.name == DAMAGED else ""
-    return IndexEntry(path.name.split(".")[0], folder + path.name, "", "", "damaged")
-
-
-def _distinct(entries: Iterable[IndexEntry]) -> Iterator[IndexEntry]:
-    """Entries with distinct ids: a second file of the same id, such as a copy, gets `ID-2` and so on."""
-    taken: set[str] = set()
-    for entry in entries:
-        free = next(name for name in numbered(entry.id) if name not in taken)
-        taken.add(free)
-        yield entry._replace(id=free)

@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 from grabberd.errors import StorageError
 from grabberd.storage.capture.captures_folder import ANY, id_of
-from grabberd.storage.capture.schema import JOURNAL
 from grabberd.storage.disk import OWNER_ONLY, is_damaged, storage_errors, sync_directory, write_synced
+from grabberd.storage.guarded_database import JOURNAL
 from grabberd.storage.state.state_database import MIGRATIONS, StateDatabase
 from grabberd.storage.state.state_store import StateStore
 from grabberd.storage.state.token_store import GUARDED

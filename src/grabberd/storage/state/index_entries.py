@@ -1,0 +1,104 @@
+"""Entries of the index: what a list of captures shows of each file."""
+
+import json
+from collections.abc import Iterable, Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import NamedTuple
+
+from grabberd.errors import CaptureFileError, StorageError
+from grabberd.storage.capture.crash_recovery import numbered, reason_of
+from grabberd.storage.capture.plain_names import is_plain
+from grabberd.storage.capture.reader import CaptureReader
+from grabberd.storage.capture.schema import DAMAGED, PART, SUFFIX
+from grabberd.storage.json_value import read_json
+
+SEALED_ENTRY, DAMAGED_ENTRY = "sealed", "damaged"
+LONGEST_REASON = 1000
+
+
+class IndexEntry(NamedTuple):
+    """One capture.
+
+    Attributes:
+        file: Path below the folder.
+        state: "sealed" or "damaged".
+        note: Note in the file, for searching.
+        labels: Labels in the file as a JSON object, for searching.
+        reason: Why it is damaged; empty if it is not.
+    """
+
+    id: str
+    file: str
+    device: str
+    created_utc: str
+    state: str
+    note: str = ""
+    labels: str = "{}"
+    reason: str = ""
+
+
+def check_entry(entry: IndexEntry) -> None:
+    """Checks an entry that was read from the index: a forged one could name any file, to be sent or deleted.
+
+    Raises:
+        ValueError: It is none that this program writes.
+    """
+    name = entry.file.removeprefix(f"{DAMAGED}/")
+    if not is_plain(name) or "/" in name or not name.endswith((SUFFIX, SUFFIX + PART)):
+        raise ValueError(f"it names the file {entry.file!r}")
+    if entry.state not in (SEALED_ENTRY, DAMAGED_ENTRY) or not all(map(str.isprintable, entry[:5])):
+        raise ValueError(f"the entry of {name} is damaged")
+    if entry.state == SEALED_ENTRY:
+        datetime.fromisoformat(entry.created_utc)
+    labels = read_json(entry.labels)
+    if not all(isinstance(text, str) for text in labels.values()):
+        raise ValueError(f"the labels of {name} are {labels!r}")
+
+
+def entry_of(path: Path) -> IndexEntry:
+    """A capture file's entry; one that cannot be read is damaged, with its file's name as id."""
+    try:
+        return sealed_entry(path)
+    except (CaptureFileError, StorageError) as error:
+        return damaged_entry(path, error.message)
+
+
+def sealed_entry(path: Path) -> IndexEntry:
+    """Entry of a file that can be read.
+
+    Raises:
+        CaptureFileError: It is damaged.
+        StorageError: It cannot be read now.
+    """
+    with CaptureReader(path) as reader:
+        meta = reader.meta
+        labels = json.dumps(meta.labels, ensure_ascii=False)
+        device = str(meta.device["name"])
+        return IndexEntry(meta.id, path.name, device, meta.created_utc, SEALED_ENTRY, meta.note, labels)
+
+
+def damaged_entry(path: Path, reason: str) -> IndexEntry:
+    """Entry of a file that cannot be read."""
+    folder = f"{DAMAGED}/" if path.parent.name == DAMAGED else ""
+    short = reason[:LONGEST_REASON]
+    return IndexEntry(path.name.split(".")[0], folder + path.name, "", "", DAMAGED_ENTRY, reason=short)
+
+
+def aside_entry(path: Path) -> IndexEntry:
+    """Entry of a file in the folder `damaged`, by the reason beside it."""
+    try:
+        with reason_of(path).open(encoding="utf-8", errors="replace") as file:
+            reason = file.read(LONGEST_REASON).strip()
+    except OSError:
+        reason = f"it lies in the folder {DAMAGED}, without a reason beside it"
+    return damaged_entry(path, reason)
+
+
+def distinct(entries: Iterable[IndexEntry]) -> Iterator[IndexEntry]:
+    """Entries with distinct ids: a second file of the same id, such as a copy, gets `ID-2` and so on."""
+    taken: set[str] = set()
+    for entry in entries:
+        free = next(name for name in numbered(entry.id) if name not in taken)
+        taken.add(free)
+        yield entry._replace(id=free)
