@@ -36,7 +36,7 @@ _ROLLBACK_JOURNAL = (1, 1)
 
 
 class Header(NamedTuple):
-    """What the first bytes of a database file say.
+    """First bytes of a database file, decoded.
 
     Attributes:
         application_id: Program that the file belongs to.

@@ -24,7 +24,7 @@ LARGEST_N = 1 << 31
 
 @dataclass(frozen=True, slots=True)
 class CaptureMeta:
-    """What is known of a capture as a whole.
+    """Metadata of a capture as a whole.
 
     Attributes:
         id: Id of the capture.

@@ -31,7 +31,7 @@ PROGRAM = f"from {__name__} import main; main()"
 
 
 class Reading(NamedTuple):
-    """What came of reading a file.
+    """Outcome of reading a file.
 
     Attributes:
         path: The file.
