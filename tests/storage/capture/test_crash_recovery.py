@@ -1,7 +1,9 @@
 """What a crash left is sealed as far as it goes, or set aside; nothing is deleted."""
 
+import json
 import shutil
 import sqlite3
+from contextlib import closing
 from datetime import datetime, timedelta
 
 import pytest
@@ -122,11 +124,15 @@ def tail(part, now):
 
 @pytest.mark.parametrize("order", ["200", {"fields": "200"}, [1], {"length": 3}])
 def test_an_order_that_makes_no_sense_sets_the_file_aside(tmp_path, order):
-    writer = CaptureWriter.create(tmp_path / "c.grab.part", meta(extra={"order": order}))
+    part = tmp_path / "c.grab.part"
+    writer = CaptureWriter.create(part, meta())
     writer.append(slots(3))
     writer.commit()
     writer.close()
-    assert recover(tmp_path / "c.grab.part").parent.name == "damaged"
+    with closing(sqlite3.connect(part)) as connection, connection:
+        extra = json.dumps({"order": order})
+        connection.execute("UPDATE meta SET value = ? WHERE key = 'extra'", (extra,))
+    assert recover(part).parent.name == "damaged"
 
 
 def test_a_capture_that_had_its_length_is_complete_although_it_was_not_sealed(tmp_path):
