@@ -30,6 +30,12 @@ def test_points_are_written_and_counted(capture: Path, tmp_path: Path, format: s
     assert {path.name for path in (tmp_path / "out").iterdir()} == {file, "ledger.csv"}
 
 
+def test_a_link_that_was_named_by_hand_is_followed(capture: Path, tmp_path: Path) -> None:
+    link = tmp_path / "newest.grab"
+    link.symlink_to(capture)
+    assert run(link, "--out", tmp_path / "out").exit_code == 0
+
+
 def test_one_field_can_be_chosen_for_a_cloud(capture: Path, tmp_path: Path) -> None:
     result = run(capture, "--format", "ply", "--field", 2, "--out", tmp_path / "out")
     assert result.output.strip().endswith("points.ply: 5 points")

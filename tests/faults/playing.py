@@ -24,7 +24,7 @@ TURNS = 2
 PRESSURE = Path("/proc/pressure/cpu")
 NOTABLE_SHARE = 0.03
 """Of the time. All scenarios at once make programs wait for about twice that on two processors, which is
-enough to lose a field; two devices in one daemon make them wait for next to nothing."""
+enough to lose a field."""
 INJECTED = (sys.executable, str(Path(__file__).with_name("injected.py")))
 
 

@@ -7,9 +7,11 @@ from typing import Annotated, Literal
 
 import typer
 
+from grabberd.cli.options import follow_link
+
 
 def export(
-    capture: Annotated[Path, typer.Argument(help="Capture file, NAME.grab.")],
+    capture: Annotated[Path, typer.Argument(help="Capture file, NAME.grab.", callback=follow_link)],
     out: Annotated[Path, typer.Option("--out", "-o", help="New or empty folder for the results.")],
     format: Annotated[
         Literal["csv", "ply", "parquet", "png"],

@@ -144,6 +144,16 @@ def test_a_capture_is_sealed_even_on_a_full_disk(part):
         assert reader.ledger.entries == [LedgerEntry(kept, 2_000 - kept, Outcome.LOST, "not written to disk")]
 
 
+def test_a_driver_with_much_to_say_keeps_no_capture_from_being_sealed(writer):
+    said = "USB: " + "device descriptor read, error -71; " * 5000
+    recorded = [*slots(2), slot(2, Outcome.DAMAGED, said), slot(9, lost=6, lost_reason=said)]
+    writer.append(recorded)
+    path = writer.seal(ledger_of(recorded), complete=False, ended_because=said)
+    with CaptureReader(path) as reader:
+        assert reader.meta.ended_because == said
+        assert [entry.reason for entry in reader.ledger.entries] == [said, said]
+
+
 def test_a_folder_that_is_not_there_is_told(tmp_path):
     with pytest.raises(StorageError, match="cannot be written"):
         CaptureWriter.create(tmp_path / "nowhere" / "x.grab.part", meta())

@@ -159,6 +159,7 @@ OF_META = {
     "id with a line break": ("id", '"a\\nb"'),
     "empty id": ("id", '""'),
     "device without a name": ("device", "{}"),
+    "device that cannot be shown": ("device", '{"name": "a\\nb"}'),
     "stream that is a number": ("device", '{"name": "cup", "stream": 1}'),
     "bits": ("bits", "7"),
     "lines": ("lines", '"woven"'),

@@ -1,4 +1,4 @@
-"""What is written to a capture is read back; triggers in the file stand for a disk that errs."""
+"""What is written to a capture is read back; triggers of the connection stand for a disk that errs."""
 
 import pytest
 

@@ -87,6 +87,36 @@ def test_a_name_that_cannot_be_shown_is_changed_and_nothing_is_lost(archive):
     assert index.get("%FE").file == "damaged/%FE.grab"
 
 
+def forge(index, statement):
+    with closing(sqlite3.connect(index.path, isolation_level=None)) as connection:
+        connection.execute(statement)
+
+
+@pytest.mark.parametrize("name", ["evil.part", "evil.grab.txt", "evil", "evil.grab-journal", "folder.part"])
+def test_a_file_among_the_damaged_that_is_no_capture_is_not_listed(archive, name):
+    (archive / "damaged").mkdir()
+    (archive / "damaged" / name).write_bytes(b"garbage")
+    index = CaptureIndex(archive)
+    index.rebuild()
+    assert [entry.id for entry in index.list()] == ["c3", "c2", "c1"]
+
+
+def test_a_file_without_a_name_but_its_ending_is_listed_by_it(archive):
+    (archive / ".grab").write_bytes(b"garbage")
+    index = CaptureIndex(archive)
+    index.rebuild()
+    assert index.get(".grab").state == "damaged"
+
+
+def test_a_capture_that_no_list_could_show_is_damaged_and_the_index_serves_all_others(archive):
+    with closing(sqlite3.connect(archive / "c1.grab", isolation_level=None)) as connection:
+        connection.execute("""UPDATE meta SET value = '{"name": "a\\u0007"}' WHERE key = 'device'""")
+    index = CaptureIndex(archive)
+    index.rebuild()
+    assert [entry.id for entry in index.list()] == ["c3", "c2", "c1"]
+    assert "cannot be shown" in index.get("c1").reason
+
+
 @pytest.mark.parametrize(
     "statement",
     [
@@ -98,13 +128,10 @@ def test_a_name_that_cannot_be_shown_is_changed_and_nothing_is_lost(archive):
 def test_an_index_of_another_schema_is_made_again(archive, statement):
     index = CaptureIndex(archive)
     index.rebuild()
-    with closing(sqlite3.connect(index.path, isolation_level=None)) as connection:
-        connection.execute(statement)
+    forge(index, statement)
     assert len(index.list()) == 3
-    assert (
-        len(open_tables(index.path, capture_index._TABLE).execute("SELECT * FROM sqlite_schema").fetchall())
-        == 2
-    )
+    with closing(open_tables(index.path, capture_index._TABLE)) as connection:
+        assert len(connection.execute("SELECT * FROM sqlite_schema").fetchall()) == 2
 
 
 @pytest.mark.parametrize(
@@ -126,8 +153,7 @@ def test_an_index_of_another_schema_is_made_again(archive, statement):
 def test_a_forged_entry_leads_to_no_other_file(archive, change):
     index = CaptureIndex(archive)
     index.rebuild()
-    with closing(sqlite3.connect(index.path, isolation_level=None)) as connection:
-        connection.execute(f"UPDATE captures SET {change} WHERE id = 'c1'")
+    forge(index, f"UPDATE captures SET {change} WHERE id = 'c1'")
     assert {entry.id: entry.file for entry in index.list()} == {
         "c1": "c1.grab",
         "c2": "c2.grab",

@@ -15,7 +15,9 @@ from grabberd.storage.json_value import read_json
 RECORDING = "recording"
 SEALED = "sealed"
 LONGEST_TEXT = 10_000
-"""Characters of a note or a reason."""
+"""Characters of a note or a label."""
+LONGEST_REASON = 1 << 20
+"""Characters of a reason: that of a driver is kept as it came, however much it has to say."""
 LARGEST_TIME_NS = 1 << 62
 """A time by a monotonic clock, 146 years after the computer's start."""
 LARGEST_N = 1 << 31
@@ -73,6 +75,12 @@ def _id(text: str) -> str:
     return text
 
 
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("it has characters that cannot be shown")
+    return text
+
+
 def _utc(text: str) -> str:
     moment = datetime.fromisoformat(text)
     if moment.tzinfo is None or not _EARLIEST <= moment <= _LATEST:
@@ -89,6 +97,7 @@ def _bits(bits: int) -> int:
 _EARLIEST, _LATEST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
 _Name = Annotated[str, Field(max_length=200)]
 _Text = Annotated[str, Field(max_length=LONGEST_TEXT)]
+_Reason = Annotated[str, Field(max_length=LONGEST_REASON)]
 _Texts = Annotated[dict[_Name, _Text], Field(max_length=200)]
 _TimeNs = Annotated[int, Field(ge=0, lt=LARGEST_TIME_NS)]
 _Count = Annotated[int, Field(ge=0, lt=LARGEST_N)]
@@ -107,7 +116,7 @@ class _Stream(_Part):
 
 
 class _Device(_Part):
-    name: Annotated[str, Field(min_length=1, max_length=200)]
+    name: Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_printable)]
     driver: _Name | None = None
     options: dict[str, Any] = {}
     stream: _Stream | None = None
@@ -132,7 +141,7 @@ class _Group(_Part):
 class _Event(_Part):
     n: _Count
     kind: _Name
-    reason: _Text
+    reason: _Reason
 
 
 class _Extra(_Part):
@@ -162,7 +171,7 @@ class _Stored(_Part):
     boot_id: _Name = ""
     state: Literal["recording", "sealed"] = "recording"
     complete: bool | None = None
-    ended_because: _Text | None = None
+    ended_because: _Reason | None = None
     extra: _Extra = _Extra()
 
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from grabberd.acquisition import Ledger, LedgerEntry, LedgerEvent, Outcome
 from grabberd.field import BIT_DEPTHS, NumberedField, PackedField
 from grabberd.storage.capture.codec import decode_field
-from grabberd.storage.capture.meta import LARGEST_N, LARGEST_TIME_NS, LONGEST_TEXT
+from grabberd.storage.capture.meta import LARGEST_N, LARGEST_TIME_NS, LONGEST_REASON
 from grabberd.storage.json_value import read_json
 
 FIELD_COLUMNS = (
@@ -138,6 +138,6 @@ def _covers(entries: Sequence[LedgerEntry], n: int) -> bool:
 
 
 def _text(value: Any) -> str | None:
-    if isinstance(value, str | None) and len(value or "") <= LONGEST_TEXT:
+    if isinstance(value, str | None) and len(value or "") <= LONGEST_REASON:
         return value
-    raise ValueError(f"a text is {type(value).__name__}, or has more than {LONGEST_TEXT} characters")
+    raise ValueError(f"a text is {type(value).__name__}, or has more than {LONGEST_REASON} characters")

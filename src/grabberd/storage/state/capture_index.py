@@ -16,10 +16,16 @@ from grabberd.storage.capture.schema import DAMAGED, PART, SUFFIX
 from grabberd.storage.disk import is_damaged, storage_errors
 from grabberd.storage.guarded_database import JOURNAL, open_tables, read_header
 from grabberd.storage.state.entry_process import Reading, read_entries
-from grabberd.storage.state.index_entries import IndexEntry, aside_entry, check_entry, distinct, entry_of
+from grabberd.storage.state.index_entries import (
+    CAPTURES,
+    IndexEntry,
+    aside_entry,
+    check_entry,
+    distinct,
+    entry_of,
+)
 
 T = TypeVar("T")
-CAPTURES = (SUFFIX, PART)
 _LAST = "~"
 """Sorts after every time."""
 _INSERT = "INSERT OR REPLACE INTO captures VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
@@ -147,7 +153,7 @@ class CaptureIndex:
                 yield reading.entry
         # Last: files that could not be read have only now been set aside.
         aside = self._named((self.directory / DAMAGED).glob("*"))
-        yield from (aside_entry(path) for path in aside if path.suffix in CAPTURES)
+        yield from (aside_entry(path) for path in aside if path.name.endswith(CAPTURES))
 
     @staticmethod
     def _named(paths: Iterable[Path]) -> "builtins.list[Path]":

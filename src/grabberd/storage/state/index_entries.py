@@ -14,6 +14,8 @@ from grabberd.storage.capture.schema import DAMAGED, PART, SUFFIX
 from grabberd.storage.json_value import read_json
 
 SEALED_ENTRY, DAMAGED_ENTRY = "sealed", "damaged"
+CAPTURES = (SUFFIX, SUFFIX + PART)
+"""Endings of the files that are listed."""
 LONGEST_REASON = 1000
 
 
@@ -45,7 +47,7 @@ def check_entry(entry: IndexEntry) -> None:
         ValueError: It is none that this program writes.
     """
     name = entry.file.removeprefix(f"{DAMAGED}/")
-    if not is_plain(name) or "/" in name or not name.endswith((SUFFIX, SUFFIX + PART)):
+    if not is_plain(name) or "/" in name or not name.endswith(CAPTURES):
         raise ValueError(f"it names the file {entry.file!r}")
     if entry.state not in (SEALED_ENTRY, DAMAGED_ENTRY) or not all(map(str.isprintable, entry[:5])):
         raise ValueError(f"the entry of {name} is damaged")
@@ -75,14 +77,21 @@ def sealed_entry(path: Path) -> IndexEntry:
         meta = reader.meta
         labels = json.dumps(meta.labels, ensure_ascii=False)
         device = str(meta.device["name"])
-        return IndexEntry(meta.id, path.name, device, meta.created_utc, SEALED_ENTRY, meta.note, labels)
+        entry = IndexEntry(meta.id, path.name, device, meta.created_utc, SEALED_ENTRY, meta.note, labels)
+    # Here, and not where it is read from the index, which would be made again and again because of it.
+    try:
+        check_entry(entry)
+    except ValueError as error:
+        raise CaptureFileError(f"{path} cannot be listed: {error}", "its metadata are damaged") from error
+    return entry
 
 
 def damaged_entry(path: Path, reason: str) -> IndexEntry:
     """Entry of a file that cannot be read."""
     folder = f"{DAMAGED}/" if path.parent.name == DAMAGED else ""
     short = reason[:LONGEST_REASON]
-    return IndexEntry(path.name.split(".")[0], folder + path.name, "", "", DAMAGED_ENTRY, reason=short)
+    name = path.name.split(".")[0] or path.name
+    return IndexEntry(name, folder + path.name, "", "", DAMAGED_ENTRY, reason=short)
 
 
 def aside_entry(path: Path) -> IndexEntry:
