@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+
 @pytest.mark.parametrize("words", [["--help"], ["plan", "--help"], ["export", "--help"]])
 def test_output_that_finds_no_room_is_a_line_and_no_traceback(words: list[str]) -> None:
     command = [sys.executable, "-c", "from grabberd.cli import main; main()", *words]
