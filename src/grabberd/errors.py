@@ -123,6 +123,8 @@ class Cause(StrEnum):
     """The list of captures is damaged and cannot be made anew."""
     CAPTURE_UNSEALED = "capture_unsealed"
     """A capture has ended, but its file could not be sealed yet."""
+    CAPTURE_CHANGED = "capture_changed"
+    """A sealed capture is no longer what was written: the disk has changed it."""
     SETTINGS_RESTORED = "settings_restored"
     """The settings were damaged and come from a backup."""
     SETTINGS_LOST = "settings_lost"

@@ -3,9 +3,11 @@
 import io
 import json
 import os
+import shutil
+import sqlite3
 import subprocess
 import sys
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import closing, redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,6 +17,7 @@ from typer.testing import CliRunner, Result
 from grabberd.cli import main
 from grabberd.cli.app import app
 from grabberd.config import shipped_configs
+from grabberd.errors import CaptureFileError
 from grabberd.storage import CaptureReader
 from grabberd.storage.capture.directory_lock import DirectoryLock
 
@@ -184,6 +187,22 @@ def test_measuring_adds_a_run(capture: Path) -> None:
     coverage = document["coverage"]
     assert coverage["fields"] == document["fields"]
     assert sum(target["found"] for target in coverage["targets"]) == document["points"]
+
+
+def test_measuring_leaves_out_what_the_disk_has_changed_and_says_so(capture: Path, tmp_path: Path) -> None:
+    changed = shutil.copy(capture, tmp_path)
+    with closing(sqlite3.connect(changed)) as connection, connection:
+        connection.execute("UPDATE fields SET threshold = threshold + 1 WHERE n = 7")
+    configs = shipped_configs()
+    words = ("--calibration", configs / "fake.calibration.json", "--object", configs / "objects/liner.yaml")
+    result = run("measure", changed, *words, "--json")
+    assert json.loads(result.stdout)["fields"] == 29
+    assert "note: " in result.stderr
+    assert "field 7: it is not what was written" in result.stderr
+    with closing(sqlite3.connect(changed)) as connection, connection:
+        connection.execute("UPDATE meta SET value = '25.0' WHERE key = 'rate_hz'")
+    with pytest.raises(CaptureFileError, match="its metadata: it is not what was written"):
+        raise run("measure", changed, *words).exception or AssertionError("it was measured")
 
 
 def test_measuring_says_in_words_how_well(capture: Path) -> None:

@@ -1,12 +1,15 @@
 """`grabberd export`: into a new folder, in the format that was asked for."""
 
+import csv
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner, Result
 
 from grabberd.cli.app import app
-from grabberd.errors import NotFound
+from grabberd.errors import CaptureFileError, NotFound
 from storage.captures import slots, write
 
 
@@ -34,6 +37,32 @@ def test_a_link_that_was_named_by_hand_is_followed(capture: Path, tmp_path: Path
     link = tmp_path / "newest.grab"
     link.symlink_to(capture)
     assert run(link, "--out", tmp_path / "out").exit_code == 0
+
+
+@pytest.mark.parametrize("format", ["csv", "ply", "parquet", "png"])
+def test_what_the_disk_has_changed_is_left_out_and_listed(capture: Path, tmp_path: Path, format: str) -> None:
+    if format == "parquet":
+        pytest.importorskip("pyarrow")
+    with closing(sqlite3.connect(capture)) as connection, connection:
+        connection.execute("UPDATE points SET data = zeroblob(9) WHERE n = 2")
+        connection.execute("UPDATE fields SET threshold = threshold + 1 WHERE n = 3")
+        connection.execute("UPDATE meta SET value = '\"second\"' WHERE key = 'note'")
+    result = run(capture, "--format", format, "--out", tmp_path / "out")
+    assert result.exit_code == 0
+    assert ("15 points" in result.stdout) or ("3 pictures" in result.stdout)
+    assert "its metadata: it is not what was written" in result.stderr
+    n = 3 if format == "png" else 2
+    assert f"field {n}: it is not what was written" in result.stderr
+    with (tmp_path / "out" / "left_out.csv").open() as file:
+        assert [row["n"] for row in csv.DictReader(file)] == [str(n)]
+
+
+def test_a_damaged_field_that_was_asked_for_is_an_error(capture: Path, tmp_path: Path) -> None:
+    with closing(sqlite3.connect(capture)) as connection, connection:
+        connection.execute("UPDATE points SET data = zeroblob(9) WHERE n = 2")
+    words = ("--format", "ply", "--field")
+    assert run(capture, *words, 1, "--out", tmp_path / "one").exit_code == 0
+    assert isinstance(run(capture, *words, 2, "--out", tmp_path / "two").exception, CaptureFileError)
 
 
 def test_one_field_can_be_chosen_for_a_cloud(capture: Path, tmp_path: Path) -> None:

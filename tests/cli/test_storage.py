@@ -2,7 +2,9 @@
 
 import json
 import os
+import sqlite3
 import time
+from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -46,6 +48,22 @@ def config_with(folder: Path, retention: str) -> Path:
     file = folder.parent / "barn.yaml"
     file.write_text(f"devices: {{one: {{driver: fake}}}}\nstorage: {{retention: {retention}}}\n")
     return file
+
+
+def test_captures_are_verified_all_or_by_name(barn: Path) -> None:
+    result = run("storage", "verify")
+    assert result.exit_code == 0, result.output
+    assert result.stdout.splitlines()[-1] == "3 captures, 0 damaged"
+    path = barn / "captures" / "d40.grab"
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute("UPDATE fields SET threshold = threshold + 1 WHERE n = 1")
+    result = run("storage", "verify", path)
+    assert result.exit_code == 65
+    assert f"{path}: damaged: 1 fields" in result.stdout
+    assert "    field 1: it is not what was written" in result.stdout
+    result = run("storage", "verify", "--json")
+    assert result.exit_code == 65
+    assert [bool(one["damages"]) for one in json.loads(result.stdout)] == [True, False, False]
 
 
 def test_a_backup_comes_back(barn: Path, tmp_path: Path) -> None:

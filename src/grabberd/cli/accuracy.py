@@ -16,6 +16,7 @@ from grabberd.cli.options import (
     given,
     print_json,
     progress_console,
+    warn,
 )
 from grabberd.errors import NotReady
 
@@ -67,17 +68,21 @@ def accuracy(  # noqa: PLR0913, PLR0917 - options of a command
     from grabberd.cli.accuracy_tables import document, show  # noqa: PLC0415
     from grabberd.processes.accuracy import InvestigationSettings, investigate  # noqa: PLC0415
     from grabberd.storage import CaptureReader  # noqa: PLC0415
+    from grabberd.storage.capture.digests import Damage, left_out_in_words  # noqa: PLC0415
     from grabberd.storage.input_files import read_truth  # noqa: PLC0415
 
     known, wanted = read_truth(truth), _bits(bits)
     settings = InvestigationSettings(fit=fit == "rigid", limit_mm=limit)
-    with CaptureReader(capture) as reader:
+    left_out: list[Damage] = []
+    with CaptureReader(capture, left_out) as reader:
+        reader.check_unchanged(runs=())
         settings = replace(settings, bits=reader.meta.bits)
         if calibration is None and not wanted:
             results = [investigate(reader.timed_points(run), known, settings)]
         else:
             setup = _setup(reader, calibration, object_model, line_jitter, method)
             results = list(_remeasured(reader, setup, wanted, lines, known, settings))
+    warn(left_out_in_words(left_out))
     if json:
         print_json(document(results))
     else:

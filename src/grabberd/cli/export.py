@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from grabberd.cli.options import follow_link
+from grabberd.cli.options import follow_link, warn
 
 
 def export(
@@ -29,15 +29,35 @@ def export(
     Example: grabberd export liner.grab --format ply --field 25 --out open-liner
     """
     from grabberd import storage  # noqa: PLC0415 - the command line starts without numpy
+    from grabberd.storage.capture.digests import Damage, left_out_in_words  # noqa: PLC0415
 
     if field is not None and format != "ply":
         raise typer.BadParameter("--field requires --format ply", param_hint="--field")
+    left_out: list[Damage] = []
+    _warn_of_changes(capture)
     if format == "png":
-        typer.echo(f"{out}: {storage.export_png(capture, out)} pictures and fields.csv")
-        return
-    writers: dict[str, Callable[[Path, Path, int | None], int]] = {
-        "csv": storage.export_csv,
-        "parquet": storage.export_parquet,
-        "ply": partial(storage.export_ply, field=field),
-    }
-    typer.echo(f"{out}/points.{format}: {writers[format](capture, out, run)} points")
+        words = f"{out}: {storage.export_png(capture, out, left_out)} pictures and fields.csv"
+    else:
+        writers: dict[str, Callable[[Path, Path, int | None, list[Damage] | None], int]] = {
+            "csv": storage.export_csv,
+            "parquet": storage.export_parquet,
+            "ply": partial(storage.export_ply, field=field),
+        }
+        points = writers[format](capture, out, run, left_out if field is None else None)
+        words = f"{out}/points.{format}: {points} points"
+    typer.echo(words)
+    warn(left_out_in_words(left_out))
+    if left_out:
+        warn([f"{out}/left_out.csv lists them all"])
+
+
+def _warn_of_changes(capture: Path) -> None:
+    """Say what the disk has changed beside fields and points; it does not keep them from being exported."""
+    from grabberd import storage  # noqa: PLC0415
+    from grabberd.errors import CaptureFileError  # noqa: PLC0415
+
+    with storage.CaptureReader(capture) as reader:
+        try:
+            reader.check_unchanged()
+        except CaptureFileError as error:
+            warn([f"{error.message}; {error.hint}"])

@@ -9,6 +9,9 @@ from rich.table import Table
 
 from grabberd.cli.options import ConfigOption, JsonOption, console, load, print_json, print_result
 
+DAMAGED_EXIT = 65
+"""EX_DATAERR of sysexits.h."""
+
 commands = typer.Typer(help="Manage the captures on disk. Run it as the daemon's user.", no_args_is_help=True)
 
 
@@ -37,6 +40,47 @@ def index(config: ConfigOption = None, json: JsonOption = False) -> None:
     typer.echo(f"{archive.index.path}: {len(entries)} captures, {len(damaged)} damaged")
     for entry in damaged:
         typer.echo(f"damaged: {archive.directory / entry.file}")
+
+
+@commands.command()
+def verify(
+    captures: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Capture files, NAME.grab; default: all of the configuration's folder."),
+    ] = None,
+    config: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Read captures whole and hold them against their digests; exit with 65 if one is damaged.
+
+    A daemon does the same once a month, at idle priority; it may be running.
+
+    Example: grabberd storage verify liner.grab
+
+    Example: grabberd storage verify --config /etc/grabberd/grabberd.yaml
+    """
+    from grabberd.storage.capture.schema import SUFFIX  # noqa: PLC0415
+    from grabberd.storage.verify_process import verify_files  # noqa: PLC0415
+
+    if not captures:
+        captures = sorted((load(config).state_directory / "captures").glob(f"*{SUFFIX}"))
+    damaged, documents = 0, []
+    for path, found in verify_files(captures):
+        damaged += bool(found.damages)
+        documents.append({"file": str(path), **found._asdict()})
+        if json:
+            continue
+        words = f"{found.fields} fields and the points of {found.points}"
+        proven = "" if found.has_digests else "; of an earlier version, without digests"
+        typer.echo(f"{path}: {'damaged' if found.damages else 'sound'}: {words}{proven}")
+        for damage in found.damages:
+            typer.echo(f"    {damage}")
+    if json:
+        print_json(documents)
+    elif len(captures) != 1:
+        typer.echo(f"{len(captures)} captures, {damaged} damaged")
+    if damaged:
+        raise typer.Exit(DAMAGED_EXIT)
 
 
 @commands.command()

@@ -17,6 +17,7 @@ from grabberd.service.access import Access
 from grabberd.service.archive.annotations import CaptureAnnotations
 from grabberd.service.archive.archive import Archive
 from grabberd.service.archive.retention import Policy, Retention
+from grabberd.service.archive.scrub import Scrub
 from grabberd.service.archive.upkeep import Upkeep
 from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
 from grabberd.service.calibrations.calibration_catalog import CalibrationCatalog
@@ -144,6 +145,13 @@ class Service:
             self._spared,
             self.annotations.delete,
         )
+        self.scrub = Scrub(
+            self.archive,
+            self._state_store,
+            self.faults,
+            self._clock,
+            lambda: bool(self._current.recordings()),
+        )
         self.upkeep = Upkeep(self.archive, self.unsealed, self.state_keeper)
         self.state_keeper.restored = self._keep_what_is_in_force
         self.publisher: Publisher | None = None
@@ -187,6 +195,7 @@ class Service:
         self.upkeep.start()
         self.jobs.start()
         self.retention.start()
+        self.scrub.start()
         if self.publisher is not None:
             self.publisher.start()
         for instrument in self.instruments.values():
@@ -218,6 +227,7 @@ class Service:
     def stop(self) -> None:
         """Ends and seals running captures, then stops everything."""
         self.retention.stop()
+        self.scrub.stop()
         # All at the same moment: sealing takes its time, and no capture should last longer for another's.
         for recording in self._current.recordings():
             recording.stop("the daemon stopped")

@@ -26,6 +26,11 @@ def is_damaged(error: sqlite3.Error) -> bool:
     return getattr(error, "sqlite_errorcode", 0) & 0xFF in _DAMAGE
 
 
+def is_disk_error(error: BaseException | None) -> bool:
+    """True if the disk could not read or write a database."""
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_IOERR
+
+
 @contextmanager
 def storage_errors(path: Path) -> Iterator[None]:
     """Turns errors of SQLite and of the system while writing into `StorageError`."""

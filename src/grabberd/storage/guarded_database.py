@@ -48,10 +48,15 @@ class Header(NamedTuple):
 
 
 class GuardedConnection(sqlite3.Connection):
-    """A connection whose every statement ends: after `LONGEST_S`, or when nobody waits for it any longer."""
+    """A connection whose every statement ends: in time, or when nobody waits for it any longer.
+
+    Attributes:
+        longest_s: Time that one statement may take.
+    """
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
+        self.longest_s = LONGEST_S
         self._until_s = time.monotonic() + LONGEST_S
         self.set_progress_handler(self._has_to_stop, _OPCODES)
         self.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST_CELL)
@@ -64,12 +69,12 @@ class GuardedConnection(sqlite3.Connection):
 
     def execute(self, *args: Any) -> sqlite3.Cursor:
         """See `sqlite3.Connection.execute`."""
-        self._until_s = time.monotonic() + LONGEST_S
+        self._until_s = time.monotonic() + self.longest_s
         return super().execute(*args)
 
     def executemany(self, *args: Any) -> sqlite3.Cursor:
         """See `sqlite3.Connection.executemany`."""
-        self._until_s = time.monotonic() + LONGEST_S
+        self._until_s = time.monotonic() + self.longest_s
         return super().executemany(*args)
 
     def _has_to_stop(self) -> bool:

@@ -3,6 +3,7 @@
 import csv
 import io
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import cv2
@@ -129,6 +130,23 @@ def test_the_file_is_taken_home_whole(captured: tuple[TestClient, str], tmp_path
     connection = sqlite3.connect(file)
     assert connection.execute("SELECT count(*) FROM fields").fetchone() == (20,)
     connection.close()
+
+
+@pytest.mark.parametrize("format", ["csv", "ply", "parquet"])
+def test_points_that_the_disk_has_changed_are_refused_before_the_first_is_sent(
+    captured: tuple[TestClient, str], format: str
+) -> None:
+    if format == "parquet":
+        pytest.importorskip("pyarrow")
+    client, capture_id = captured
+    path = client.app.state.service.archive.path(capture_id)  # type: ignore[attr-defined]
+    good = path.read_bytes()
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute("UPDATE points SET data = zeroblob(9) WHERE n = 19")
+    refused = client.get(f"{CAPTURES}/{capture_id}/points.{format}")
+    path.write_bytes(good)
+    assert refused.status_code == 410
+    assert "field 19: it is not what was written" in refused.json()["detail"]
 
 
 def test_measuring_again_is_a_job_that_adds_a_run(captured: tuple[TestClient, str]) -> None:

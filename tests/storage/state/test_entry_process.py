@@ -71,7 +71,8 @@ def test_a_name_of_any_bytes_can_be_asked_for(captures, tmp_path):
     path = tmp_path / os.fsdecode(b"\xff\n.grab")
     captures[0].rename(path)
     (reading,) = read_entries([path])
-    assert reading.entry.id == "c0"
+    assert reading.path == path
+    assert "it names the file" in reading.entry.reason
 
 
 def test_a_reader_that_cannot_be_started_blames_no_file(captures, monkeypatch):

@@ -13,7 +13,7 @@ log = logging.getLogger(__name__)
 
 OWN_CAUSES = (
     *(Cause.CAPTURES_MISSING, Cause.CAPTURES_REPLACED, Cause.CAPTURE_UNSEALED),
-    *(Cause.INDEX_REBUILDING, Cause.INDEX_FAILED),
+    *(Cause.CAPTURE_CHANGED, Cause.INDEX_REBUILDING, Cause.INDEX_FAILED),
     *(Cause.SETTINGS_RESTORED, Cause.SETTINGS_LOST, Cause.SETTINGS_UNREADABLE),
 )
 """The causes that are the daemon's own."""

@@ -185,6 +185,7 @@ def _read(path: Path, run: int | None, single: bool) -> _Source:
 
     with CaptureReader(path) as reader:
         info = reader.run(run)
+        reader.check_unchanged(runs=(info.run,))
         if not info.made_with.get("object"):
             raise NotReady(
                 f"run {info.run} of {path} was measured without an object model",

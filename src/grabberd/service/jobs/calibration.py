@@ -156,6 +156,7 @@ def calibrate_file(
     """
     model = calibration_frame_model(calibration_frame)
     with CaptureReader(path) as reader:
+        reader.check_unchanged(runs=())
         rig = rig or recorded_rig(reader)
         settings = _settings(options, settings_of_capture(reader.meta.config))
         fields = counted(reader.received(), reader.field_count, portion(progress, 0.0, _LOCATED))

@@ -165,6 +165,7 @@ def check_file(
     """
     model = calibration_frame_model(calibration_frame)
     with CaptureReader(path) as reader:
+        reader.check_unchanged(runs=())
         made_with = reader.runs[-1].made_with if reader.runs else {}
         document = calibration or made_with.get("calibration")
         if not document:

@@ -21,6 +21,7 @@ from grabberd.service.jobs.progress import Progress, counted
 from grabberd.service.jobs.runner import JobSpec
 from grabberd.service.setup import INCLUDE_DAMAGED, measure_setup
 from grabberd.storage import CaptureReader, append_run
+from grabberd.storage.capture.digests import Damage, left_out_in_words
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +40,8 @@ class MeasurementJob(JobSpec):
 def measure_file(progress: Progress, *, path: Path, made_with: JsonObject) -> MeasurementResult:
     """Measures every good field and appends the points as a new run, whole or not at all.
 
-    Damaged fields are measured only where `settings` have `include_damaged`, fields without a signal never.
+    Fields that the disk has changed are left out, with a warning. Those that came damaged are measured only
+    where `settings` have `include_damaged`, fields without a signal never.
 
     Args:
         progress: Called with the share that is done.
@@ -56,7 +58,9 @@ def measure_file(progress: Progress, *, path: Path, made_with: JsonObject) -> Me
     setup = measure_setup(made_with, made_with["settings"])
     counts = Counter({"fields": 0, "points": 0})
     order = FieldOrderCheck(setup.object_model.target)
-    with CaptureReader(path) as reader:
+    left_out: list[Damage] = []
+    with CaptureReader(path, left_out) as reader:
+        reader.check_unchanged(runs=())
         received = reader.received(and_damaged=made_with["settings"].get(INCLUDE_DAMAGED, False))
         fields = counted(received, reader.field_count, progress)
         tally = CoverageTally.of(setup.calibration, setup.object_model)
@@ -69,7 +73,7 @@ def measure_file(progress: Progress, *, path: Path, made_with: JsonObject) -> Me
         run = append_run(path, "measure", created, __version__, made_with, points, coverage)
         covered = whole_coverage(reader.run(run).coverage)
     found = FieldOrderDocument.of(order.finish())
-    warnings = [found.warning] if found.warning else []
+    warnings = [*left_out_in_words(left_out), *([found.warning] if found.warning else [])]
     return MeasurementResult(run=run, **counts, field_order=found, warnings=warnings, coverage=covered)
 
 

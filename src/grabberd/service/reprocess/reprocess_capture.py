@@ -21,6 +21,7 @@ from grabberd.reconstruction.coverage.document import coverage_document
 from grabberd.service.setup import INCLUDE_DAMAGED, check_rig, measure_setup, settings_of_capture
 from grabberd.storage import CaptureReader
 from grabberd.storage.capture.content_digest import content_sha256, document_sha256
+from grabberd.storage.capture.digests import Damage, left_out_in_words
 from grabberd.storage.export.dataset_file import read_about, write_dataset_file
 from grabberd.storage.export.points_columns import moment_of, rows_of
 
@@ -96,7 +97,9 @@ def reprocess_capture(task: CaptureTask) -> TaskResult:
 
 
 def _measured(task: CaptureTask) -> TaskResult:
-    with CaptureReader(task.capture) as reader:
+    left_out: list[Damage] = []
+    with CaptureReader(task.capture, left_out) as reader:
+        reader.check_unchanged(runs=())
         made_with = _made_with(task, reader)
         about = _about(task, reader, made_with)
         if task.target.exists() and _same(read_about(task.target), about):
@@ -112,8 +115,8 @@ def _measured(task: CaptureTask) -> TaskResult:
             return {"coverage": coverage_document(tally.result(), reader.missing_fields(fields))}
 
         fields, points = write_dataset_file(task.part, task.target, groups, about, found)
-    warning = FieldOrderDocument.of(order.finish()).warning or ""
-    return TaskResult("measured", fields, points, warning=warning)
+    warnings = [*left_out_in_words(left_out), FieldOrderDocument.of(order.finish()).warning or ""]
+    return TaskResult("measured", fields, points, warning="; ".join(filter(None, warnings)))
 
 
 def _rows(

@@ -7,8 +7,8 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+from grabberd.storage.capture.checked_rows import FIELDS_AT_ONCE, some_rows
 from grabberd.storage.capture.meta import CaptureMeta
-from grabberd.storage.capture.reader import FIELDS_AT_ONCE, some_rows
 from grabberd.storage.capture.rows import FIELD_COLUMNS
 from grabberd.storage.capture.schema import connect, reading_errors
 

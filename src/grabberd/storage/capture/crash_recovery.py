@@ -11,6 +11,7 @@ from typing import NamedTuple
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome
 from grabberd.acquisition.clock import Now
 from grabberd.errors import CaptureFileError, LaterVersion
+from grabberd.storage.capture.digests import write_sealed_digest
 from grabberd.storage.capture.meta import SEALED, CaptureMeta, write_meta
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.capture.schema import DAMAGED, connect, reading_errors
@@ -83,6 +84,7 @@ def _seal(part: Path, ledger: Ledger, because: str) -> None:
             connection.execute(change, (FAILED, INTERRUPTED, RUNNING))
             verdict = {"state": SEALED, "complete": ledger.complete, "ended_because": because}
             write_meta(connection, verdict)
+            write_sealed_digest(connection)
     finally:
         connection.close()
 

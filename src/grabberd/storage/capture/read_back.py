@@ -13,6 +13,7 @@ from grabberd.errors import CaptureFileError, StorageError
 from grabberd.field import PackedField
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import decode_points
+from grabberd.storage.capture.digests import FIELDS, points_prefix, row_digest, write_row_digests
 from grabberd.storage.capture.meta import SEALED
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.capture.rows import FIELD_COLUMNS, recorded_field
@@ -50,6 +51,13 @@ class Uncommitted:
         """Notes a row of the table `points`, and the points that it was made from."""
         self._points.append(row)
         self._newest_points = points
+
+    def write_digests(self, connection: sqlite3.Connection) -> None:
+        """Writes the digests of the rows, as the last change before they are committed."""
+        write_row_digests(connection, FIELDS, {row[0]: row_digest(row) for row in self._fields})
+        for run in {row[0] for row in self._points}:
+            digests = {row[1]: row_digest(row) for row in self._points if row[0] == run}
+            write_row_digests(connection, points_prefix(run), digests)
 
     def forget(self) -> None:
         """Drops everything: the transaction was rolled back, or has been read back."""
@@ -95,6 +103,7 @@ def check_sealed(path: Path, ledger: Ledger, *, complete: bool, runs: Sequence[i
             raise _mismatch(path, f"its ledger says {found.in_words(meta.rate_hz)!r}")
         if (numbers := [run.run for run in reader.runs]) != list(runs):
             raise _mismatch(path, f"it has the runs {numbers} instead of {list(runs)}")
+        reader.check_unchanged()
         next(reader.fields(), None)
         if (last := reader.last_field) is not None:
             reader.field(last[0])

@@ -1,18 +1,34 @@
 """Reading a capture file, also while it is being written."""
 
 import os
-import sqlite3
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Collection, Iterator
 from contextlib import closing, suppress
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 from grabberd.acquisition import Ledger, Outcome
 from grabberd.errors import CaptureFileError, NotFound
 from grabberd.field import NumberedField
 from grabberd.reconstruction.points import Points
+from grabberd.storage.capture.checked_rows import END, CheckedRows, Kind
 from grabberd.storage.capture.codec import decode_points
-from grabberd.storage.capture.meta import LARGEST_TIME_NS, CaptureMeta, coverage_key, read_coverage, read_meta
+from grabberd.storage.capture.digests import (
+    CHANGED,
+    FIELDS,
+    Damage,
+    Row,
+    changed_parts,
+    points_prefix,
+)
+from grabberd.storage.capture.meta import (
+    LARGEST_TIME_NS,
+    SEALED,
+    CaptureMeta,
+    coverage_key,
+    read_coverage,
+    read_meta,
+)
 from grabberd.storage.capture.rebases import rebases_in
 from grabberd.storage.capture.rows import (
     FIELD_COLUMNS,
@@ -25,27 +41,44 @@ from grabberd.storage.capture.rows import (
 from grabberd.storage.capture.schema import DAMAGE, connect, reading_errors
 from grabberd.storage.guarded_database import check_kind
 
-FIELDS_AT_ONCE = 50
-"""Fields read under one lock: a reader in the middle of a statement keeps the writer from committing, which
-it does twice a second."""
-BYTES_AT_ONCE = 32 << 20
-"""Size of the pictures after which no further one is read under the same lock."""
-END = 2**62
-"""A number beyond every field's."""
+ALL_FIELDS = Kind(
+    "field",
+    f"SELECT {FIELD_COLUMNS} FROM fields WHERE n >= :first AND n < :end ORDER BY n LIMIT :some",  # noqa: S608 - constants
+    lambda row: row,
+)
+_POINTS = Kind(
+    "points",
+    "SELECT p.n, f.time_ns, p.run, p.count, p.data FROM points AS p JOIN fields AS f ON f.n = p.n "
+    "WHERE p.run = :run AND p.n >= :first AND p.n < :end AND p.n % :every = 0 ORDER BY p.n LIMIT :some",
+    lambda row: (row[2], row[0], *row[3:]),
+    whole=False,
+)
+ALL_POINTS = Kind(
+    "points",
+    "SELECT n, run, count, data FROM points WHERE run = :run AND n >= :first AND n < :end "
+    "ORDER BY n LIMIT :some",
+    lambda row: (row[1], row[0], *row[2:]),
+)
 
 
 class CaptureReader:
     """A capture file; each method sees its state at that moment, and holds no lock afterwards.
 
+    Args:
+        path: The file.
+        left_out: Takes up the fields and points that are damaged and are left out of what `fields`,
+            `received`, `points` and `timed_points` give; None: the first one of them is an error.
+
     Raises:
         CaptureFileError: From any method: missing, no capture, damaged, or of a later version.
     """
 
-    def __init__(self, path: Path | str) -> None:
+    def __init__(self, path: Path | str, left_out: list[Damage] | None = None) -> None:
         self.path = Path(path)
         self._connection = connect(self.path)
         with reading_errors(self.path):
             self.meta = self._read_meta()
+        self._rows = CheckedRows(self.path, self._connection, left_out)
 
     def __enter__(self) -> Self:
         return self
@@ -57,6 +90,23 @@ class CaptureReader:
         """Closes the file."""
         self._connection.close()
 
+    def check_unchanged(self, runs: Collection[int] | None = None) -> None:
+        """Holds metadata, ledger and runs of a sealed capture against their digests.
+
+        Args:
+            runs: The runs that matter; None: all of them.
+
+        Raises:
+            CaptureFileError: They are not what was written.
+        """
+        if self.meta.state != SEALED:
+            return
+        with reading_errors(self.path):
+            changed = changed_parts(self._connection, runs)
+        if changed:
+            hint = "use a copy of the file; grabberd storage verify tells what else is damaged"
+            raise CaptureFileError(f"{self.path}: {', '.join(changed)}: {CHANGED}", hint)
+
     @property
     def ledger(self) -> Ledger:
         """The ledger, made of the fields in the file and the entries for all others."""
@@ -67,7 +117,8 @@ class CaptureReader:
         try:
             return ledger(fields, entries, rebases_in(read_meta(self._connection).extra))
         except DAMAGE as error:
-            raise self._damaged("its ledger contradicts itself", error, "set the file aside") from error
+            message = f"{self.path}: its ledger contradicts itself: {error}"
+            raise CaptureFileError(message, "set the file aside") from error
 
     def missing_fields(self, measured: int) -> int:
         """Number of fields that should have come, but for those `measured`."""
@@ -95,13 +146,7 @@ class CaptureReader:
 
     def fields(self, first_n: int = 0, end_n: int | None = None) -> Iterator[RecordedField]:
         """The fields with first_n ≤ n < end_n in order, fifty at a time."""
-        while True:
-            rows = self._rows(first_n, end_n)
-            for row in rows:
-                yield self._field(row)
-            if not rows:
-                return
-            first_n = rows[-1][0] + 1
+        return self._rows.each(ALL_FIELDS, FIELDS, recorded_field, first_n, END if end_n is None else end_n)
 
     def received(
         self, first_n: int = 0, end_n: int | None = None, *, and_damaged: bool = False
@@ -118,10 +163,9 @@ class CaptureReader:
         Raises:
             NotFound: It is not in the file.
         """
-        rows = self._rows(n, n + 1)
-        if not rows:
-            raise NotFound(f"capture {self.meta.id} has no field {n}", "its ledger says what became of it")
-        return self._field(rows[0])
+        for recorded in self.fields(n, n + 1):
+            return recorded
+        raise NotFound(f"capture {self.meta.id} has no field {n}", "its ledger says what became of it")
 
     def run(self, run: int | None) -> RunInfo:
         """A run by number, or the newest.
@@ -158,22 +202,19 @@ class CaptureReader:
         Raises:
             NotFound: The run does not exist.
         """
-        number, first_n = self.run(run).run, first_n - 1
-        query = (
-            "SELECT p.n, f.time_ns, p.data FROM points AS p JOIN fields AS f ON f.n = p.n "
-            "WHERE p.run = ? AND p.n > ? AND p.n < ? AND p.n % ? = 0 ORDER BY p.n LIMIT ?"
-        )
-        while True:
-            with reading_errors(self.path):
-                asked = (number, first_n, end_n, every, FIELDS_AT_ONCE)
-                rows = some_rows(self._connection.execute(query, asked))
-            for n, time_ns, data in rows:
-                if not isinstance(time_ns, int) or not 0 <= time_ns < LARGEST_TIME_NS:
-                    raise self._damaged(f"field {n}", ValueError(f"time_ns is {time_ns!r}"))
-                yield n, time_ns, self._points(n, data)
-            if not rows:
-                return
-            first_n = rows[-1][0]
+        number = self.run(run).run
+        prefix = points_prefix(number)
+        yield from self._rows.each(_POINTS, prefix, _timed_points, first_n, end_n, run=number, every=every)
+
+    def check_points(self, run: int, first_n: int = 0, end_n: int = END) -> None:
+        """Holds points of a run against their digests, without decoding them.
+
+        Raises:
+            CaptureFileError: Some are not what was written.
+        """
+        if self._rows.has_digests:
+            rows = self._rows.each(ALL_POINTS, points_prefix(run), lambda _: None, first_n, end_n, run=run)
+            deque(rows, maxlen=0)
 
     def point_count(self, run: int, first_n: int = 0, end_n: int = END, every: int = 1) -> int:
         """Number of points that `timed_points` would give."""
@@ -219,41 +260,12 @@ class CaptureReader:
             row = self._connection.execute(query, values).fetchone()
             return None if row is None or row[0] is None else int(row[0])
 
-    def _rows(self, first_n: int, end_n: int | None) -> list[tuple[Any, ...]]:
-        query = f"SELECT {FIELD_COLUMNS} FROM fields WHERE n >= ? AND n < ? ORDER BY n LIMIT ?"  # noqa: S608 - constants
-        values = (first_n, END if end_n is None else end_n, FIELDS_AT_ONCE)
-        with reading_errors(self.path):
-            return some_rows(self._connection.execute(query, values))
 
-    def _field(self, row: tuple[Any, ...]) -> RecordedField:
-        try:
-            return recorded_field(row)
-        except DAMAGE as error:
-            raise self._damaged(f"field {row[0]}", error) from error
-
-    def _points(self, n: int, data: bytes) -> Points:
-        try:
-            return decode_points(data)
-        except DAMAGE as error:
-            raise self._damaged(f"points of field {n}", error, "re-measure the capture") from error
-
-    def _damaged(
-        self, what: str, error: Exception, hint: str = "the other fields can be read"
-    ) -> CaptureFileError:
-        return CaptureFileError(f"{self.path}: {what}: {error}", hint)
-
-
-def some_rows(cursor: sqlite3.Cursor) -> list[tuple[Any, ...]]:
-    """The first rows of a query, as many as hold `BYTES_AT_ONCE` together and one more at most."""
-    taken: list[tuple[Any, ...]] = []
-    size = 0
-    with closing(cursor):  # its lock, too, ends here
-        for row in cursor:
-            taken.append(row)
-            size += sum(len(cell) for cell in row if isinstance(cell, bytes))
-            if size > BYTES_AT_ONCE:
-                break
-    return taken
+def _timed_points(row: Row) -> tuple[int, int, Points]:
+    n, time_ns, _, _, data = row
+    if not isinstance(time_ns, int) or not 0 <= time_ns < LARGEST_TIME_NS:
+        raise ValueError(f"time_ns is {time_ns!r}")
+    return n, time_ns, decode_points(data)
 
 
 def stat_at_rest(path: Path) -> os.stat_result:

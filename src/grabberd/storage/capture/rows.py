@@ -11,8 +11,9 @@ from grabberd.storage.capture.meta import LARGEST_N, LARGEST_TIME_NS, LONGEST_RE
 from grabberd.storage.json_value import read_json
 
 FIELD_COLUMNS = (
-    "n, time_ns, sequence, parity, y0, y_step, rows, columns, bits, threshold, codec, data, outcome, reason"
+    "n, time_ns, sequence, parity, y0, y_step, rows, columns, bits, threshold, outcome, reason, codec, data"
 )
+"""In the order of the table, in which they have their digests."""
 _LARGEST = 1 << 14
 """Lines or columns of a picture; larger values mean damage."""
 _LARGEST_RUN = 1_000_000

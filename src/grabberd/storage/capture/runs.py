@@ -14,6 +14,13 @@ from typing import IO, Any
 from grabberd.errors import StorageError
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import encode_points
+from grabberd.storage.capture.digests import (
+    forget_points_after,
+    points_prefix,
+    row_digest,
+    write_row_digests,
+    write_run_digest,
+)
 from grabberd.storage.capture.meta import coverage_key, write_meta
 from grabberd.storage.capture.read_back import check_staged
 from grabberd.storage.capture.schema import connect
@@ -72,6 +79,7 @@ def append_run(
                 connection.execute(INSERT_RUN, run_row(run, kind, created_utc, version, DONE, made_with))
                 if coverage is not None:
                     write_meta(connection, {coverage_key(run): coverage()})
+                write_run_digest(connection, run)
         except BaseException:
             with suppress(sqlite3.Error):
                 _remove_unfinished(connection)
@@ -92,11 +100,20 @@ def _alone(path: Path) -> Iterator[None]:
 
 
 def _copy(staged: IO[bytes], connection: sqlite3.Connection, run: int) -> None:
-    rows = ((run, *row) for row in _rows(staged))
-    copied = FIELDS_A_COMMIT
+    digests: dict[int, str] = {}
+
+    def rows() -> Iterator[tuple[Any, ...]]:
+        for stored in _rows(staged):
+            row = (run, *stored)
+            digests[row[1]] = row_digest(row)
+            yield row
+
+    remaining, copied = rows(), FIELDS_A_COMMIT
     while copied == FIELDS_A_COMMIT:
         with _transaction(connection):
-            copied = connection.executemany(INSERT_POINTS, islice(rows, FIELDS_A_COMMIT)).rowcount
+            copied = connection.executemany(INSERT_POINTS, islice(remaining, FIELDS_A_COMMIT)).rowcount
+            write_row_digests(connection, points_prefix(run), digests)
+        digests.clear()
         time.sleep(PAUSE_S)
 
 
@@ -106,6 +123,9 @@ def _remove_unfinished(connection: sqlite3.Connection) -> None:
     while removed:
         with _transaction(connection):
             removed = connection.execute(_REMOVE, (FIELDS_A_COMMIT,)).rowcount
+    with _transaction(connection):
+        newest: int = connection.execute("SELECT coalesce(max(run), 0) FROM runs").fetchone()[0]
+        forget_points_after(connection, newest)
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from grabberd.errors import CaptureFileError, LaterVersion, StorageError
 from grabberd.storage.disk import storage_errors
-from grabberd.storage.guarded_database import JOURNAL, Header, open_tables, read_header
+from grabberd.storage.guarded_database import JOURNAL, GuardedConnection, Header, open_tables, read_header
 
 APPLICATION_ID = 0x67726162
 """The letters `grab` in the database's header: tells a capture from other SQLite files."""
@@ -106,7 +106,7 @@ def sealed_path(part: Path) -> Path:
     return part.with_name(part.name.removesuffix(PART))
 
 
-def connect(path: Path, *, writable: bool = False) -> sqlite3.Connection:
+def connect(path: Path, *, writable: bool = False) -> GuardedConnection:
     """Opens an existing capture file and checks that it is one, and nothing else.
 
     Raises:

@@ -14,6 +14,7 @@ from grabberd.errors import InputError, StorageError
 from grabberd.field import NumberedField
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import encode_field, encode_points
+from grabberd.storage.capture.digests import FORM, FORM_KEY, write_sealed_digest
 from grabberd.storage.capture.meta import SEALED, CaptureMeta, check_meta, coverage_key, read_meta, write_meta
 from grabberd.storage.capture.read_back import Uncommitted, check_sealed
 from grabberd.storage.capture.rebases import with_rebases
@@ -67,7 +68,7 @@ class CaptureWriter:
         writer = cls(path, connection, meta)
         with storage_errors(path):
             writer._begin()
-            write_meta(connection, asdict(meta))
+            write_meta(connection, {FORM_KEY: FORM, **asdict(meta)})
             writer.commit()
         return writer
 
@@ -117,6 +118,7 @@ class CaptureWriter:
         """
         if self._connection.in_transaction:
             with storage_errors(self.path):
+                self._uncommitted.write_digests(self._connection)
                 self._connection.execute("COMMIT")
             # Rebound rather than extended: another thread may be reading the list.
             self.runs = [*self.runs, *self._uncommitted_runs]
@@ -165,6 +167,7 @@ class CaptureWriter:
             extra = with_rebases({**read_meta(self._connection).extra, **(findings or {})}, ledger.events)
             covered = {coverage_key(run): document for run, document in (coverage or {}).items()}
             write_meta(self._connection, {**verdict, "extra": extra, **covered})
+            write_sealed_digest(self._connection)
             self._connection.execute("COMMIT")
             # A sealed capture is one file. SQLite changes the journal's mode only between transactions, and
             # finds a journal by the name of the database: so after the commit and before the renaming.

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from grabberd.errors import InputError
 from grabberd.field import BOTTOM, TOP, PackedField, unpack
+from grabberd.storage.capture.digests import Damage
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.capture.rows import RecordedField
 from grabberd.storage.disk import new_folder, storage_errors
 from grabberd.storage.export.checked_file import write_checked
-from grabberd.storage.export.ledger_file import write_ledger_file
+from grabberd.storage.export.ledger_file import write_ledger_file, write_left_out_file
 from grabberd.storage.export.read_back import png_check
 
 MANIFEST_COLUMNS = ("n", "time_ns", "sequence", "parity", "y0", "y_step", "outcome", "file")
@@ -35,7 +36,9 @@ def _png(luma: NDArray[np.uint8]) -> bytes:
     return bytes(cv2.imencode(".png", luma, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1])
 
 
-def export_png(path: Path, directory: Path, *, woven: bool = False) -> int:
+def export_png(
+    path: Path, directory: Path, left_out: list[Damage] | None = None, *, woven: bool = False
+) -> int:
     """Writes a folder of pictures, and `fields.csv`, which lists the fields; returns the number of pictures.
 
     Damaged fields and those without a signal are among them, marked; `ledger.csv` has all others as well.
@@ -44,12 +47,19 @@ def export_png(path: Path, directory: Path, *, woven: bool = False) -> int:
     that is not in the file stay black, and the manifest does not list it. The replay driver plays the folder
     again with the same times, parities and gaps.
 
+    Args:
+        path: The capture.
+        directory: A new or empty folder.
+        left_out: Takes up damaged fields, which are left out and listed in `left_out.csv`; None: they are an
+            error.
+        woven: Frames instead of fields.
+
     Raises:
         CaptureFileError: The file is no capture.
         InputError: Doubled fields cannot be woven.
         StorageError: The folder cannot be written, or is not empty.
     """
-    with CaptureReader(path) as reader:
+    with CaptureReader(path, left_out) as reader:
         if woven and reader.meta.lines == "doubled":
             raise InputError(f"the lines of {path} are doubled, so they cannot be woven", "export its fields")
         new_folder(directory)
@@ -64,6 +74,7 @@ def export_png(path: Path, directory: Path, *, woven: bool = False) -> int:
                 manifest.writerows(_write_picture(picture, directory, "frame" if woven else "field"))
                 count += 1
             write_ledger_file(reader, directory)
+            write_left_out_file(left_out, directory)
     return count
 
 

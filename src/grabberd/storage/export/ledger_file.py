@@ -1,16 +1,19 @@
 """The ledger of a capture as `ledger.csv`, beside whatever is exported of it."""
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from grabberd.acquisition import Ledger, cause_of_loss
+from grabberd.storage.capture.digests import Damage
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.export.checked_file import checked_path
 from grabberd.storage.export.read_back import csv_check
 
 LEDGER = "ledger.csv"
 LEDGER_COLUMNS = ("first_n", "count", "outcome", "cause", "reason")
+LEFT_OUT = "left_out.csv"
+LEFT_OUT_COLUMNS = Damage._fields
 REBASE = "rebase"
 """Outcome of a row that counts no fields: a change of what numbers and times go by from that field on."""
 
@@ -30,6 +33,23 @@ def write_ledger_file(reader: CaptureReader, directory: Path) -> None:
         rows = csv.writer(file)
         rows.writerow(LEDGER_COLUMNS)
         rows.writerows(entries)
+
+
+def write_left_out_file(left_out: Sequence[Damage] | None, directory: Path) -> None:
+    """Writes `left_out.csv`, what the disk has damaged and is not among the results; none if all was sound.
+
+    Raises:
+        StorageError: The file cannot be written.
+    """
+    if not left_out:
+        return
+    with (
+        checked_path(directory / LEFT_OUT, csv_check(LEFT_OUT_COLUMNS, left_out.__len__)) as part,
+        part.open("w", newline="", encoding="utf-8") as file,
+    ):
+        rows = csv.writer(file)
+        rows.writerow(LEFT_OUT_COLUMNS)
+        rows.writerows(left_out)
 
 
 def _rows(ledger: Ledger) -> Iterator[tuple[int, int, str, str, str]]:

@@ -28,7 +28,7 @@ def parquet_stream(path: Path, run: int | None = None) -> Generator[bytes, None,
     check_parquet()
     reader, number = open_run(path, run)
     reader.close()
-    return _from_child([sys.executable, "-c", CHILD, str(path), str(number)], path)
+    return _from_child([sys.executable, "-P", "-c", CHILD, str(path), str(number)], path)
 
 
 def _from_child(command: list[str], path: Path) -> Generator[bytes, None, None]:

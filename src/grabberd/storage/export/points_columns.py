@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from grabberd.processes.columns import LABELS, WORD, Column, Rows
 from grabberd.reconstruction.points import Points
+from grabberd.storage.capture.checked_rows import END
 from grabberd.storage.capture.meta import CaptureMeta
-from grabberd.storage.capture.reader import END, CaptureReader
+from grabberd.storage.capture.reader import CaptureReader
 
 _NUMBER = Column(
     "n", "", "i4", "number of the field: n nominal 20 ms steps after the first, lost ones included"

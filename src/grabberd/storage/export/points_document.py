@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from grabberd.documents.points import FieldPoints, PointsDocument
 from grabberd.reconstruction.points import Points
-from grabberd.storage.capture.reader import END, CaptureReader
+from grabberd.storage.capture.checked_rows import END
+from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.export.points_columns import sigma_mm
 
 AXES = "xyz"

@@ -10,11 +10,13 @@ from typing import IO, Any
 from grabberd import __version__
 from grabberd.errors import NotFound
 from grabberd.processes.columns import joined
-from grabberd.storage.capture.reader import END, CaptureReader
+from grabberd.storage.capture.checked_rows import END
+from grabberd.storage.capture.digests import Damage
+from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.disk import new_folder, storage_errors
 from grabberd.storage.export.checked_file import Check, checked_file
 from grabberd.storage.export.csv_file import csv_text
-from grabberd.storage.export.ledger_file import write_ledger_file
+from grabberd.storage.export.ledger_file import write_ledger_file, write_left_out_file
 from grabberd.storage.export.parquet_file import check_parquet, write_parquet
 from grabberd.storage.export.ply_file import ply_head, ply_vertex, ply_vertices
 from grabberd.storage.export.points_columns import CLOUD_COLUMNS, POINT_COLUMNS, rows_by_field
@@ -24,24 +26,28 @@ FIELDS_A_GROUP = 500
 """Fields in a row group of Parquet, and so in memory at once: ten seconds of them."""
 
 
-def points_csv(path: Path, run: int | None = None) -> Generator[str, None, None]:
+def points_csv(
+    path: Path, run: int | None = None, left_out: list[Damage] | None = None
+) -> Generator[str, None, None]:
     """Text of a CSV file; errors are raised at once, before the first text.
 
     Raises:
         CaptureFileError, NotFound: No such file or run.
     """
-    reader, number = open_run(path, run)
+    reader, number = open_run(path, run, left_out)
     return _csv(reader, number)
 
 
-def points_ply(path: Path, run: int | None = None, field: int | None = None) -> Generator[bytes, None, None]:
+def points_ply(
+    path: Path, run: int | None = None, field: int | None = None, left_out: list[Damage] | None = None
+) -> Generator[bytes, None, None]:
     """A PLY file (binary, little-endian): one cloud of all points of a run, or of one field's.
 
     Raises:
         CaptureFileError, NotFound: No such file, run, or points of that field; raised at once.
     """
-    reader, number = open_run(path, run)
     first_n, end_n = (0, END) if field is None else (field, field + 1)
+    reader, number = open_run(path, run, left_out, first_n, end_n)
     # The head of the file comes first and has the number of points; a capture that is being recorded gets
     # more of them meanwhile, beyond the end that belongs to this number.
     count, end_n = reader.point_span(number, first_n, end_n)
@@ -49,10 +55,13 @@ def points_ply(path: Path, run: int | None = None, field: int | None = None) -> 
         reader.close()
         hint = "its ledger says which fields did not come; points?first_n=… shows those that have points"
         raise NotFound(f"run {number} of capture {reader.meta.id} has no points of field {field}", hint)
+    if left_out is not None:
+        count = sum(len(points) for _, _, points in reader.timed_points(number, first_n, end_n))
+        left_out.clear()  # they come again
     return _ply(reader, number, first_n, end_n, count)
 
 
-def points_parquet(path: Path, run: int | None, file: IO[bytes]) -> int:
+def points_parquet(path: Path, run: int | None, file: IO[bytes], left_out: list[Damage] | None = None) -> int:
     """Writes a Parquet file into an open file, which need not be seekable; returns the number of points.
 
     Raises:
@@ -60,7 +69,7 @@ def points_parquet(path: Path, run: int | None, file: IO[bytes]) -> int:
         ExtraMissing: pyarrow is not installed.
     """
     check_parquet()
-    reader, number = open_run(path, run)
+    reader, number = open_run(path, run, left_out)
     with reader:
         fields = rows_by_field(reader, number)
         groups = iter(lambda: list(islice(fields, FIELDS_A_GROUP)), [])
@@ -69,63 +78,97 @@ def points_parquet(path: Path, run: int | None, file: IO[bytes]) -> int:
         return write_parquet(file, POINT_COLUMNS, parts, metadata)
 
 
-def open_run(path: Path, run: int | None) -> tuple[CaptureReader, int]:
+def open_run(
+    path: Path,
+    run: int | None,
+    left_out: list[Damage] | None = None,
+    first_n: int = 0,
+    end_n: int = END,
+) -> tuple[CaptureReader, int]:
     """A reader, which the caller closes, and the number of the run that is meant.
 
+    Args:
+        path: The capture.
+        run: Number of the run; None: the latest.
+        left_out: Takes up damaged points. None: they are an error, and told here, since whoever sends points
+            could not take back what was sent before it came to them.
+        first_n: Number of the first field that is wanted.
+        end_n: Number after the last.
+
     Raises:
-        CaptureFileError, NotFound: No such file or run.
+        CaptureFileError, NotFound: No such file or run, or its points are damaged.
     """
-    reader = CaptureReader(path)
+    reader = CaptureReader(path, left_out)
     try:
-        return reader, reader.run(run).run
+        number = reader.run(run).run
+        if left_out is None:
+            reader.check_points(number, first_n, end_n)
+        return reader, number
     except Exception:
         reader.close()
         raise
 
 
-def export_csv(path: Path, directory: Path, run: int | None = None) -> int:
+def export_csv(
+    path: Path, directory: Path, run: int | None = None, left_out: list[Damage] | None = None
+) -> int:
     """Writes `points.csv` and `ledger.csv` into a folder; returns the number of points.
+
+    Args:
+        path: The capture.
+        directory: A new or empty folder.
+        run: Number of the run; None: the latest.
+        left_out: Takes up damaged points, which are left out and listed in `left_out.csv`; None: they are an
+            error.
 
     Raises:
         CaptureFileError, NotFound: No such file or run.
         StorageError: The folder cannot be written, or is not empty.
     """
-    text = points_csv(path, run)
+    text = points_csv(path, run, left_out)
     rows = -1
     check = csv_check([column.name for column in POINT_COLUMNS], lambda: rows)
-    with _new_file(path, directory, "points.csv", check) as file:
+    with _new_file(path, directory, "points.csv", check, left_out) as file:
         for part in text:
             file.write(part.encode())
             rows += part.count("\n")
     return rows
 
 
-def export_ply(path: Path, directory: Path, run: int | None = None, field: int | None = None) -> int:
+def export_ply(
+    path: Path,
+    directory: Path,
+    run: int | None = None,
+    left_out: list[Damage] | None = None,
+    field: int | None = None,
+) -> int:
     """Writes `points.ply` into a folder, of all fields or of one; returns the number of points.
 
     Raises:
         CaptureFileError, NotFound, StorageError: See `points_ply` and `export_csv`.
     """
-    parts, points = points_ply(path, run, field), 0
-    with _new_file(path, directory, "points.ply", ply_check(lambda: points)) as file:
+    parts, points = points_ply(path, run, field, left_out), 0
+    with _new_file(path, directory, "points.ply", ply_check(lambda: points), left_out) as file:
         file.write(next(parts))
         points = sum(file.write(part) for part in parts) // ply_vertex(CLOUD_COLUMNS).itemsize
     return points
 
 
-def export_parquet(path: Path, directory: Path, run: int | None = None) -> int:
+def export_parquet(
+    path: Path, directory: Path, run: int | None = None, left_out: list[Damage] | None = None
+) -> int:
     """Writes `points.parquet` and `ledger.csv` into a folder; returns the number of points.
 
     Raises:
         CaptureFileError, NotFound, ExtraMissing, StorageError: See `points_parquet` and `export_csv`.
     """
     check_parquet()
-    reader, number = open_run(path, run)
+    reader, number = open_run(path, run, left_out)
     reader.close()
     points = 0
     check = parquet_check([column.name for column in POINT_COLUMNS], lambda: points)
-    with _new_file(path, directory, "points.parquet", check) as file:
-        points = points_parquet(path, number, file)
+    with _new_file(path, directory, "points.parquet", check, left_out) as file:
+        points = points_parquet(path, number, file, left_out)
     return points
 
 
@@ -163,10 +206,13 @@ def _about(reader: CaptureReader, run: int) -> dict[str, Any]:
 
 
 @contextmanager
-def _new_file(capture: Path, directory: Path, name: str, check: Check) -> Iterator[IO[bytes]]:
+def _new_file(
+    capture: Path, directory: Path, name: str, check: Check, left_out: list[Damage] | None
+) -> Iterator[IO[bytes]]:
     """A file in a new folder, beside the capture's ledger; it is read back by `check`."""
     new_folder(directory)
     with storage_errors(directory), CaptureReader(capture) as reader:
         write_ledger_file(reader, directory)
         with checked_file(directory / name, check) as file:
             yield file
+        write_left_out_file(left_out, directory)
