@@ -2175,7 +2175,7 @@ export interface components {
          * @description Machine-readable code of the reason why an instrument cannot work; the page has a text for each.
          * @enum {string}
          */
-        Cause: "not_opened" | "driver_missing" | "device_absent" | "device_lost" | "stream_failed" | "device_busy" | "no_rights" | "no_bandwidth" | "wrong_standard" | "several_devices" | "device_refused" | "recording_ended" | "recording_damaged" | "fault" | "capture_stuck" | "computer_busy" | "program_stopped" | "driver_hung" | "no_signal" | "no_picture" | "no_calibration" | "no_object" | "calibration_misfit" | "disk_missing" | "disk_read_only" | "disk_failed" | "captures_missing" | "captures_replaced" | "index_rebuilding" | "index_failed" | "capture_unsealed" | "settings_restored" | "settings_lost" | "settings_unreadable";
+        Cause: "not_opened" | "driver_missing" | "device_absent" | "device_lost" | "stream_failed" | "device_busy" | "no_rights" | "no_bandwidth" | "wrong_standard" | "several_devices" | "device_refused" | "recording_ended" | "recording_damaged" | "fault" | "capture_stuck" | "computer_busy" | "program_stopped" | "driver_hung" | "no_signal" | "no_picture" | "no_calibration" | "no_object" | "calibration_misfit" | "disk_missing" | "disk_read_only" | "disk_failed" | "captures_missing" | "captures_replaced" | "index_rebuilding" | "index_failed" | "capture_unsealed" | "capture_changed" | "settings_restored" | "settings_lost" | "settings_unreadable";
         /**
          * CertifiedLength
          * @description A certified distance of two targets of the calibration frame, which the adjustment does not see.
