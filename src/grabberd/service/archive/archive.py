@@ -36,8 +36,8 @@ DESCRIBED = 4096
 """Number of captures whose descriptions are cached."""
 AWAY = (Cause.CAPTURES_MISSING, Cause.CAPTURES_REPLACED)
 RECOVERED_S = 600.0
-"""Time to seal what a crash left, for which the daemon's start waits: the ledger of a long capture has to be
-read."""
+"""Time to seal all that a crash left, for which the daemon's start waits: the ledger of a long capture has to
+be read."""
 RENAMED_S = 10.0
 """Time for a capture whose file has its final name to come into the index."""
 
@@ -127,7 +127,8 @@ class Archive:
         written = {recording.path for recording in self._recordings()}
         found = [part for part in self.directory.glob(f"*{SUFFIX}{PART}") if part not in written]
         parts = sorted(plain for part in found if (plain := plainly_named(part)) is not None)
-        self._left = [part for part in parts if not _recovered(part)]
+        with within(Patience(time.monotonic() + RECOVERED_S)):
+            self._left = [part for part in parts if not _recovered(part)]
         self.index.rebuild(self._left)
         for entry in self.index.list():
             if entry.state == "damaged":
@@ -275,8 +276,7 @@ def _changed_ns(path: Path) -> int:
 def _recovered(part: Path) -> bool:
     """Seals or sets aside a file that a crash left; returns False, and logs why, if that cannot be done."""
     try:
-        with within(Patience(time.monotonic() + RECOVERED_S)):
-            recover(part)
+        recover(part)
     except (StorageError, LaterVersion) as error:
         log.error("%s stays unsealed: %s; %s", part.name, error.message, error.hint)
         return False
