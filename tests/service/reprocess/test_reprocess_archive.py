@@ -249,14 +249,28 @@ def test_one_bad_file_does_not_stop_the_others(captures: list[Path], tmp_path: P
     assert summary.refused[0].hint
 
 
-def test_a_capture_that_is_damaged_in_the_middle_leaves_nothing(tmp_path: Path) -> None:
+def test_a_field_that_the_disk_has_changed_is_left_out_and_told(tmp_path: Path) -> None:
     path = add_capture(tmp_path, "one")
-    with closing(sqlite3.connect(path)) as connection, connection:
-        connection.execute("UPDATE fields SET data = x'0102' WHERE n = 4")
+    with CaptureReader(path) as reader:
+        fields = reader.field_count
+    change(path, "UPDATE fields SET data = x'0102' WHERE n = 4")
     summary = measured(path, tmp_path / "out")
-    assert ["field 4" in one.problem for one in summary.refused] == [True]
+    assert (summary.refused, summary.fields) == ([], fields - 1)
+    assert ["field 4: it is not what was written" in one.reason for one in summary.warned] == [True]
+
+
+def test_a_capture_whose_metadata_were_changed_leaves_nothing(tmp_path: Path) -> None:
+    path = add_capture(tmp_path, "one")
+    change(path, "UPDATE meta SET value = '25.0' WHERE key = 'rate_hz'")
+    summary = measured(path, tmp_path / "out")
+    assert ["its metadata" in one.problem for one in summary.refused] == [True]
     assert files(tmp_path / "out") == []
     assert only_finished(tmp_path / "out")
+
+
+def change(path: Path, statement: str) -> None:
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute(statement)
 
 
 def test_running_and_set_aside_captures_are_passed_over_and_named(
