@@ -18,7 +18,7 @@ PAGE_TYPES := src/grabberd/web/types/openapi.d.ts
 PAGE_SOURCES = $(shell find src/grabberd/web/static/js src/grabberd/web/types tests/web/types -type d -o -name '*.js' -o -name '*.ts')
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install uninstall bundle bench profile measured soak faults setups audit house walls docs format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install rollback uninstall bundle bench profile measured soak faults setups audit house walls docs format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -33,8 +33,8 @@ test: $(READY) npm  ## every check and test that this machine can run
 	@$(MAKE) --no-print-directory pytest
 
 check: $(READY) check-page  ## ruff, mypy, the arrows between the rooms and the page's types
-	$(BIN)/ruff format --check src drivers tests docs tools
-	$(BIN)/ruff check src drivers tests docs tools
+	$(BIN)/ruff format --check src drivers systemd tests docs tools
+	$(BIN)/ruff check src drivers systemd tests docs tools
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/python -m tests.house.glossary
@@ -93,6 +93,9 @@ check-units:  ## whether systemd accepts the units, and how exposed it finds the
 install:  ## install into /opt/grabberd as a service, or upgrade it there (DESTDIR=: into another root)
 	@DESTDIR="$(DESTDIR)" PYTHON="$(SYSTEM_PYTHON)" sh systemd/installer.sh install "$(CURDIR)" constraints.txt
 
+rollback:  ## go back to the release before the latest installation
+	@DESTDIR="$(DESTDIR)" PYTHON="$(SYSTEM_PYTHON)" sh systemd/installer.sh rollback
+
 uninstall:  ## remove the service; captures and configuration stay
 	@DESTDIR="$(DESTDIR)" sh systemd/installer.sh uninstall
 
@@ -132,8 +135,8 @@ docs: $(READY)  ## the generated parts of docs/: API, configuration, pictures; a
 	@$(MAKE) --no-print-directory types
 
 format: $(READY)  ## lay out the code
-	$(BIN)/ruff format src drivers tests docs tools
-	$(BIN)/ruff check --fix src drivers tests docs tools
+	$(BIN)/ruff format src drivers systemd tests docs tools
+	$(BIN)/ruff check --fix src drivers systemd tests docs tools
 
 lock: $(READY)  ## write down the versions that the tests passed with
 	$(BIN)/pip freeze --exclude-editable | LC_ALL=C sort > constraints.txt

@@ -1,12 +1,18 @@
 #!/bin/sh
-# Installs grabberd, or removes it but for its captures and configuration.
+# Installs grabberd, upgrades it, goes back to the release before, or removes it but for its captures and configuration.
 #
 #   installer.sh install [SOURCE CONSTRAINTS]    from a checkout or a wheel; a bundle brings all it needs, and no
 #                                                internet is needed
+#   installer.sh rollback                        to the release before, with the state of then if it cannot read today's
 #   installer.sh uninstall
+#   installer.sh steps install|rollback          names their steps, in order
+#
+# A release is complete and checked beside the one that runs before it takes its place; the switch is the renaming of
+# one link. Where a step fails, whatever came before it is undone, and the release of before runs on.
 #
 # DESTDIR: a root to install into, in place of this machine's.   PYTHON: in place of /usr/bin/python3.
-# A release is complete before it takes the place of the one before, so what fails changes nothing.
+# LIVE=yes: services run in DESTDIR, and systemctl of PATH manages them.   FAIL_AT=STEP: rehearses that this step fails.
+# HEALTH_S: how long a daemon that was started may take to answer.
 set -eu
 
 PREFIX=/opt/grabberd
@@ -16,13 +22,21 @@ CONFIG=/etc/grabberd/grabberd.yaml
 STATE=/var/lib/grabberd
 CACHE=/var/cache/grabberd
 UNITS="grabberd.socket grabberd.service"
+CHECKS="imports version configuration state"
+SWITCH="files stop backup switch units start health"
+INSTALL_STEPS="space packages $CHECKS $SWITCH"
+ROLLBACK_STEPS="$CHECKS $SWITCH"
+FIRST_RELEASE_KB=800000
 DESTDIR=${DESTDIR:-}
 PYTHON=${PYTHON:-/usr/bin/python3}
+HEALTH_S=${HEALTH_S:-60}
 here=$(cd "$(dirname "$0")" && pwd)
+# The releases before and after; which of the changes that can be undone have been made.
+old='' new='' old_version='' new_version='' is_rollback='' is_stopped='' is_switched='' is_saved='' is_restored='' made='' state='' saved=''
 
 say() { echo "grabberd: $*"; }
 fail() { echo "grabberd: $*" >&2; exit 1; }
-is_live() { [ -z "$DESTDIR" ] && [ -d /run/systemd/system ]; }
+is_live() { [ "${LIVE:-}" = yes ] || { [ -z "$DESTDIR" ] && [ -d /run/systemd/system ]; }; }
 check_root() { [ -n "$DESTDIR" ] || [ "$(id -u)" = 0 ] || fail "only root can do this: sudo make install"; }
 
 # Every file of the system that is ours: where it goes, and where in the release it comes from.
@@ -51,67 +65,152 @@ check_python() {
 
 python_kind() { "$PYTHON" -c 'import sys, platform as p; print("Python %d.%d on" % sys.version_info[:2], p.machine())'; }
 
-install_packages() { # into $release
-    "$PYTHON" -m venv "$release"
-    if [ -d "$here/wheels" ]; then
-        set -- "$here"/wheels/grabberd-*.whl "$here/constraints.txt" --no-index --find-links "$here/wheels"
-    fi
-    [ $# -ge 2 ] || fail "name what to install, or take the installer of a bundle: make bundle"
-    source=$1 constraints=$2
-    shift 2
-    "$release/bin/python" -m pip install --quiet --disable-pip-version-check "$@" \
-        --constraint "$constraints" "$source[report,mqtt]"
-    ln -s "$("$release/bin/python" -c 'import grabberd_v4l2 as d; print(d.__path__[0])' |
-        sed "s|^$release/||")" "$release/driver"
-    [ -z "$DESTDIR" ] || grep -rIl "$DESTDIR" "$release/bin" "$release/pyvenv.cfg" | xargs -r sed -i "s|$DESTDIR||g"
+# ---- what a link of $PREFIX names, and what a release says of itself
+
+release_of() { # current or previous: its release; nothing, if there is none
+    target=$(readlink "$root/$1") || return 0
+    [ ! -d "$root/$target" ] || echo "$root/$target"
 }
 
-install_files() {
+# As the daemon runs it: the installed configuration, the state directory of the unit.
+program() { # RELEASE ARGUMENTS OF PYTHON
+    release=$1
+    shift
+    STATE_DIRECTORY="$DESTDIR$STATE" "$release/bin/python" "$@"
+}
+
+grabberd() { # RELEASE ARGUMENTS OF grabberd
+    release=$1
+    shift
+    program "$release" -c 'from grabberd.cli import main; main()' "$@"
+}
+
+version_of() { program "$1" -c 'import grabberd; print(grabberd.__version__)'; }
+
+# ---- the checks, while the release of before runs
+
+step_space() {
+    need_kb=$FIRST_RELEASE_KB
+    [ ! -d "$here/wheels" ] || need_kb=$(($(du -sk "$here/wheels" | cut -f1) * 4))
+    [ -z "$old" ] || need_kb=$(($(du -sk "$old/" | cut -f1) * 6 / 5))
+    free_kb=$(df -Pk "$root" | tail -1 | tr -s ' ' | cut -d' ' -f4)
+    [ "$free_kb" -ge "$need_kb" ] ||
+        fail "$PREFIX has $((free_kb / 1000)) MB free, a release needs $((need_kb / 1000)) MB: make room there"
+}
+
+step_packages() { # into $new
+    "$PYTHON" -m venv "$new"
+    if [ -d "$here/wheels" ]; then
+        set -- "$here"/wheels/grabberd-*.whl "$here/constraints.txt" --no-index --find-links "$here/wheels"
+    else
+        [ -n "$source" ] || fail "name what to install, or take the installer of a bundle: make bundle"
+        set -- "$source" "$constraints"
+    fi
+    what=$1 versions=$2
+    shift 2
+    "$new/bin/python" -m pip install --quiet --disable-pip-version-check "$@" --constraint "$versions" "$what[report,mqtt]"
+    ln -s "$("$new/bin/python" -c 'import grabberd_v4l2 as d; print(d.__path__[0])' |
+        sed "s|^$new/||")" "$new/driver"
+    [ -z "$DESTDIR" ] || grep -rIl "$DESTDIR" "$new/bin" "$new/pyvenv.cfg" | xargs -r sed -i "s|$DESTDIR||g"
+}
+
+step_imports() { program "$new" "$here/release_checks.py" imports; }
+
+step_version() {
+    grabberd "$new" --version >/dev/null
+    new_version=$(version_of "$new")
+}
+
+# A configuration that the release of before refuses as well is not this one's fault.
+step_configuration() {
+    [ -e "$DESTDIR$CONFIG" ] || return 0
+    ! grabberd "$new" check-config "$DESTDIR$CONFIG" >/dev/null || return 0
+    [ -n "$old" ] && ! grabberd "$old" check-config "$DESTDIR$CONFIG" >/dev/null 2>&1 ||
+        fail "$new_version does not accept $CONFIG; what it says stands above"
+    say "$CONFIG is refused by $new_version, but also by $old_version"
+}
+
+step_state() {
+    state=$(program "$new" "$here/release_checks.py" state-directory "$DESTDIR$CONFIG" 2>/dev/null) || state=$STATE
+    case $state in "$DESTDIR"*) ;; *) state=$DESTDIR$state ;; esac
+    saved=$state/before-upgrade
+    [ -f "$state/state.sqlite" ] || return 0
+    ! opens "$state/state.sqlite" || return 0
+    [ -n "$is_rollback" ] && [ -f "$saved/state.sqlite" ] && opens "$saved/state.sqlite" ||
+        fail "$new_version cannot open $state/state.sqlite; what it says stands above"
+    is_restored=yes
+}
+
+opens() { program "$new" "$here/release_checks.py" state "$1"; } # whether the new release opens a copy of it
+
+# ---- the switch
+
+# All that takes room is written here, so that switching and undoing are nothing but renaming.
+step_files() {
+    ln -sfn "releases/$(basename "$new")" "$root/current.new"
+    if [ -n "$old" ]; then
+        ln -sfn "releases/$(basename "$old")" "$root/current.old"
+        ln -sfn "releases/$(basename "$old")" "$root/previous.new"
+    fi
     system_files | while read -r to from; do
-        install -D -m 644 "$release/$from" "$DESTDIR$to"
+        install -D -m 644 "$new/$from" "$DESTDIR$to.new"
+        [ ! -e "$DESTDIR$to" ] || ln -f "$DESTDIR$to" "$DESTDIR$to.old"
     done
-    install -d "$DESTDIR$(dirname "$LINK")"
-    ln -sfn "$PREFIX/current/bin/grabberd" "$DESTDIR$LINK"
     if [ -e "$DESTDIR$CONFIG" ]; then
         say "$CONFIG is kept as it is"
     else
-        install -D -m 644 "$release/share/grabberd/configs/v4l2.yaml" "$DESTDIR$CONFIG"
+        made=$CONFIG
+        install -D -m 644 "$new/share/grabberd/configs/v4l2.yaml" "$DESTDIR$CONFIG"
     fi
+    install -d "$DESTDIR$(dirname "$LINK")"
+    ln -sfn "$PREFIX/current/bin/grabberd" "$DESTDIR$LINK"
 }
 
-do_install() {
-    check_root
-    check_python
-    releases="$DESTDIR$PREFIX/releases"
-    mkdir -p "$releases"
-    release=$(mktemp -d "$releases/$(date -u +%Y%m%dT%H%M%SZ)-XXXX")
-    chmod 755 "$release"
-    trap 'rm -rf "$release"' EXIT
-    install_packages "$@"
-    trap - EXIT
-    ! is_live || stop_units
-    ln -s "releases/$(basename "$release")" "$DESTDIR$PREFIX/current.new"
-    mv -T "$DESTDIR$PREFIX/current.new" "$DESTDIR$PREFIX/current"
-    install_files
-    find "$releases" -mindepth 1 -maxdepth 1 ! -path "$release" -exec rm -rf {} +
-    say "$("$release/bin/python" -c 'import grabberd; print(grabberd.__version__)') is installed in $PREFIX"
-    ! is_live || start_units
-    say "configuration: $CONFIG   captures: $STATE/captures   removal: sh $PREFIX/current/share/grabberd/systemd/installer.sh uninstall"
+step_stop() {
+    is_stopped=yes
+    # shellcheck disable=SC2086
+    ! is_live || [ -z "$old" ] || systemctl stop $UNITS
 }
 
-start_units() {
+# Nobody writes the state now. With its journal, if a crash left one: together they are what they were.
+step_backup() {
+    [ -f "$state/state.sqlite" ] || return 0
+    as_owner rm -rf "$saved.new"
+    as_owner mkdir -m 700 "$saved.new"
+    for file in state.sqlite state.sqlite-journal; do
+        [ ! -f "$state/$file" ] || as_owner cp -p "$state/$file" "$saved.new/$file"
+    done
+    sync "$saved.new"/*
+    is_saved=yes
+}
+
+# In the daemon's own folder root does nothing that its user could not do.
+as_owner() {
+    owner=$(stat -c %U "$state")
+    if [ "$(id -u)" = 0 ] && [ "$owner" != root ]; then runuser -u "$owner" -- "$@"; else "$@"; fi
+}
+
+step_switch() {
+    [ -z "$is_restored" ] || as_owner cp -p "$saved/state.sqlite" "$state/state.sqlite.new"
+    is_switched=yes
+    mv -T "$root/current.new" "$root/current"
+    system_files | while read -r to _; do
+        mv -f "$DESTDIR$to.new" "$DESTDIR$to"
+    done
+    [ -z "$is_restored" ] || put_state "$state/state.sqlite.new"
+}
+
+put_state() { # FILE in place of state.sqlite, without the journal that belongs to another
+    as_owner rm -f "$state/state.sqlite-journal"
+    as_owner mv -f "$1" "$state/state.sqlite"
+}
+
+step_units() {
+    is_live || return 0
     systemd-sysusers
     systemd-tmpfiles --create grabberd.conf
     reload
-    # shellcheck disable=SC2086
-    systemctl enable --quiet $UNITS
-    # shellcheck disable=SC2086
-    systemctl start $UNITS || say "the daemon does not run yet: journalctl -u grabberd says why"
-}
-
-stop_units() {
-    # shellcheck disable=SC2086
-    systemctl stop $UNITS 2>/dev/null || true
+    is_masked || systemctl enable --quiet $UNITS
 }
 
 reload() {
@@ -122,10 +221,147 @@ reload() {
     fi
 }
 
+is_masked() { [ "$(systemctl is-enabled grabberd.service 2>/dev/null)" = masked ]; }
+
+step_start() {
+    is_live || return 0
+    if is_masked; then
+        say "grabberd.service is masked, so it is not started"
+    elif [ -z "$old" ]; then # nothing else could run in its place
+        # shellcheck disable=SC2086
+        systemctl start $UNITS || say "the daemon does not run yet: journalctl -u grabberd says why"
+    else
+        # shellcheck disable=SC2086
+        systemctl start $UNITS || fail "$new_version does not start: journalctl -u grabberd says why"
+    fi
+}
+
+step_health() {
+    ! is_live || [ -z "$old" ] || is_masked || answers "$new_version" ||
+        fail "$new_version does not answer within $HEALTH_S s: journalctl -u grabberd says why"
+}
+
+answers() { # VERSION: whether the daemon answers, and as that
+    "$PYTHON" "$here/release_checks.py" answers "$(systemctl show grabberd.socket -p Listen --value)" "$1" "$HEALTH_S"
+}
+
+# ---- all steps, or none
+
+run_steps() {
+    trap undo EXIT
+    trap 'exit 1' INT TERM HUP
+    for step in $1; do
+        "step_$step"
+        [ "$step" != "${FAIL_AT:-}" ] || fail "told to fail at $step"
+    done
+    trap - EXIT
+    trap '' INT TERM HUP
+    settle || say "some files of the upgrade could not be removed; the next one does it"
+}
+
+# The release of before, its files and its state are as they were: by renaming alone, which a full disk allows.
+undo() {
+    trap - EXIT
+    trap '' INT TERM HUP
+    set +e
+    # shellcheck disable=SC2086
+    ! is_live || [ -z "$is_switched" ] || systemctl stop $UNITS
+    [ -z "$is_switched" ] || switch_back
+    if [ -n "$is_saved" ]; then
+        [ ! -f "$saved.new/state.sqlite-journal" ] || as_owner mv -f "$saved.new/state.sqlite-journal" "$saved.new/journal"
+        put_state "$saved.new/state.sqlite"
+        [ ! -f "$saved.new/journal" ] || as_owner mv -f "$saved.new/journal" "$state/state.sqlite-journal"
+    fi
+    [ -n "$is_rollback" ] || rm -rf "$new"
+    [ -n "$old" ] || rm -f "$DESTDIR$LINK" ${made:+"$DESTDIR$made"}
+    forget_staged
+    say "failed at the step '$step'; why stands above" >&2
+    [ -z "$old" ] || say "$(run_again)" >&2
+    exit 1
+}
+
+switch_back() {
+    if [ -n "$old" ]; then mv -T "$root/current.old" "$root/current"; else rm -f "$root/current"; fi
+    system_files | while read -r to _; do
+        if [ -e "$DESTDIR$to.old" ]; then mv -f "$DESTDIR$to.old" "$DESTDIR$to"; else rm -f "$DESTDIR$to"; fi
+    done
+}
+
+run_again() { # the old release, if it was stopped; how that went, in words
+    if ! is_live || [ -z "$is_stopped" ]; then
+        echo "$old_version is still the installed version, and was not disturbed"
+        return
+    fi
+    reload >&2
+    if is_masked; then
+        echo "$old_version is the installed version again; grabberd.service is masked, so it does not run"
+    # shellcheck disable=SC2086
+    elif systemctl start $UNITS >&2 && answers "$old_version" >&2; then
+        echo "$old_version runs again, with its state as it was"
+    else
+        echo "$old_version is the installed version again, with its state as it was, but does not answer: journalctl -u grabberd says why"
+    fi
+}
+
+# The release of before is kept, with the state that it left; older ones go.
+settle() {
+    [ -z "$old" ] || mv -T "$root/previous.new" "$root/previous"
+    find "$root/releases" -mindepth 1 -maxdepth 1 ! -path "$new" ! -path "${old:-$new}" -exec rm -rf {} +
+    if [ -n "$is_saved" ]; then
+        as_owner rm -rf "$saved"
+        as_owner mv -T "$saved.new" "$saved"
+    fi
+    forget_staged
+}
+
+forget_staged() { # also what an installer left that was killed
+    rm -f "$root/current.new" "$root/current.old" "$root/previous.new"
+    system_files | while read -r to _; do
+        rm -f "$DESTDIR$to.new" "$DESTDIR$to.old"
+    done
+    [ -n "$saved" ] && [ -d "$state" ] || return 0
+    as_owner rm -rf "$saved.new" "$state/state.sqlite.new"
+}
+
+begin() {
+    check_root
+    check_python
+    root=$DESTDIR$PREFIX
+    mkdir -p "$root/releases"
+    exec 9>"$root/lock"
+    flock -n 9 || fail "another installation is running"
+    forget_staged
+    old=$(release_of current)
+    [ -z "$old" ] || old_version=$(version_of "$old" 2>/dev/null) || old_version=''
+}
+
+do_install() {
+    begin
+    source=${1:-} constraints=${2:-}
+    new=$(mktemp -d "$root/releases/$(date -u +%Y%m%dT%H%M%SZ)-XXXX")
+    chmod 755 "$new"
+    run_steps "$INSTALL_STEPS"
+    say "$new_version is installed in $PREFIX"
+    say "configuration: $CONFIG   captures: $STATE/captures   removal: sh $PREFIX/current/share/grabberd/systemd/installer.sh uninstall"
+    [ -z "$old" ] || say "back to the release before: sh $PREFIX/current/share/grabberd/systemd/installer.sh rollback"
+}
+
+do_rollback() {
+    begin
+    is_rollback=yes
+    new=$(release_of previous)
+    [ -n "$old" ] && [ -n "$new" ] || fail "there is no release before; only the latest one is kept"
+    run_steps "$ROLLBACK_STEPS"
+    say "$new_version is installed again in $PREFIX, in place of $old_version"
+    [ -z "$is_restored" ] ||
+        say "settings, tokens, pins and notes are those from before the upgrade: it cannot read later ones, which are kept in $saved"
+}
+
 do_uninstall() {
     check_root
     if is_live; then
-        stop_units
+        # shellcheck disable=SC2086
+        systemctl stop $UNITS 2>/dev/null || true
         # shellcheck disable=SC2086
         systemctl disable --quiet $UNITS 2>/dev/null || true
     fi
@@ -141,6 +377,8 @@ do_uninstall() {
 [ -z "$DESTDIR" ] || DESTDIR=$(mkdir -p "$DESTDIR" && cd "$DESTDIR" && pwd)
 case ${1:-install} in
     install) [ $# = 0 ] || shift; do_install "$@" ;;
+    rollback) do_rollback ;;
     uninstall) do_uninstall ;;
-    *) fail "install or uninstall, not $1" ;;
+    steps) case ${2:-} in install) echo "$INSTALL_STEPS" ;; rollback) echo "$ROLLBACK_STEPS" ;; *) fail "steps install|rollback" ;; esac ;;
+    *) fail "install, rollback or uninstall, not $1" ;;
 esac

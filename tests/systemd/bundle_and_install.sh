@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Packs a bundle, installs it from an empty directory into an empty root, without any index of packages; runs it
-# there; installs it again; removes it. What a person has changed and what was captured has to survive.
+# there; installs it again, goes back, removes it. What a person has changed and what was captured has to survive.
 # usage: bundle_and_install.sh SYSTEM_PYTHON BUILDING_PYTHON [BUNDLE]
 set -euo pipefail
 python=$1 building_python=$(cd "$(dirname "$2")" && pwd)/$(basename "$2") here=$(cd "$(dirname "$0")/../.." && pwd)
@@ -53,8 +53,13 @@ must test "$(readlink "$root/opt/grabberd/current")" = "$before"
 must test "$(ls "$root/opt/grabberd/releases" | wc -l)" = 1
 mv "$bundle/away" "$bundle/constraints.txt"
 must cleanly sh "$bundle/installer.sh" >"$work/second"
-must test "$(readlink "$root/opt/grabberd/current")" != "$before"
-must test "$(ls "$root/opt/grabberd/releases" | wc -l)" = 1
+after=$(readlink "$root/opt/grabberd/current")
+must test "$after" != "$before"
+must test "$(readlink "$root/opt/grabberd/previous")" = "$before"
+must test "$(ls "$root/opt/grabberd/releases" | wc -l)" = 2
+must cleanly sh "$root/opt/grabberd/current/share/grabberd/systemd/installer.sh" rollback >"$work/back"
+must test "$(readlink "$root/opt/grabberd/current")" = "$before"
+must test "$(readlink "$root/opt/grabberd/previous")" = "$after"
 must grep -q "# ours" "$config"
 must grabberd export "$work/liner.grab" --format csv --out "$work/exported" >/dev/null
 
@@ -64,4 +69,4 @@ left=$(cd "$root" && find . -type f | sort)
 must test "$left" = "$(printf '%s\n' ./etc/grabberd/grabberd.yaml ./var/lib/grabberd/captures/liner.grab)"
 must cleanly sh "$bundle/installer.sh" uninstall >/dev/null
 
-echo "install: from a bundle into an empty root, again over itself, and away; configuration and captures stayed"
+echo "install: from a bundle into an empty root, again over itself, back to the release before, and away; configuration and captures stayed"

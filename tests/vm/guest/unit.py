@@ -1,5 +1,6 @@
 """The installed service as its administrator has it: the installer, the unit, its processes, its disk."""
 
+import hashlib
 import os
 import signal
 import stat
@@ -39,6 +40,42 @@ def install(bundle: str) -> dict[str, Any]:
     started = time.monotonic()
     said = run(f"cd /opt && tar xzf {bundle} && {_as_administrator()} sh grabberd-*/installer.sh 2>&1", 1200)
     return {"seconds": time.monotonic() - started, "said": said, "journal": journal(100)}
+
+
+def upgrade(fail_at: str = "") -> dict[str, Any]:
+    """Runs the bundle's installer once more; a step may be told to fail."""
+    return _installer(f"/opt/{_bundle()}/installer.sh install", fail_at)
+
+
+def roll_back() -> dict[str, Any]:
+    """Runs the installed installer, which goes back to the release before."""
+    return _installer("/opt/grabberd/current/share/grabberd/systemd/installer.sh rollback", "")
+
+
+def _bundle() -> str:
+    return next(path.name for path in Path("/opt").glob("grabberd-*") if path.is_dir())
+
+
+def _installer(words: str, fail_at: str) -> dict[str, Any]:
+    """Its exit code, what it said, its seconds; which release is installed then, and which is kept."""
+    started = time.monotonic()
+    line = f"{_as_administrator()} FAIL_AT={fail_at} HEALTH_S=300 sh {words} 2>&1"
+    done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=1200, check=False)
+    seconds = time.monotonic() - started
+    return {"exit": done.returncode, "said": done.stdout, "seconds": seconds, **releases()}
+
+
+def releases() -> dict[str, Any]:
+    """Which release is installed, which is kept, and all that are there."""
+    folder = Path("/opt/grabberd")
+    links = {name: os.readlink(folder / name) for name in ("current", "previous") if (folder / name).exists()}
+    return {**links, "all": sorted(path.name for path in (folder / "releases").iterdir())}
+
+
+def digests(folder: str) -> dict[str, str]:
+    """SHA-256 of every file below a folder of the state directory."""
+    files = sorted(path for path in (STATE / folder).rglob("*") if path.is_file())
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
 def _as_administrator() -> str:
