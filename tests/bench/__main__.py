@@ -20,6 +20,7 @@ from tests.bench import (
     live,
     location,
     location_bits,
+    memory,
     middle_accuracy,
     page,
     pressure_accuracy,
@@ -64,6 +65,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "Pointing at 1 bit: noise and line jitter, RMS in px": location_bits.table,
         "Pointing at 1 bit: the missing lines, RMS in px": location_bits.table_of_lines,
     },
+    "memory": {"Memory of the daemon and of its process of jobs": memory.table},
     "page": {"The page: what it weighs, how soon it is seen, what it costs": page.table},
     "pressure": {
         "Contact pressure on solved walls, kPa: RMS / σ (χ²)": pressure_accuracy.table,

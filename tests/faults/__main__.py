@@ -5,8 +5,9 @@ import sys
 import tempfile
 from pathlib import Path
 
+from .failing import failing_machine
 from .judging import problems_of
-from .playing import FAULTS, failing_machine, play, play_all
+from .playing import FAULTS, play, play_all
 from .scenario import all_of
 from .table import document
 

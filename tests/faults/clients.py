@@ -24,8 +24,8 @@ def clients_at_once(machine: Machine) -> Finding:
     daemon = machine.daemon
     capture_id = daemon.start_capture()
     begin_s = time.monotonic()
-    with _connected(daemon.port, CLIENTS, "/api/v1/events") as sockets:
-        told = _answered(sockets, b"event: change", begin_s + PATIENCE_S)
+    with connected(daemon.port, CLIENTS, "/api/v1/events") as sockets:
+        told = answered(sockets, b"event: change", begin_s + PATIENCE_S)
         all_told_s = time.monotonic() - begin_s
         begin_s = time.monotonic()
         health = daemon.ask("/healthz").status
@@ -45,8 +45,8 @@ def clients_beyond_the_limit(machine: Machine) -> Finding:
     """More connections than the daemon may have."""
     daemon = machine.daemon
     begin_s = time.monotonic()
-    with _connected(daemon.port, 300, "/api/v1/events") as sockets:
-        refused = _answered(sockets, b"too-many-connections", begin_s + 2.0)
+    with connected(daemon.port, 300, "/api/v1/events") as sockets:
+        refused = answered(sockets, b"too-many-connections", begin_s + 2.0)
         noticed_s = time.monotonic() - begin_s
     begin_s = time.monotonic()
     while daemon.ask("/healthz").status != 200:
@@ -102,7 +102,7 @@ def streams_and_never_reads(machine: Machine) -> Finding:
 
 
 @contextmanager
-def _connected(port: int, count: int, path: str) -> Iterator[list[socket.socket]]:
+def connected(port: int, count: int, path: str) -> Iterator[list[socket.socket]]:
     """So many clients, each of an address of its own."""
     sockets = [
         socket.create_connection(
@@ -120,7 +120,7 @@ def _connected(port: int, count: int, path: str) -> Iterator[list[socket.socket]
             one.close()
 
 
-def _answered(sockets: Sequence[socket.socket], word: bytes, until_s: float) -> int:
+def answered(sockets: Sequence[socket.socket], word: bytes, until_s: float) -> int:
     """How many are told a word in time."""
     heard = dict.fromkeys(sockets, b"")
     waiting = set(sockets)

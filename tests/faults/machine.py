@@ -192,14 +192,14 @@ def job_killed(machine: Machine) -> Finding:
     """The process of jobs is killed while it measures a capture again."""
     daemon = machine.daemon
     told = daemon.sealed(daemon.start_capture(fields=100))
-    job = _measure(daemon, told["id"])
+    job = measured_again(daemon, told["id"])
     daemon.wait_for(f"/api/v1/jobs/{job}", lambda one: one["state"] == "running" and one["progress"] > 0)
     begin_s = time.monotonic()
-    os.kill(_job_process(daemon.process.pid), signal.SIGKILL)
+    os.kill(job_process(daemon.process.pid), signal.SIGKILL)
     failed = daemon.wait_for(f"/api/v1/jobs/{job}", lambda one: one["state"] not in ("queued", "running"))
     noticed_s, begin_s = time.monotonic() - begin_s, time.monotonic()
     before = machine.evidence(daemon.get(f"/api/v1/captures/{told['id']}"))
-    again = _measure(daemon, told["id"])
+    again = measured_again(daemon, told["id"])
     done = daemon.wait_for(f"/api/v1/jobs/{again}", lambda one: one["state"] in ("done", "failed"))
     recovered_s = time.monotonic() - begin_s
     after = daemon.get(f"/api/v1/captures/{told['id']}")
@@ -214,14 +214,14 @@ def job_killed(machine: Machine) -> Finding:
     return Finding(behaviour, noticed_s, recovered_s, (*problems, *lost))
 
 
-def _measure(daemon: Daemon, capture_id: str) -> str:
+def measured_again(daemon: Daemon, capture_id: str) -> str:
     answer = daemon.ask(f"/api/v1/captures/{capture_id}/measure", "POST")
     assert answer.status == 202, answer
     job: str = answer.document["id"]
     return job
 
 
-def _job_process(parent: int) -> int:
+def job_process(parent: int) -> int:
     """The daemon's child that does jobs."""
     children = Path(f"/proc/{parent}/task").glob("*/children")
     pids = [pid for children_of in children for pid in children_of.read_text().split()]

@@ -1,59 +1,29 @@
 """The daemon on which the machine and its clients fail."""
 
 import os
-import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
-from grabberd.config import shipped_configs
-
-from . import clients, files, machine
-from .clients import WRITE_TIMEOUT_S
-from .daemon import running
+from . import clients, files, limits, machine
 from .finding import Finding
 from .judging import problems_of
-from .machine import QUEUE_S, Machine
+from .machine import Machine
 from .scenario import Scenario
 from .suffering import Suffered, suffer_all
 
-FAULTS: Mapping[str, Callable[[Machine], Finding]] = {**machine.FAULTS, **files.FAULTS, **clients.FAULTS}
+FAULTS: Mapping[str, Callable[[Machine], Finding]] = {
+    **machine.FAULTS,
+    **files.FAULTS,
+    **clients.FAULTS,
+    **limits.FAULTS,
+}
 TURNS = 2
 PRESSURE = Path("/proc/pressure/cpu")
 NOTABLE_SHARE = 0.03
 """Of the time. All scenarios at once make programs wait for about twice that on two processors, which is
 enough to lose a field."""
-INJECTED = (sys.executable, str(Path(__file__).with_name("injected.py")))
-
-
-def configuration() -> dict[str, Any]:
-    """One device that is measured, short queues and short patience."""
-    configs = shipped_configs()
-    cup = {
-        "driver": "fake",
-        "options": {"scene": "liner", "buffers": 32},
-        "calibration": str(configs / "fake.calibration.json"),
-        "object": str(configs / "objects" / "liner.yaml"),
-    }
-    return {
-        "devices": {"cup": cup},
-        "storage": {"queue_s": QUEUE_S},
-        "http": {"limits": {"write_timeout_s": WRITE_TIMEOUT_S}},
-    }
-
-
-@contextmanager
-def failing_machine(folder: Path) -> Iterator[Machine]:
-    """A daemon whose disk and clock can be told to fail."""
-    folder.mkdir(parents=True, exist_ok=True)
-    controls = folder / "controls.json"
-    controls.write_text("{}")
-    variables = {"FAULTS_CONTROLS": str(controls)}
-    with running(folder, configuration(), INJECTED, variables) as daemon:
-        daemon.wait_until_ready()
-        yield Machine(daemon, controls)
 
 
 def play_all(scenarios: Sequence[Scenario], folder: Path) -> dict[str, Suffered]:

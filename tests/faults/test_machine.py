@@ -4,8 +4,9 @@ from collections.abc import Iterator
 
 import pytest
 
+from .failing import failing_machine
 from .machine import Machine
-from .playing import FAULTS, failing_machine, play
+from .playing import FAULTS, play
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 

@@ -1,6 +1,7 @@
 """Jobs: one process, one after the other."""
 
 import os
+import signal
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from grabberd.service.jobs.progress import REPORTS, Progress, counted, portion
 from grabberd.service.jobs.runner import KILLED_FIRST, NICENESS, OOM_SCORE, JobRunner, JobSpec, JobState
 
 PATIENCE_S = 30.0
+SCARCE_BYTES = 1_000_000_000
 
 
 def counted_to(points: int) -> MeasurementResult:
@@ -69,6 +71,17 @@ class Die(TestJob):
         os._exit(1)
 
 
+class TakeMemory(TestJob):
+    def run(self, progress: Progress) -> MeasurementResult:
+        return counted_to(len(bytearray(3 * SCARCE_BYTES)))
+
+
+class BeKilled(TestJob):
+    def run(self, progress: Progress) -> MeasurementResult:
+        os.kill(os.getpid(), signal.SIGKILL)
+        raise AssertionError
+
+
 class Hang(TestJob):
     def run(self, progress: Progress) -> MeasurementResult:
         progress(0.1)
@@ -119,6 +132,31 @@ def test_a_fault_of_the_program_fails_one_job_only(jobs: JobRunner) -> None:
 def test_a_process_that_dies_fails_its_job_and_is_replaced(jobs: JobRunner) -> None:
     assert jobs.wait(jobs.submit(Die()).id, PATIENCE_S).state is JobState.FAILED
     assert jobs.wait(jobs.submit(Add(one=1, other=1)).id, PATIENCE_S).result == counted_to(2)
+
+
+@pytest.fixture
+def scarce() -> Iterator[JobRunner]:
+    """Jobs with little memory."""
+    runner = JobRunner(ManualClock(), memory_bytes=SCARCE_BYTES)
+    runner.start()
+    yield runner
+    runner.stop()
+
+
+def test_a_job_that_wants_more_memory_than_it_may_have_says_so_and_the_next_one_is_done(
+    scarce: JobRunner,
+) -> None:
+    failed = scarce.wait(scarce.submit(TakeMemory()).id, PATIENCE_S)
+    assert failed.problem
+    assert failed.problem.message == "the job needs more memory than a job may have, 1 GB"
+    assert "fewer fields" in failed.problem.hint
+    assert scarce.wait(scarce.submit(Add(one=1, other=1)).id, PATIENCE_S).result == counted_to(2)
+
+
+def test_a_job_that_is_killed_is_told_as_what_that_mostly_is(jobs: JobRunner) -> None:
+    failed = jobs.wait(jobs.submit(BeKilled()).id, PATIENCE_S)
+    assert failed.problem
+    assert "where memory is used up" in failed.problem.hint
 
 
 def test_a_running_and_a_waiting_job_can_be_cancelled(jobs: JobRunner) -> None:

@@ -79,6 +79,14 @@ def stopped(capture_id: str) -> dict[str, Any]:
     return sealed(capture_id)
 
 
+def job_ended(job_id: str) -> dict[str, Any]:
+    """A job's document once it has ended."""
+    path = f"/api/v1/jobs/{job_id}"
+    wait_for(lambda: ask(path)["document"]["state"] not in ("queued", "running"), 4 * PATIENCE_S, 0.2)
+    now: dict[str, Any] = ask(path)["document"]
+    return now
+
+
 def inside(capture_id: str) -> dict[str, Any]:
     """What a capture's file holds, seen without any of our own code."""
     path = CAPTURES / f"{capture_id}.grab"

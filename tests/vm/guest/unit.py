@@ -270,3 +270,19 @@ def settle_disks() -> None:
 def _write(path: str, text: str) -> None:
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     Path(path).write_text(text)
+
+
+def limit_memory(more_bytes: int | None) -> None:
+    """The service may take so much more than its programs hold now; None: what its unit says."""
+    limit = "3G"
+    if more_bytes is not None:
+        group = Path(f"/sys/fs/cgroup{shown('ControlGroup')['ControlGroup']}/memory.stat").read_text()
+        now = dict(line.split() for line in group.splitlines())
+        limit = str(int(now["anon"]) + int(now["file_mapped"]) + more_bytes)
+    run(f"systemctl set-property --runtime {SERVICE} MemoryMax={limit}")
+
+
+def count_killed_for_memory() -> int:
+    """How many of the service's processes the kernel has killed for want of memory."""
+    events = Path(f"/sys/fs/cgroup{shown('ControlGroup')['ControlGroup']}/memory.events").read_text()
+    return int(dict(line.split() for line in events.splitlines())["oom_kill"])

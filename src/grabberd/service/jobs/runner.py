@@ -3,6 +3,8 @@
 import itertools
 import multiprocessing
 import os
+import resource
+import signal
 import threading
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -23,6 +25,9 @@ NICENESS = 10
 """Linux weighs it 110 against the daemon's 1024: a capture keeps nine tenths of a processor they share."""
 OOM_SCORE, KILLED_FIRST = Path("/proc/self/oom_score_adj"), 500
 """Half of all memory is added to what the job uses, when the kernel looks for the process to kill."""
+MEMORY_BYTES = 2_000_000_000
+"""Of private data, for the process: less than `MemoryMax` of the unit leaves beside the daemon, so that a job
+that wants more is told so, and not killed. Addresses that libraries and threads only reserve do not count."""
 KILLED_S = 10.0
 """A killed process that waits for a slow disk ends only when the disk has answered."""
 
@@ -63,8 +68,9 @@ class _Entry:
 class JobRunner:
     """Runs jobs in the order they are submitted; all of them can be looked up until the daemon ends."""
 
-    def __init__(self, clock: UtcClock) -> None:
+    def __init__(self, clock: UtcClock, memory_bytes: int = MEMORY_BYTES) -> None:
         self._clock = clock
+        self._memory_bytes = memory_bytes
         self._entries: dict[str, _Entry] = {}
         # Ids go on from the time of the start, so that a client that still polls a job from before a restart
         # gets 404 and not somebody else's job.
@@ -184,15 +190,14 @@ class JobRunner:
 
     def _run_in_process(self, entry: _Entry) -> None:
         if self._process is None or not self._process.alive:
-            self._process = _JobProcess()
+            self._process = _JobProcess(self._memory_bytes)
         try:
             self._process.send(entry.spec)
             while self._receive(entry.job.id, self._process):
                 pass
         except (EOFError, OSError):  # the process has ended: killed, out of memory, or crashed
             self._process.kill()
-            hint = "try again; if it fails again, see the journal for why the process ended"
-            problem = JobProblem(message="the job's process ended before the job was done", hint=hint)
+            problem = JobProblem(message=_ENDED, hint=_hint_of(self._process.exit_code))
             self._update(entry.job.id, state=JobState.FAILED, problem=problem)
 
     def _receive(self, job_id: str, process: "_JobProcess") -> bool:
@@ -201,6 +206,8 @@ class JobRunner:
         if message == "progress":
             self._update(job_id, progress=value)
             return True
+        if message == "exhausted":  # what failed for want of memory may have left its process in any state
+            process.kill()
         if message == "done":
             self._update(job_id, state=JobState.DONE, progress=1.0, result=value)
         else:
@@ -211,18 +218,25 @@ class JobRunner:
 class _JobProcess:
     """The process that runs the jobs, as the daemon sees it."""
 
-    def __init__(self) -> None:
+    def __init__(self, memory_bytes: int) -> None:
         # Spawned, not forked: a fork would copy the locks that other threads of the daemon hold at that
         # moment, and keep the device open.
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
-        self._process: SpawnProcess = context.Process(target=_serve, args=(theirs,), name="jobs", daemon=True)
+        self._process: SpawnProcess = context.Process(
+            target=_serve, args=(theirs, memory_bytes), name="jobs", daemon=True
+        )
         self._process.start()
         theirs.close()  # ours of its two ends, or `receive` would never see the end of the process
 
     @property
     def alive(self) -> bool:
         return self._process.is_alive()
+
+    @property
+    def exit_code(self) -> int | None:
+        """Exit code as of `multiprocessing`: a signal is negative; None while it runs."""
+        return self._process.exitcode
 
     def send(self, spec: JobSpec) -> None:
         self._connection.send(spec)
@@ -236,10 +250,24 @@ class _JobProcess:
         self._process.join(KILLED_S)
 
 
-def _serve(connection: Connection) -> None:
+_ENDED = "the job's process ended before the job was done"
+
+
+def _hint_of(exit_code: int | None) -> str:
+    """Advice about a process that ended by itself."""
+    if exit_code == -signal.SIGKILL:
+        return (
+            "the system kills a job first where memory is used up (journalctl -k says so): end other "
+            "programs, or let fewer fields be worked on"
+        )
+    return "try again; if it fails again, see the journal for why the process ended"
+
+
+def _serve(connection: Connection, memory_bytes: int) -> None:
     """Runs one job after the other in the job process; ends with its parent."""
     os.nice(NICENESS)
     _be_killed_first()
+    resource.setrlimit(resource.RLIMIT_DATA, (memory_bytes, memory_bytes))
     while True:
         try:
             spec: JobSpec = connection.recv()
@@ -262,5 +290,21 @@ def _outcome(connection: Connection, spec: JobSpec) -> tuple[str, Any]:
     except GrabberdError as error:
         return "failed", JobProblem(message=error.message, hint=error.hint)
     except Exception as error:
+        if _is_for_want_of_memory(error):
+            return "exhausted", _too_large()
         message = f"{type(error).__name__}: {error}"
         return "failed", JobProblem(message=message, hint="this is a fault of the program; please report it")
+
+
+def _is_for_want_of_memory(error: Exception) -> bool:
+    """OpenCV and SQLite have errors of their own for it."""
+    return isinstance(error, MemoryError) or "insufficient memory" in str(error).lower()
+
+
+def _too_large() -> JobProblem:
+    most, _ = resource.getrlimit(resource.RLIMIT_DATA)
+    return JobProblem(
+        message=f"the job needs more memory than a job may have, {most / 1e9:g} GB",
+        hint="let fewer fields be worked on, such as those of a shorter capture, or run the command of the "
+        "same name on the file: commands have no such limit",
+    )
