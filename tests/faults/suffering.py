@@ -181,7 +181,7 @@ def _in_the_midst(device: Device, daemon: Daemon, observer: Observer) -> dict[st
     seen = observer.of(name)
     told = daemon.stop_capture(capture_id)
     evidence = evidence_of(daemon.take_home(capture_id, daemon.folder), told)
-    return dict(_judged(device, cue_s, seen, told, evidence))
+    return dict(judged(device, cue_s, seen, told, evidence))
 
 
 def _is_over(seen: list[Seen], begin_s: float, end_s: float, scenario: Scenario) -> bool:
@@ -190,10 +190,10 @@ def _is_over(seen: list[Seen], begin_s: float, end_s: float, scenario: Scenario)
     taken = seen[-1].state["recoveries"]
     if any(taken[rung] < count for rung, count in scenario.sees.steps.items()):
         return False
-    return seen[-1].at_s > since_s and _recovered(seen, since_s) is not None
+    return seen[-1].at_s > since_s and recovered(seen, since_s) is not None
 
 
-def _judged(
+def judged(
     device: Device, cue_s: float, seen: list[Seen], told: dict[str, Any], evidence: Evidence
 ) -> Iterator[tuple[str, Suffered]]:
     for act, following in zip(device, (*device[1:], None), strict=True):
@@ -202,7 +202,7 @@ def _judged(
         before = [one for one in seen if one.at_s < begin_s][-1:]
         shown = (*before, *(one for one in seen if begin_s <= one.at_s < until_s))
         noticed_s = _noticed(shown)
-        recovered_s = _recovered(shown, end_s if noticed_s is None else max(end_s, noticed_s))
+        recovered_s = recovered(shown, end_s if noticed_s is None else max(end_s, noticed_s))
         yield (
             act.scenario.name,
             Suffered(
@@ -230,7 +230,7 @@ def _told(seen: Seen) -> tuple[Any, ...]:
     return device["state"], device["cause"], device["signal"], troubles, device["recoveries"]
 
 
-def _recovered(shown: Sequence[Seen], since_s: float) -> float | None:
+def recovered(shown: Sequence[Seen], since_s: float) -> float | None:
     """When fields came again, and the device was as it should be."""
     return next(
         (later.at_s for one, later in _pairs(shown) if later.at_s >= since_s and _flows(one, later)), None

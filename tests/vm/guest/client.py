@@ -7,6 +7,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -85,6 +86,29 @@ def job_ended(job_id: str) -> dict[str, Any]:
     wait_for(lambda: ask(path)["document"]["state"] not in ("queued", "running"), 4 * PATIENCE_S, 0.2)
     now: dict[str, Any] = ask(path)["document"]
     return now
+
+
+def deleted(capture_id: str) -> int:
+    """Deletes a capture; the status of the answer."""
+    request = urllib.request.Request(f"{ADDRESS}/api/v1/captures/{capture_id}", method="DELETE")
+    try:
+        with urllib.request.urlopen(request, timeout=300) as answer:
+            return int(answer.status)
+    except urllib.error.HTTPError as error:
+        return error.code
+
+
+def alarms(within_s: float) -> list[str]:
+    """What the state still complains of after so long; nothing as soon as it does not."""
+
+    def found() -> list[str]:
+        state = ask("/api/v1/state")["document"]
+        of_devices = [device["cause"] for device in state["devices"].values() if device["cause"]]
+        return [fault["message"] for fault in state["faults"]] + of_devices
+
+    with suppress(TimeoutError):
+        wait_for(lambda: not found(), within_s, 0.2)
+    return found()
 
 
 def inside(capture_id: str) -> dict[str, Any]:

@@ -65,6 +65,15 @@ FAULTS: Mapping[str, Fault] = {
 }
 
 
+def happen(name: str) -> None:
+    """Does it to the device that the installed service has, and waits until it is over."""
+    fault = FAULTS[name]
+    fault.happen()
+    if fault.heal is not None:
+        time.sleep(fault.after_s)
+        fault.heal()
+
+
 def suffer(name: str, **options: Any) -> dict[str, Any]:
     """A capture through a fault, by a service that has seen no other."""
     instrument.start(**options)

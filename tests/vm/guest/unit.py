@@ -286,3 +286,10 @@ def count_killed_for_memory() -> int:
     """How many of the service's processes the kernel has killed for want of memory."""
     events = Path(f"/sys/fs/cgroup{shown('ControlGroup')['ControlGroup']}/memory.events").read_text()
     return int(dict(line.split() for line in events.splitlines())["oom_kill"])
+
+
+def size_of_daemon() -> dict[str, Any]:
+    """Its process, resident memory, and how many files it has open."""
+    pid = main_pid()
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return {"pid": pid, "memory_mb": pages * 4096 / 1e6, "descriptors": len(os.listdir(f"/proc/{pid}/fd"))}
