@@ -210,6 +210,7 @@ step_units() {
     systemd-sysusers
     systemd-tmpfiles --create grabberd.conf
     reload
+    # shellcheck disable=SC2086
     is_masked || systemctl enable --quiet $UNITS
 }
 

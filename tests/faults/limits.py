@@ -107,7 +107,7 @@ def _asked_for_much(daemon: Daemon, capture_id: str, seconds: float) -> list[Ans
         f"{base}/points.csv",
         f"{base}/fields/9.png",
         f"{base}/file",
-        "/api/v1/preview.png",
+        "/api/v1/preview.png?device=cup",
     ]
     until_s = time.monotonic() + seconds
 

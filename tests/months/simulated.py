@@ -38,12 +38,15 @@ ALARMS_S = 30.0
 Tell = Callable[[Played | Lived], None]
 
 
+NAME_A_DEVICE = {("/api/v1/captures", "POST"), ("/api/v1/settings", "PUT")}
+
+
 class TwoDevices(Daemon):
-    """A daemon with two devices, whose captures are the second one's where nobody says otherwise."""
+    """A daemon with two devices; what needs one of them is about the second where nobody says otherwise."""
 
     def ask(self, path: str, method: str = "GET", document: Mapping[str, Any] | None = None) -> Answer:
         """One request and its answer, whatever that is."""
-        if (path, method) == ("/api/v1/captures", "POST"):
+        if (path, method) in NAME_A_DEVICE:
             document = {"device": CUP, **(document or {})}
         return super().ask(path, method, document)
 

@@ -8,8 +8,11 @@ from vm.tables import Tables
 
 NOTE = "The same bundle once more; seconds until the installer had ended."
 TITLE = "Upgrades"
+LONG_S = 1500
+"""Of the host's time: an installer that starts Python a dozen times, and the daemon twice."""
 
 
+@pytest.mark.timeout(LONG_S)
 @pytest.mark.parametrize("step", ["imports", "health"])
 def test_an_upgrade_that_fails_leaves_the_release_before_running(
     service: Machine, service_tables: Tables, step: str
@@ -17,7 +20,7 @@ def test_an_upgrade_that_fails_leaves_the_release_before_running(
     before, pid = service.call(unit.releases), service.call(unit.main_pid)
     capture_id = service.call(client.capture, fields=25)["id"]
     digests = service.call(unit.digests, folder="captures")
-    done = service.call(unit.upgrade, fail_at=step, timeout_s=800)
+    done = service.call(unit.upgrade, fail_at=step, timeout_s=LONG_S - 300)
     service.call(unit.until_ready, timeout_s=600)
     service_tables.add(
         TITLE, NOTE, what=f"fails at the step {step}", installer=_s(done), releases=_kept(done)
@@ -33,11 +36,12 @@ def test_an_upgrade_that_fails_leaves_the_release_before_running(
     }
 
 
+@pytest.mark.timeout(2 * LONG_S)
 def test_an_upgrade_keeps_the_release_before_and_a_rollback_brings_it_back(
     service: Machine, service_tables: Tables
 ) -> None:
     first = service.call(unit.releases)["current"]
-    upgraded = service.call(unit.upgrade, timeout_s=800)
+    upgraded = service.call(unit.upgrade, timeout_s=LONG_S)
     assert upgraded["exit"] == 0, upgraded["said"]
     service.call(unit.until_ready, timeout_s=600)
     service_tables.add(TITLE, NOTE, what="succeeds", installer=_s(upgraded), releases=_kept(upgraded))
@@ -45,7 +49,7 @@ def test_an_upgrade_keeps_the_release_before_and_a_rollback_brings_it_back(
     assert upgraded["current"] != first
     assert len(upgraded["all"]) == 2
     assert service.call(client.capture, fields=25)["verdict"] == "complete"
-    back = service.call(unit.roll_back, timeout_s=800)
+    back = service.call(unit.roll_back, timeout_s=LONG_S)
     assert back["exit"] == 0, back["said"]
     service.call(unit.until_ready, timeout_s=600)
     service_tables.add(TITLE, NOTE, what="is rolled back", installer=_s(back), releases=_kept(back))
