@@ -23,7 +23,11 @@ _END_CAPTURES = (
     clients.takes_a_file_and_never_reads,
 )
 """Or cost fields of every capture there is, or count on being alone."""
-BESIDE = tuple(name for name, play in FAULTS.items() if play not in (*_OWN_DAEMON, *_END_CAPTURES))
+(WARMING,) = (name for name, play in FAULTS.items() if play is limits.much_at_once)
+"""Comes first in every life: memory that many large answers need is kept for later ones, which is no leak."""
+BESIDE = tuple(
+    name for name, play in FAULTS.items() if play not in (*_OWN_DAEMON, *_END_CAPTURES, limits.much_at_once)
+)
 ALONE = tuple(name for name, play in FAULTS.items() if play in _END_CAPTURES)
 ENDS = ("killed", "told to end")
 
@@ -55,9 +59,12 @@ def lives(seed: int, faults: int, every_s: float, of_a_life: int) -> list[Life]:
         acts = tuple(
             Act(grabber.draw(), FIRST_S + every_s * number) for number in range(0, count - lonely, 2)
         )
-        machines = tuple(beside.draw() for _ in range(count - lonely - len(acts)))
-        machines += (None,) * (len(acts) - len(machines))
-        found.append(Life(acts, machines, tuple(alone.draw() for _ in range(lonely)), random.choice(ENDS)))
+        others = count - lonely - len(acts)
+        machines = (WARMING, *(beside.draw() for _ in range(others - 1))) if others else ()
+        rest = (None,) * (len(acts) - len(machines))
+        found.append(
+            Life(acts, (*machines, *rest), tuple(alone.draw() for _ in range(lonely)), random.choice(ENDS))
+        )
     return found
 
 

@@ -167,10 +167,21 @@ class _Suffering:
             self._count()
 
     def _play(self, fault: str) -> None:
+        self._come_to_rest()
         at_s, shortage = self._now_s(), Shortage()
         found = play(fault, self._machine)
         problems = list(found.problems)
         self._tell(Played(fault, at_s, found.noticed_s, found.recovered_s, problems, shortage.was_there))
+
+    def _come_to_rest(self) -> None:
+        """The index is made, and no capture of the cup is left by a fault that was cut short."""
+        until_s = time.monotonic() + PATIENCE_S
+        while (answer := self._daemon.ask("/api/v1/captures")).status != 200:
+            assert time.monotonic() < until_s, answer
+            time.sleep(0.1)
+        for one in answer.document["captures"]:
+            if one["device"] == CUP and one["state"] in ("recording", "sealing"):
+                self._daemon.stop_capture(one["id"])
 
     def _count(self) -> None:
         pid = self._daemon.process.pid

@@ -5,7 +5,7 @@ from itertools import pairwise
 from tests.faults.playing import FAULTS
 from tests.faults.scenario import all_of
 
-from .plan import ALONE, BESIDE, counted, lives, playable
+from .plan import ALONE, BESIDE, WARMING, counted, lives, playable
 
 
 def test_a_seed_gives_the_same_plan_again():
@@ -33,5 +33,9 @@ def test_acts_follow_each_other_in_one_capture_and_the_machine_fails_between_the
 
 
 def test_most_faults_of_the_list_are_played_and_the_others_need_a_daemon_of_their_own():
-    assert len(BESIDE) + len(ALONE) >= len(FAULTS) - 1
+    assert len(BESIDE) + len(ALONE) >= len(FAULTS) - 2
     assert len(playable()) > len(all_of()) / 2
+
+
+def test_memory_that_is_kept_is_taken_before_growth_is_judged():
+    assert all(life.beside[0] == WARMING for life in lives(1, 64, 10.0, 16))
