@@ -265,13 +265,14 @@ undo() {
     trap - EXIT
     trap '' INT TERM HUP
     set +e
-    # shellcheck disable=SC2086
-    ! is_live || [ -z "$is_switched" ] || systemctl stop $UNITS
-    [ -z "$is_switched" ] || switch_back
+    if [ -n "$is_switched" ]; then
+        ! is_live || leave_new
+        switch_back
+        ! is_live || reload >&2
+    fi
     if [ -n "$is_saved" ]; then
-        [ ! -f "$saved.new/state.sqlite-journal" ] || as_owner mv -f "$saved.new/state.sqlite-journal" "$saved.new/journal"
         put_state "$saved.new/state.sqlite"
-        [ ! -f "$saved.new/journal" ] || as_owner mv -f "$saved.new/journal" "$state/state.sqlite-journal"
+        [ ! -f "$saved.new/state.sqlite-journal" ] || as_owner mv -f "$saved.new/state.sqlite-journal" "$state"
     fi
     [ -n "$is_rollback" ] || rm -rf "$new"
     [ -n "$old" ] || rm -f "$DESTDIR$LINK" ${made:+"$DESTDIR$made"}
@@ -279,6 +280,13 @@ undo() {
     say "failed at the step '$step'; why stands above" >&2
     [ -z "$old" ] || say "$(run_again)" >&2
     exit 1
+}
+
+leave_new() { # as long as its units are there
+    # shellcheck disable=SC2086
+    systemctl stop $UNITS
+    # shellcheck disable=SC2086
+    [ -n "$old" ] || systemctl disable --quiet $UNITS
 }
 
 switch_back() {
@@ -293,7 +301,6 @@ run_again() { # the old release, if it was stopped; how that went, in words
         echo "$old_version is still the installed version, and was not disturbed"
         return
     fi
-    reload >&2
     if is_masked; then
         echo "$old_version is the installed version again; grabberd.service is masked, so it does not run"
     # shellcheck disable=SC2086
