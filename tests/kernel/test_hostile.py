@@ -44,6 +44,7 @@ def test_a_kernel_of_an_older_build_counts_as_none(monkeypatch):
         (8, 8, 65, 0, 0, 2),
         (8, 8, 64, 2, 0, 2),
         (8, 8, 64, 0, 0, 3),
+        (8, 8, 56, 0, 0, 2),
         (1 << 40, 1 << 40, 64, 0, 0, 2),
         (0, 8, 64, 0, 0, 2),
     ],
@@ -70,6 +71,8 @@ def test_settings_of_another_length_are_refused():
         (8, 8, 8, 8, 2, 0, 2, 60),
         (8, 8, 8, 8, 0, 0, 3, 60),
         (8, 1 << 40, 1 << 40, 8, 0, 0, 2, 60),
+        (2, 2, 16, 8, 0, 0, 2, 60),
+        (8, 8, 8, 7, 0, 0, 2, 60),
     ],
 )
 def test_a_grey_picture_that_does_not_fit_its_bytes_is_refused(picture):

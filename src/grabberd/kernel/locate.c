@@ -48,7 +48,8 @@ static bool is_sound(const Picture *picture, const Settings *settings) {
            picture->stride < 1 << 24 && picture->rows * picture->stride <= picture->length &&
            picture->rows * picture->stride < 1 << 28 && (picture->y_step == 1 || picture->y_step == 2) &&
            (picture->parity == 0 || picture->parity == 1) && picture->columns > 0 &&
-           picture->columns <= 8 * picture->stride && settings->table_count >= 0 && settings->fullness_count >= 0;
+           picture->columns < INT64_C(1) << 27 && picture->stride == (picture->columns + 7) / 8 &&
+           settings->table_count >= 0 && settings->fullness_count >= 0;
 }
 
 static int locate_seen(const Picture *picture, const Settings *settings, const Seen *seen, double *out,

@@ -2,12 +2,14 @@
 #include "grey.h"
 #include "module.h"
 
+/* The stride as well: the mask of a picture with longer rows would be shorter than they are. */
 static bool is_sound(const GreyPicture *picture, const GreySettings *settings) {
     int64_t planes = picture->bits == 8 ? 1 : picture->bits, wide = picture->bits == 8 ? 1 : 8;
     return (picture->bits == 8 || (picture->bits >= 2 && picture->bits <= 6)) && picture->rows > 0 && picture->stride > 0 &&
            picture->rows < 1 << 24 && picture->stride < 1 << 24 && picture->rows * picture->stride < 1 << 28 &&
            planes * picture->rows * picture->stride <= picture->length && (picture->y_step == 1 || picture->y_step == 2) &&
-           (picture->parity == 0 || picture->parity == 1) && picture->columns > 0 && picture->columns <= wide * picture->stride &&
+           (picture->parity == 0 || picture->parity == 1) && picture->columns > 0 && picture->columns < INT64_C(1) << 27 &&
+           picture->stride == (picture->columns + wide - 1) / wide &&
            lines_of(picture) > 0 && settings->edge_values == EDGE_VALUES && settings->edge && (uintptr_t)settings->edge % sizeof *settings->edge == 0 &&
            settings->line_jitter_px >= 0;
 }
