@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import DeviceRefused, PictureError
+from grabberd.field import LARGEST_SIDE_PX
 
 Picture = NDArray[np.uint8]
 
@@ -92,6 +93,7 @@ class Decoder:
         self._path = path
         with _opened(path) as capture:
             self.header = _header(capture)
+        _check_size(path, self.header)
         self._way = self._choose()
         self._check_that_pictures_change()
 
@@ -186,6 +188,14 @@ def _header(capture: cv2.VideoCapture) -> Header:
         codec=_letters(capture.get(cv2.CAP_PROP_FOURCC)),
         pixels=_letters(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)),
     )
+
+
+def _check_size(path: Path, header: Header) -> None:
+    if not (0 < header.lines <= LARGEST_SIDE_PX and 0 < header.columns <= LARGEST_SIDE_PX):
+        raise DeviceRefused(
+            f"{path} has pictures of {header}, expected at most {LARGEST_SIDE_PX} pixels each way",
+            "record it at the size that the grabber gives",
+        )
 
 
 def _letters(code: float) -> str:

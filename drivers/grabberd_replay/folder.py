@@ -57,7 +57,7 @@ def in_order(directory: Path) -> list[Path]:
 
 
 def _piece(text: str) -> tuple[int, str]:
-    return (int(text), text) if text.isdigit() else (-1, text)
+    return (int(text), text) if text.isdecimal() else (-1, text)
 
 
 def missing_names(paths: Sequence[Path]) -> dict[str, str]:

@@ -1,6 +1,5 @@
 """A folder of pictures that grabberd exported, with kind and time of each picture in its `fields.csv`."""
 
-import csv
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -10,14 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.acquisition import FieldOrder, GrabbedField, Outcome
+from grabberd.bounded_documents import LARGEST_TABLE, csv_records, read_text
 from grabberd.errors import DeviceRefused
-from grabberd.field import Field
+from grabberd.field import LARGEST_SIDE_PX, Field
 from grabberd_replay.folder import colours_of
 from grabberd_replay.pictures import Pictures
 from grabberd_replay.png import read_png
 from grabberd_replay.recording import Batch, Format, Recording
 
 MANIFEST = "fields.csv"
+_NUMBERS = range(-(1 << 62), 1 << 62)
+_RANGES = {
+    "n": range(1 << 31),
+    "time_ns": _NUMBERS,
+    "parity": range(2),
+    "y0": range(LARGEST_SIDE_PX),
+    "y_step": range(1, 3),
+}
 
 
 class Row(NamedTuple):
@@ -97,8 +105,13 @@ def read_manifest(path: Path) -> list[Row]:
         DeviceRefused: there are no rows, or one is malformed; the message names its line.
     """
     hint = "export the capture again"
-    with path.open(newline="", encoding="utf-8") as file:
-        rows = [_row(path, line, values) for line, values in enumerate(csv.DictReader(file), start=2)]
+    try:
+        records = csv_records(read_text(path, LARGEST_TABLE), Row._fields)
+        rows = [_row(path, line, values) for line, values in records]
+    except KeyError as error:
+        raise DeviceRefused(f"{path} has no column {error.args[0]}", hint) from None
+    except (OSError, ValueError) as error:
+        raise DeviceRefused(f"{path} cannot be read: {error}", hint) from error
     if not rows:
         raise DeviceRefused(f"{path} lists no fields", hint)
     if any(later.n <= earlier.n for earlier, later in pairwise(rows)):
@@ -108,18 +121,29 @@ def read_manifest(path: Path) -> list[Row]:
 
 def _row(path: Path, line: int, values: Mapping[str, str]) -> Row:
     try:
+        numbers = {name: _whole(values, name) for name in _RANGES}
         return Row(
-            n=int(values["n"]),
-            time_ns=int(values["time_ns"]),
-            sequence=int(values["sequence"]) if values["sequence"] else None,
-            parity=int(values["parity"]),
-            y0=int(values["y0"]),
-            y_step=int(values["y_step"]),
+            **numbers,
+            sequence=_whole(values, "sequence") if values["sequence"] else None,
             outcome=Outcome(values["outcome"]),
-            file=Path(values["file"]).name,  # never out of the manifest's own folder
+            file=_file(values["file"]),
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except ValueError as error:
         raise DeviceRefused(
             f"{path}, line {line} cannot be understood: {type(error).__name__} {error}",
             "export the capture again",
         ) from error
+
+
+def _whole(values: Mapping[str, str], name: str) -> int:
+    number = int(values[name])
+    if number not in _RANGES.get(name, _NUMBERS):
+        raise ValueError(f"{name} is {number}")
+    return number
+
+
+def _file(text: str) -> str:
+    name = Path(text).name  # never out of the manifest's own folder
+    if not name or "\0" in name:
+        raise ValueError(f"{text!r} is not a file's name")
+    return name

@@ -10,9 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import PictureError
+from grabberd.field import LARGEST_SIDE_PX
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _GREY = (0, 4)
+LARGEST_BYTES = 64 << 20
+"""Size of a file: all pixels of the largest picture in four uncompressed colours."""
 
 
 class Header(NamedTuple):
@@ -47,7 +50,7 @@ def read_png(path: Path, expected: Header | None = None) -> tuple[Header, NDArra
         )
     mode = cv2.IMREAD_COLOR if header.coloured else cv2.IMREAD_GRAYSCALE
     picture = cv2.imdecode(np.frombuffer(data, np.uint8), mode)
-    if picture is None:
+    if picture is None or picture.shape[:2] != (header.lines, header.columns):
         raise _damaged(path, header, "its content cannot be decoded")
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if header.coloured else picture
     return header, np.asarray(grey, np.uint8)
@@ -56,13 +59,18 @@ def read_png(path: Path, expected: Header | None = None) -> tuple[Header, NDArra
 def _bytes(path: Path, expected: Header | None) -> bytes:
     what = f"; expected {expected}" if expected else ""
     try:
-        return path.read_bytes()
+        with path.open("rb") as file:
+            data = file.read(LARGEST_BYTES + 1)
     except FileNotFoundError as error:
         hint = "put it back; what came before it is kept"
         raise PictureError(f"{path} is missing{what}", hint) from error
     except OSError as error:
         hint = "correct the file's permissions"
         raise PictureError(f"{path} cannot be read: {error.strerror}{what}", hint) from error
+    if len(data) > LARGEST_BYTES:
+        hint = "leave it out, or export it as grey PNG"
+        raise PictureError(f"{path} has more than {LARGEST_BYTES} bytes{what}", hint)
+    return data
 
 
 def _header(path: Path, data: bytes, expected: Header | None) -> Header:
@@ -76,6 +84,11 @@ def _header(path: Path, data: bytes, expected: Header | None) -> Header:
         raise PictureError(
             f"{path} has {depth} bits a sample, expected at most 8",
             "convert it to 8 bits; grabbers give no more",
+        )
+    if not (0 < lines <= LARGEST_SIDE_PX and 0 < columns <= LARGEST_SIDE_PX):
+        raise PictureError(
+            f"{path} has {columns}x{lines} pixels by its header, expected at most {LARGEST_SIDE_PX} each way",
+            "leave it out, or export it at the size that the grabber gave",
         )
     return Header(lines, columns, colour not in _GREY)
 

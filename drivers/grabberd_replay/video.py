@@ -11,6 +11,7 @@ from grabberd_replay.pictures import PAL_HZ, Pictures, Splitter, recognise
 from grabberd_replay.recording import Batch, Recording
 
 _PAL_SIZES = ((720, 576), (720, 288))
+_MOST_PICTURES = 1 << 30
 # Codecs that return the pixels they were given; all others displace edges, and so targets.
 _LOSSLESS = ("FFV1", "HFYU", "FFVH", "MPNG", "ULY0", "ULY2", "ULRA", "ULRG", "LAGS", "MAGY", "ZLIB")
 
@@ -76,6 +77,11 @@ class VideoRecording(Recording):
         for time_s, luma in self._decoder.pictures():
             begin_s = time_s if begin_s is None else begin_s
             number = self._number(time_s - begin_s, last)
+            if number >= _MOST_PICTURES:
+                raise PictureError(
+                    f"{self._path}: a picture is {time_s:.0f} s after the start, as no recording is",
+                    "its times are damaged: convert it once more; what came before it is kept",
+                )
             if number <= last:
                 raise PictureError(
                     f"{self._path}: the picture at {time_s:.3f} s comes too soon for "

@@ -7,10 +7,10 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from grabberd.acquisition.discovery import Verdict
+from grabberd.bounded_documents import parse_yaml, read_text
 from grabberd.field import BOTTOM, TOP
 from grabberd_v4l2.abi import Arrangement
 
@@ -113,7 +113,7 @@ class Profiles(NamedTuple):
             try:
                 merged = _merged(documents, _read(file))
                 Profile(**merged)
-            except (OSError, ValueError, yaml.YAMLError) as error:
+            except (OSError, ValueError) as error:
                 remarks.append(f"profile {file} is not used: {_in_words(error)}")
             else:
                 documents[merged["driver"]] = merged
@@ -140,7 +140,7 @@ def _yaml_files(directory: Traversable) -> Iterable[Traversable]:
 
 
 def _read(file: Traversable) -> dict[str, Any]:
-    document = yaml.safe_load(file.read_text(encoding="utf-8"))
+    document = parse_yaml(read_text(file))
     if not isinstance(document, dict) or not isinstance(document.get("driver"), str):
         raise ValueError("it has no key 'driver' with the name of a kernel driver")
     return document

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
+from grabberd.bounded_documents import LARGEST_TABLE, read_text
 from grabberd.cli.options import JsonOption, console, follow_link, print_json, progress_bar, warn
 from grabberd.errors import ExtraMissing, InputError
 
@@ -106,8 +107,8 @@ def _report(out: Path, made: "AnalysisOutput") -> list[Path]:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+        return read_text(path, LARGEST_TABLE)
+    except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be read: {error}", "give the logger's CSV file") from error
 
 

@@ -1,6 +1,7 @@
 """Loading of the configuration from YAML, with every problem explained."""
 
 import difflib
+from collections import Counter
 from collections.abc import Hashable, Mapping
 from pathlib import Path
 from types import NoneType
@@ -10,6 +11,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from grabberd.bounded_documents import parse_yaml, read_text
 from grabberd.config.daemon import Config
 from grabberd.errors import ConfigError, Problem
 
@@ -30,11 +32,11 @@ def load_config(path: Path) -> Config:
 
 def _read_yaml(path: Path) -> object:
     try:
-        return yaml.load(path.read_text(encoding="utf-8"), Loader=_StrictLoader)  # noqa: S506 - it is a SafeLoader
+        return parse_yaml(read_text(path), _StrictLoader)
     except OSError as error:
         raise ConfigError([Problem(str(path), "(file)", error.strerror or str(error))]) from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError([Problem(str(path), "(file)", f"not valid YAML: {error}")]) from None
+    except ValueError as error:
+        raise ConfigError([Problem(str(path), "(file)", str(error))]) from None
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -42,12 +44,13 @@ class _StrictLoader(yaml.SafeLoader):
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for key in keys:
-            if keys.count(key) > 1:
+        mapping = super().construct_mapping(node, deep)  # refuses keys that cannot be counted
+        for key, times in Counter(keys).items():
+            if times > 1:
                 raise yaml.constructor.ConstructorError(
                     None, None, f"the key {key!r} is given twice", node.start_mark
                 )
-        return super().construct_mapping(node, deep)
+        return mapping
 
 
 def _problem(path: Path, details: ErrorDetails) -> Problem:

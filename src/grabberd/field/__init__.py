@@ -8,6 +8,7 @@ are quantised to a few bits and packed. Every field carries `y0` and `y_step`, s
 from grabberd.field.field import (
     BIT_DEPTHS,
     BOTTOM,
+    LARGEST_SIDE_PX,
     TOP,
     Field,
     NumberedField,
@@ -21,6 +22,7 @@ from grabberd.field.field import (
 __all__ = [
     "BIT_DEPTHS",
     "BOTTOM",
+    "LARGEST_SIDE_PX",
     "TOP",
     "Field",
     "NumberedField",

@@ -15,6 +15,8 @@ BOTTOM = 1
 """Parity of the field with frame lines 1, 3, 5 …"""
 BIT_DEPTHS = (1, 2, 3, 4, 5, 6, 8)
 """Bit depths that a field can be quantised to."""
+LARGEST_SIDE_PX = 4096
+"""Lines or columns of the largest picture that is taken from outside; a PAL frame has 576 and 720."""
 INTERPOLATIONS = ("linear", "kernel3x3")
 """Methods of interpolation: "linear" between the lines above and below; "kernel3x3" by the kernel ¼ (1 2 1)
 by ½ (1 2 1), which is the same but smooths every line along x as well."""

@@ -1,6 +1,5 @@
 """Setup: from the configuration to the parts of each instrument, with the problems of all devices at once."""
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -10,6 +9,7 @@ import yaml
 
 from grabberd.acquisition import registry
 from grabberd.acquisition.device import Grabber
+from grabberd.bounded_documents import parse_yaml, read_text
 from grabberd.config import Config, DeviceConfig, RigConfig
 from grabberd.documents.named_types import JsonObject
 from grabberd.errors import CalibrationMismatch, ConfigError, DriverMissing, InputError, Problem
@@ -17,6 +17,7 @@ from grabberd.geometry import Calibration
 from grabberd.measurement import LocationSettings
 from grabberd.processes.measure import MeasureSetup
 from grabberd.reconstruction import ObjectModel
+from grabberd.storage.json_value import read_json
 
 T = TypeVar("T")
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -102,7 +103,7 @@ def read_documents(calibration: Path | None, object_model: Path | None) -> JsonO
         InputError: A file is not valid JSON or YAML.
     """
     return {
-        "calibration": None if calibration is None else _read(calibration, json.loads),
+        "calibration": None if calibration is None else _read(calibration, read_json),
         "object": None if object_model is None else read_yaml(object_model),
     }
 
@@ -113,15 +114,15 @@ def read_yaml(path: Path) -> JsonObject:
     Raises:
         InputError: It cannot be read, or has no keys.
     """
-    return _read(path, lambda text: yaml.load(text, Loader=_LOADER))  # noqa: S506 - both are safe
+    return _read(path, lambda text: parse_yaml(text, _LOADER))
 
 
 def _read(path: Path, parse: Callable[[str], Any]) -> JsonObject:
     try:
-        document = parse(path.read_text(encoding="utf-8"))
+        document = parse(read_text(path))
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}", "check the file's name") from error
-    except (ValueError, yaml.YAMLError) as error:
+    except ValueError as error:
         reason = " ".join(str(error).split())
         raise InputError(f"{path} cannot be read: {reason}", _EXAMPLES) from error
     if not isinstance(document, dict):

@@ -1,6 +1,5 @@
 """CSV files that people give to commands: true positions of targets, and identifications made by hand."""
 
-import csv
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -10,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from grabberd.bounded_documents import LARGEST_TABLE, csv_records, read_text
 from grabberd.calibration import Mark
 from grabberd.errors import InputError
 from grabberd.reconstruction.accuracy.ground_truth import Truth
@@ -60,14 +60,10 @@ def read_identifications(path: Path) -> list[Mark]:
 def _rows(path: Path, columns: Sequence[str], hint: str) -> Iterator[Iterator[tuple[int, _Row]]]:
     """The rows of a file with the numbers of their lines."""
     try:
-        # utf-8-sig: spreadsheets put a byte order mark before the first column's name
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file, skipinitialspace=True)
-            names = reader.fieldnames or ()
-            if missing := [name for name in columns if name not in names]:
-                raise InputError(f"{path} has no column {', '.join(missing)}", hint)
-            yield ((reader.line_num, row) for row in reader)
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        yield csv_records(read_text(path, LARGEST_TABLE), columns)
+    except KeyError as error:
+        raise InputError(f"{path} has no column {error.args[0]}", hint) from None
+    except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be read: {error}", hint) from error
 
 

@@ -39,6 +39,15 @@ def test_another_unit_is_named_by_its_magnitude_and_refused(scale: float, unit: 
     assert unit in caught.value.hint
 
 
+def test_a_log_that_no_logger_wrote_is_refused_by_its_line() -> None:
+    with pytest.raises(InputError, match="line 2 of the vacuum log is not CSV"):
+        read_vacuum_log('time_s,pulsation_vacuum_kpa\n"' + "1" * 200_000)
+    with pytest.raises(InputError, match="more than 1000000 readings"):
+        read_vacuum_log("time_s,pulsation_vacuum_kpa\n" + "1,2\n" * 1_000_001)
+    with pytest.raises(InputError, match=r"line 301 .*pulsation_vacuum_kpa is ''"):
+        read_vacuum_log(text().rpartition("\n")[0] + "\n3")
+
+
 def test_absolute_pressure_is_no_vacuum() -> None:
     with pytest.raises(InputError, match="reaches") as caught:
         read_vacuum_log(text(shift=58.0))

@@ -2,6 +2,7 @@
 
 import struct
 import zlib
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -82,6 +83,25 @@ def test_sixteen_bits_are_refused(path):
     path.write_bytes(png(GREY.astype(np.uint16) * 256))
     with pytest.raises(PictureError, match="16 bits"):
         read_png(path)
+
+
+def _claiming(columns, lines):
+    """A PNG of one pixel whose header claims another size; its checksums are right."""
+    whole = png(np.zeros((1, 1), np.uint8))
+    head = b"IHDR" + struct.pack(">II", columns, lines) + whole[24:29]
+    return whole[:12] + head + struct.pack(">I", zlib.crc32(head)) + whole[33:]
+
+
+@pytest.mark.parametrize("size", [(16383, 16383), (4097, 1), (1, 1 << 31), (0, 5)])
+def test_a_size_that_no_grabber_has_is_refused_before_anything_is_decoded(path, size):
+    path.write_bytes(_claiming(*size))
+    with pytest.raises(PictureError, match=f"has {size[0]}x{size[1]} pixels by its header"):
+        read_png(path)
+
+
+def test_a_file_that_goes_on_for_ever_is_refused():
+    with pytest.raises(PictureError, match="more than 67108864 bytes"):
+        read_png(Path("/dev/zero"))
 
 
 def test_a_picture_of_another_size_is_refused_with_both_sizes(path):

@@ -236,6 +236,13 @@ def test_a_picture_that_the_manifest_lists_must_be_there(tmp_path, capture):
         ([], "lists no fields"),
         ([(0, "soon", 0, 0, 0, 2, "received", "a.png")], "line 2 cannot be understood"),
         ([(0, 0, 0, 0, 0, 2, "eaten", "a.png")], "eaten"),
+        ([(0, 0, 0, 7, 0, 2, "received", "a.png")], "line 2 .*parity is 7"),
+        ([(0, 0, 0, 0, 0, 0, "received", "a.png")], "line 2 .*y_step is 0"),
+        ([(0, 1 << 63, 0, 0, 0, 2, "received", "a.png")], "line 2 .*time_ns is 9223372036854775808"),
+        ([("9" * 5000, 0, 0, 0, 0, 2, "received", "a.png")], "line 2 .*4300 digits"),
+        ([(0, 0, 0, 0, 0, 2, "received", "")], "line 2 .*'' is not a file's name"),
+        ([(0, 0, 0, 0, 0, 2, "received", "a\0.png")], "line 2 .*is not a file's name"),
+        ([(0, 0, 0, 0, 0, 2, "received", "a" * 200_000)], "cannot be read: line 2 is not CSV"),
         ([(n, 0, 0, 0, 0, 2, "received", "a.png") for n in (1, 0)], "do not ascend"),
     ],
 )
@@ -251,6 +258,11 @@ def test_a_manifest_names_no_files_outside_its_folder(tmp_path):
     manifest(folder, [(0, 0, 0, 0, 0, 2, "received", "../secret.png")])
     with pytest.raises(PictureError, match=r"in/secret\.png is missing"):
         ReplayGrabber(folder).open()
+
+
+def test_numbers_in_names_that_are_no_digits_do_no_harm(tmp_path):
+    folder = frames(tmp_path, 2, lines=288, columns=32, name="²-{}.png")
+    assert len(play(folder)[1]) == 2
 
 
 # --- what is no recording ---

@@ -231,3 +231,12 @@ def test_nothing_is_said_on_stderr(tmp_path, fourcc):
     )
     done = subprocess.run([sys.executable, "-c", program, path], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("ended\n", "")
+
+
+@pytest.mark.parametrize("size", [{"columns": 5000, "lines": 576}, {"columns": 16, "lines": 4098}])
+def test_pictures_that_no_grabber_gives_are_refused_by_their_header(tmp_path, size):
+    clip = avi(tmp_path / "clip.avi", count=1, **size)
+    with pytest.raises(
+        DeviceRefused, match=f"pictures of {size['columns']}x{size['lines']}, expected at most"
+    ):
+        ReplayGrabber(clip).open()

@@ -95,8 +95,8 @@ def test_they_are_exported_and_measured_again(tmp_path):
     assert export_csv(path, tmp_path / "csv", run=1) == 2
     assert export_png(path, tmp_path / "png") == 3
     with closing(sqlite3.connect(path)) as connection:
-        data = connection.execute("SELECT data FROM points WHERE run = 1").fetchone()[0]
-    assert decode_points(data).target.tolist() == [7, 9]
+        count, data = connection.execute("SELECT count, data FROM points WHERE run = 1").fetchone()
+    assert decode_points(data, count).target.tolist() == [7, 9]
 
 
 def test_one_that_was_being_recorded_at_the_update_is_sealed(tmp_path):

@@ -1,7 +1,6 @@
 """Readings of a vacuum logger, on the logger's clock."""
 
 import csv
-import io
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,6 +14,8 @@ Array = NDArray[np.float64]
 
 TIMES = {"time_s": 1.0, "time_ms": 1e-3}
 PULSATION, LINER = "pulsation_vacuum_kpa", "liner_vacuum_kpa"
+MOST_READINGS = 1_000_000
+"""Readings of a log: a thousand a second for a quarter of an hour."""
 LEAST_KPA, MOST_KPA = 15.0, 80.0
 """Limits of the maximum vacuum of a milking machine."""
 
@@ -99,26 +100,40 @@ def read_vacuum_log(text: str) -> VacuumLog:
     time = next((name for name in TIMES if name in names), None)
     if time is None or PULSATION not in names:
         raise InputError(f"the vacuum log has the columns {', '.join(names) or 'none'}", _COLUMNS)
-    rows = list(csv.reader(io.StringIO("\n".join(lines)), delimiter=separator))
-    columns = {
-        name: _numbers(rows, names, name, separator) for name in (time, PULSATION, LINER) if name in names
-    }
+    wanted = {name: names.index(name) for name in (time, PULSATION, LINER) if name in names}
+    rows = _rows(lines, separator, tuple(wanted.values()))
+    columns = {name: _numbers(rows, place, name, separator) for place, name in enumerate(wanted)}
     return VacuumLog(columns[time] * TIMES[time], columns[PULSATION], columns.get(LINER))
 
 
-def _numbers(rows: list[list[str]], names: list[str], name: str, separator: str) -> Array:
-    place = names.index(name)
+def _rows(lines: list[str], separator: str, places: tuple[int, ...]) -> list[tuple[str, ...]]:
+    """The wanted cells of each line; cells that a line lacks are empty, all others are dropped at once."""
+    reader = csv.reader(lines, delimiter=separator)
+    rows: list[tuple[str, ...]] = []
+    try:
+        for row in reader:
+            rows.append(tuple(row[place] if place < len(row) else "" for place in places))
+            if len(rows) > MOST_READINGS:
+                hint = "cut it to the time of the capture"
+                raise InputError(f"the vacuum log has more than {MOST_READINGS} readings", hint)
+    except csv.Error as error:
+        what = f"line {reader.line_num + 1} of the vacuum log is not CSV: {error}"
+        raise InputError(what, "correct or remove the line") from error
+    return rows
+
+
+def _numbers(rows: list[tuple[str, ...]], place: int, name: str, separator: str) -> Array:
     try:
         values = np.array([row[place] for row in rows], np.float64)
-    except (ValueError, IndexError):  # a decimal comma, or a line to be named
+    except ValueError:  # a decimal comma, or a line to be named
         values = np.array([math.nan])
     if np.isfinite(values).all():
         return values
     return np.array([_number(row, place, name, index + 2, separator) for index, row in enumerate(rows)])
 
 
-def _number(row: list[str], place: int, name: str, line: int, separator: str) -> float:
-    text = row[place].strip() if place < len(row) else ""
+def _number(row: tuple[str, ...], place: int, name: str, line: int, separator: str) -> float:
+    text = row[place].strip()
     try:
         value = float(text.replace(",", ".") if separator == ";" else text)
     except ValueError:

@@ -1,5 +1,6 @@
 """Encoding and decoding of fields and points in a capture file."""
 
+import math
 import zlib
 
 import numpy as np
@@ -12,6 +13,8 @@ from grabberd.reconstruction.points import Points
 
 ZLIB = "zlib"
 ZSTD = "zstd"
+MOST_POINTS = 1 << 16
+"""Points of one field; object models of some hundred targets are in use."""
 
 POINT = np.dtype(
     [
@@ -46,21 +49,48 @@ def decode_field(codec: str, data: bytes, rows: int, columns: int, bits: int) ->
     """Decodes the bytes of a picture into `PackedField.data`.
 
     Raises:
-        ValueError: The codec is unknown, or the bytes are damaged.
+        ValueError: The codec is unknown, or the bytes are damaged or those of a picture of another size.
     """
     shape = packed_shape(rows, columns, bits)
-    return np.frombuffer(_decompress(codec, data, int(np.prod(shape))), np.uint8).reshape(shape)
-
-
-def _decompress(codec: str, data: bytes, size: int) -> bytes:
-    try:
-        if codec == ZLIB:
-            return zlib.decompress(data)
-        if codec == ZSTD:
-            return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
-    except (zlib.error, zstandard.ZstdError) as error:
-        raise ValueError(f"damaged {codec} data: {error}") from error
+    size = math.prod(shape)
+    if codec == ZLIB:
+        return np.frombuffer(_inflated(data, size), np.uint8).reshape(shape)
+    if codec == ZSTD:
+        return np.frombuffer(_unpacked(data, size), np.uint8).reshape(shape)
     raise ValueError(f"codec {codec!r} is none of {ZLIB}, {ZSTD}")
+
+
+def _inflated(data: bytes, size: int) -> bytes:
+    """Decompresses to exactly `size` bytes; whatever the data hold, no more than one byte beyond is made."""
+    stream = zlib.decompressobj()
+    try:
+        # A limit of 0 would be none.
+        content = stream.decompress(data, size + 1)
+    except zlib.error as error:
+        raise ValueError(f"damaged {ZLIB} data: {error}") from error
+    _check_size(ZLIB, size, len(content))
+    if not stream.eof or stream.unused_data:
+        raise ValueError(f"damaged {ZLIB} data: {'other bytes follow' if stream.eof else 'they have no end'}")
+    return content
+
+
+def _unpacked(data: bytes, size: int) -> bytes:
+    """Decompresses a frame to exactly `size` bytes, which it may not claim to be more or fewer of."""
+    try:
+        claimed = zstandard.frame_content_size(data)
+        if claimed >= 0:
+            _check_size(ZSTD, size, claimed)
+        content = zstandard.ZstdDecompressor().decompress(data, max_output_size=size, allow_extra_data=False)
+    except zstandard.ZstdError as error:
+        raise ValueError(f"damaged {ZSTD} data: {error}") from error
+    _check_size(ZSTD, size, len(content))
+    return content
+
+
+def _check_size(codec: str, expected: int, found: int) -> None:
+    if found != expected:
+        more = "more" if found > expected else "fewer"
+        raise ValueError(f"damaged {codec} data: {more} bytes than the {expected} expected")
 
 
 def encode_points(points: Points) -> bytes:
@@ -75,15 +105,21 @@ def encode_points(points: Points) -> bytes:
     return zlib.compress(records.tobytes(), 1)
 
 
-def decode_points(data: bytes) -> Points:
+def decode_points(data: bytes, count: int) -> Points:
     """Decodes one field's points; positions are exact, the rest has single precision.
 
+    Args:
+        data: Bytes of `encode_points`.
+        count: Number of points expected.
+
     Raises:
-        ValueError: The bytes are damaged.
+        ValueError: There cannot be so many, or the bytes are damaged or hold another number of points.
     """
+    if count not in range(MOST_POINTS + 1):
+        raise ValueError(f"a field of {count!r} points; there can be {MOST_POINTS}")
     try:
-        records = np.frombuffer(zlib.decompress(data), POINT)
-    except zlib.error as error:
+        records = np.frombuffer(_inflated(data, count * POINT.itemsize), POINT)
+    except ValueError as error:
         raise ValueError(f"damaged points: {error}") from error
     return Points(
         target=records["target"].copy(),

@@ -262,10 +262,10 @@ class CaptureReader:
 
 
 def _timed_points(row: Row) -> tuple[int, int, Points]:
-    n, time_ns, _, _, data = row
+    n, time_ns, _, count, data = row
     if not isinstance(time_ns, int) or not 0 <= time_ns < LARGEST_TIME_NS:
         raise ValueError(f"time_ns is {time_ns!r}")
-    return n, time_ns, decode_points(data)
+    return n, time_ns, decode_points(data, count)
 
 
 def stat_at_rest(path: Path) -> os.stat_result:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from grabberd.acquisition import Ledger, LedgerEntry, LedgerEvent, Outcome
-from grabberd.field import BIT_DEPTHS, NumberedField, PackedField
+from grabberd.field import BIT_DEPTHS, LARGEST_SIDE_PX, NumberedField, PackedField
 from grabberd.storage.capture.codec import decode_field
 from grabberd.storage.capture.meta import LARGEST_N, LARGEST_TIME_NS, LONGEST_REASON
 from grabberd.storage.json_value import read_json
@@ -14,8 +14,6 @@ FIELD_COLUMNS = (
     "n, time_ns, sequence, parity, y0, y_step, rows, columns, bits, threshold, outcome, reason, codec, data"
 )
 """In the order of the table, in which they have their digests."""
-_LARGEST = 1 << 14
-"""Lines or columns of a picture; larger values mean damage."""
 _LARGEST_RUN = 1_000_000
 
 
@@ -63,9 +61,9 @@ def _check_numbers(cells: Mapping[str, Any]) -> None:
     among = {
         "parity": (0, 1),
         "bits": BIT_DEPTHS,
-        "rows": range(1, _LARGEST),
-        "columns": range(1, _LARGEST),
-        "y0": range(_LARGEST),
+        "rows": range(1, LARGEST_SIDE_PX + 1),
+        "columns": range(1, LARGEST_SIDE_PX + 1),
+        "y0": range(LARGEST_SIDE_PX),
         "y_step": (1, 2),
         "threshold": range(256),
         "n": range(LARGEST_N),

@@ -64,7 +64,7 @@ def verify(path: Path) -> Verification:
         for run in runs:
             with _told(path, told):
                 of_run = ALL_POINTS._replace(what="points" if run == 1 else f"points of run {run}")
-                decoded = rows.each(of_run, points_prefix(run), lambda row: decode_points(row[3]), run=run)
+                decoded = rows.each(of_run, points_prefix(run), lambda row: decode_points(row[3], row[2]), run=run)
                 points += _number(decoded)
     return Verification(fields, points, rows.has_digests, [*told, *(one.in_words for one in left_out)])
 

@@ -1,0 +1,143 @@
+"""Documents that come from outside: limits of their size, depth and number of parts, whatever they hold.
+
+A file of 300 bytes can be a YAML document of a gigabyte, one of 20 kB can be nested until the program ends.
+All readers here raise ValueError, so that a caller tells it as any other fault of the document.
+"""
+
+import csv
+from collections.abc import Iterator, Sequence
+from importlib.resources.abc import Traversable
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+LARGEST_DOCUMENT = 16 << 20
+"""Bytes of a document; an object model of 5000 targets has half a million."""
+LARGEST_TABLE = 64 << 20
+"""Bytes of a CSV file."""
+MOST_ROWS = 1_000_000
+"""Rows of a CSV file: true places of a hundred targets for three minutes."""
+MOST_COLUMNS = 1000
+MOST_PARTS = 1_000_000
+"""Keys, values and lists of a YAML document, each counted as often as the document repeats it."""
+DEEPEST = 40
+"""Levels of nesting; a configuration has six."""
+
+
+def read_bounded(path: Path | Traversable, most: int = LARGEST_DOCUMENT) -> bytes:
+    """The content of a file that has at most so many bytes.
+
+    Raises:
+        ValueError: It has more.
+        OSError: It cannot be read.
+    """
+    with path.open("rb") as file:
+        content = file.read(most + 1)  # a pipe or a device does not say how long it is
+    if len(content) > most:
+        raise ValueError(f"it has more than {most} bytes")
+    return content
+
+
+def read_text(path: Path | Traversable, most: int = LARGEST_DOCUMENT) -> str:
+    """The text of a file in UTF-8; a byte order mark, as spreadsheets write it, is left out.
+
+    Raises:
+        ValueError: It is too large, or not in UTF-8.
+        OSError: It cannot be read.
+    """
+    return read_bounded(path, most).decode("utf-8-sig")
+
+
+def parse_yaml(text: str, loader: Any = yaml.SafeLoader) -> Any:
+    """The value of a YAML document.
+
+    Args:
+        text: The document.
+        loader: A class of safe loaders.
+
+    Raises:
+        ValueError: It is no YAML, too deep or too large, or repeats parts of itself too often.
+    """
+    if len(text) > LARGEST_DOCUMENT:
+        raise ValueError(f"it has more than {LARGEST_DOCUMENT} characters")
+    try:
+        # Of events alone: they come one by one, whatever they stand for.
+        _check_parts(yaml.parse(text, Loader=loader))
+        return yaml.load(text, Loader=loader)  # noqa: S506 - all loaders given are safe
+    except (yaml.YAMLError, RecursionError, OverflowError, TypeError, AttributeError) as error:
+        # The last two are what PyYAML raises for tags that do not suit their values.
+        raise ValueError(f"not valid YAML: {error}") from error
+
+
+def _check_parts(events: Iterator[Any]) -> None:
+    """Counts the parts of a document, repetitions included.
+
+    Raises:
+        ValueError: There are too many, it is too deep, or a part contains itself.
+    """
+    counts: list[int] = [0]
+    anchors: list[str | None] = []
+    known: dict[str, int] = {}
+    for event in events:
+        if isinstance(event, yaml.CollectionStartEvent):
+            counts.append(1)
+            anchors.append(event.anchor)
+        elif isinstance(event, yaml.CollectionEndEvent):
+            _add(counts, counts.pop(), anchors.pop(), known)
+        elif isinstance(event, yaml.ScalarEvent):
+            _add(counts, 1, event.anchor, known)
+        elif isinstance(event, yaml.AliasEvent):
+            if event.anchor not in known:
+                raise ValueError(f"the part {event.anchor!r} contains itself, or is not there")
+            _add(counts, known[event.anchor], None, known)
+        if len(counts) > DEEPEST:
+            raise ValueError(f"it is nested in more than {DEEPEST} levels")
+
+
+def _add(counts: list[int], parts: int, anchor: str | None, known: dict[str, int]) -> None:
+    counts[-1] += parts
+    if anchor is not None:
+        known[anchor] = parts
+    if counts[-1] > MOST_PARTS:
+        raise ValueError(f"it has more than {MOST_PARTS} parts, repeated ones included")
+
+
+def csv_rows(text: str, delimiter: str = ",") -> Iterator[tuple[int, list[str]]]:
+    """The rows of a CSV text that are not empty, with the numbers of their lines.
+
+    Raises:
+        ValueError: While they are read: there are too many, one has too many columns, or it is no CSV.
+    """
+    reader = csv.reader(StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True)
+    try:
+        for number, row in enumerate(filter(None, reader)):
+            if number > MOST_ROWS:
+                raise ValueError(f"it has more than {MOST_ROWS} rows")
+            if len(row) > MOST_COLUMNS:
+                raise ValueError(f"line {reader.line_num} has more than {MOST_COLUMNS} columns")
+            yield reader.line_num, row
+    except csv.Error as error:
+        raise ValueError(f"line {reader.line_num} is not CSV: {error}") from error
+
+
+def csv_records(text: str, columns: Sequence[str]) -> Iterator[tuple[int, dict[str, str]]]:
+    """The rows of a CSV text by the columns that its first line names, with the numbers of their lines.
+
+    Cells that a row lacks are empty, cells beyond the named columns are ignored.
+
+    Args:
+        text: The text.
+        columns: Columns that have to be there.
+
+    Raises:
+        KeyError: At once: a column is missing; the message lists all that are.
+        ValueError: While they are read: see `csv_rows`.
+    """
+    rows = csv_rows(text)
+    names = next(rows, (0, []))[1]
+    if missing := [name for name in columns if name not in names]:
+        raise KeyError(", ".join(missing))
+    nothing = [""] * len(names)
+    return ((line, dict(zip(names, row + nothing[len(row) :], strict=False))) for line, row in rows)

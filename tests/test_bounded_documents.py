@@ -1,0 +1,118 @@
+"""Documents from outside are bounded, whatever they claim and repeat."""
+
+import tracemalloc
+from pathlib import Path
+
+import pytest
+import yaml
+
+from grabberd.bounded_documents import csv_records, csv_rows, parse_yaml, read_bounded, read_text
+from grabberd.config.reading import load_config
+from grabberd.errors import ConfigError, InputError
+from grabberd.service.setup import read_documents, read_yaml
+from grabberd.storage.input_files import read_identifications, read_truth
+
+LAUGHS = "a0: &a0 [ha, ha, ha, ha, ha, ha, ha, ha, ha]\n" + "".join(
+    f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 9)
+)
+MERGES = "a0: &a0 {x: 1, y: 2}\n" + "".join(
+    f"a{n}: &a{n} {{<<: [{', '.join([f'*a{n - 1}'] * 9)}]}}\n" for n in range(1, 12)
+)
+DEEP = "[" * 100_000
+LOADERS = [yaml.SafeLoader, getattr(yaml, "CSafeLoader", yaml.SafeLoader)]
+
+
+@pytest.mark.parametrize("loader", LOADERS)
+def test_a_document_that_repeats_parts_of_itself_is_read_as_it_says(loader):
+    text = "targets: [&t {x: 1}, *t]\nother: {<<: *t, y: [2.5, null, ha]}"
+    assert parse_yaml(text, loader) == {
+        "targets": [{"x": 1}, {"x": 1}],
+        "other": {"x": 1, "y": [2.5, None, "ha"]},
+    }
+
+
+@pytest.mark.parametrize("loader", LOADERS)
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (LAUGHS, "more than 1000000 parts"),
+        (MERGES, "more than 1000000 parts"),
+        (DEEP, "nested in more than 40 levels"),
+        ("a: " * 50 + "1", "not valid YAML"),
+        ("&a [*a]", "'a' contains itself"),
+        ("[*a]", "'a' contains itself, or is not there|undefined alias"),
+        ("1" * 5000, "4300 digits"),
+        ("2026-99-99", "month"),
+        ("!!int x", "invalid literal"),
+        ("!!timestamp x", "not valid YAML"),
+        ("!!python/object/apply:os.system [ls]", "not valid YAML"),
+        ("{[a]: 1}", "not valid YAML"),
+        ("a: \x01", "not valid YAML"),
+        ("a" * ((16 << 20) + 1), "more than 16777216 characters"),
+    ],
+)
+def test_what_would_take_memory_or_end_the_program_is_an_error_of_the_document(text, message, loader):
+    tracemalloc.start()
+    try:
+        with pytest.raises(ValueError, match=message):
+            parse_yaml(text, loader)
+        assert tracemalloc.get_traced_memory()[1] < 150 << 20
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_file_that_goes_on_for_ever_is_read_up_to_the_limit():
+    with pytest.raises(ValueError, match="more than 1000 bytes"):
+        read_bounded(Path("/dev/zero"), 1000)
+
+
+def test_exactly_the_limit_is_read(tmp_path):
+    (tmp_path / "a").write_bytes(b"\xef\xbb\xbfabc")
+    assert read_text(tmp_path / "a", 6) == "abc"
+
+
+def test_rows_and_columns_of_a_table_are_limited():
+    with pytest.raises(ValueError, match="more than 1000000 rows"):
+        for _ in csv_rows("1\n" * 1_000_002):
+            pass
+    with pytest.raises(ValueError, match="line 2 has more than 1000 columns"):
+        list(csv_rows("1\n" + "," * 1000))
+    with pytest.raises(ValueError, match="line 1 is not CSV"):
+        list(csv_rows('"' + "a" * 200_000))
+
+
+def test_records_have_the_named_columns_however_long_a_row_is():
+    records = list(csv_records("a, b\n1\n\n1,2,3\n", ("b",)))
+    assert records == [(2, {"a": "1", "b": ""}), (4, {"a": "1", "b": "2"})]
+    with pytest.raises(KeyError, match="c, d"):
+        csv_records("a, b\n", ("c", "b", "d"))
+
+
+@pytest.mark.parametrize("text", [LAUGHS, MERGES, DEEP, "1" * 5000, "a: 2026-99-99", "\udcff"])
+def test_every_reader_of_a_document_tells_it_as_a_fault_of_the_file(tmp_path, text):
+    file = tmp_path / "hostile"
+    file.write_text(text, errors="surrogateescape")
+    with pytest.raises(ConfigError, match="hostile"):
+        load_config(file)
+    for read in (
+        read_yaml,
+        lambda path: read_documents(path, None),
+        lambda path: read_documents(None, path),
+        read_truth,
+        read_identifications,
+    ):
+        with pytest.raises(InputError, match="hostile"):
+            read(file)
+
+
+def test_no_reader_follows_a_file_that_never_ends():
+    for read in (load_config, read_yaml, read_truth):
+        with pytest.raises((InputError, ConfigError), match=r"(?s)/dev/zero.*more than"):
+            read(Path("/dev/zero"))
+
+
+def test_a_mapping_of_many_keys_is_checked_in_a_moment(tmp_path):
+    file = tmp_path / "many.yaml"
+    file.write_text("".join(f"k{n}: 1\n" for n in range(20_000)) + "k7: 2\n")
+    with pytest.raises(ConfigError, match="'k7' is given twice"):
+        load_config(file)
