@@ -13,6 +13,7 @@ import pytest
 from grabberd.errors import InputError, StorageError
 from grabberd.storage.capture.directory_lock import DirectoryLock
 from grabberd.storage.state.backup import MANIFEST, back_up, restore
+from grabberd.storage.state.state_database import MIGRATIONS, tables_of
 from grabberd.storage.state.state_store import StateStore
 
 NOW = "20260301T093000Z"
@@ -129,7 +130,7 @@ def rewritten(backup: Path, change: Callable[[dict[str, bytes]], None]) -> None:
     with zipfile.ZipFile(backup) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
     change(members)
-    with zipfile.ZipFile(backup, "w") as archive:
+    with zipfile.ZipFile(backup, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in members.items():
             archive.writestr(name, content)
 
@@ -162,6 +163,27 @@ def garbage_as_state(members: dict[str, bytes]) -> None:
     resigned(members)
 
 
+def state_with(statement: str) -> Callable[[dict[str, bytes]], None]:
+    def change(members: dict[str, bytes]) -> None:
+        with sqlite3.connect(":memory:") as connection:
+            connection.deserialize(members["state.sqlite"])
+            connection.executescript(statement)
+            members["state.sqlite"] = connection.serialize()
+        resigned(members)
+
+    return change
+
+
+def a_large_member(members: dict[str, bytes]) -> None:
+    members["calibrations/rig-7/page.html"] = bytes((64 << 20) + 1)
+    resigned(members)
+
+
+def many_members(members: dict[str, bytes]) -> None:
+    members |= {f"calibrations/rig-{number}/a": b"" for number in range(10_001)}
+    resigned(members)
+
+
 def a_way_out(members: dict[str, bytes]) -> None:
     members["calibrations/../../passwd"] = b"x"
     resigned(members)
@@ -180,6 +202,16 @@ def a_way_out(members: dict[str, bytes]) -> None:
         (state_of_version_99, "version 99"),
         (garbage_as_state, "damaged"),
         (a_way_out, "wrong members"),
+        (a_large_member, "rig-7/page.html has more than 67108864 bytes"),
+        (many_members, "10003 members, more than 10000"),
+        (with_manifest(deep=eval("[" * 50 + "]" * 50)), "nested in more than 40 levels"),
+        (state_with("CREATE TRIGGER t AFTER INSERT ON tokens BEGIN DELETE FROM tokens; END"), "damaged"),
+        (state_with("DROP TABLE tokens; CREATE VIEW tokens AS SELECT 1 AS hash"), "damaged"),
+        (
+            state_with("INSERT INTO settings VALUES ('deep', replace(hex(zeroblob(5000)), '0', '['))"),
+            "damaged",
+        ),
+        (state_with("PRAGMA user_version = 0"), "its version is 0"),
     ],
 )
 def test_what_is_damaged_or_newer_is_refused_and_nothing_touched(
@@ -206,6 +238,39 @@ def test_a_single_wrong_bit_anywhere_is_found(barn: Path, backup: Path) -> None:
             assert tree(barn.with_name(f"to-{place}"))["calibrations/rig-7/calibration.json"] == b"one"
     assert refused > len(content) / 5 / 2
     assert tree(barn) == before
+
+
+def test_members_that_take_memory_to_unpack_are_refused(barn: Path, backup: Path) -> None:
+    with zipfile.ZipFile(backup) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(backup, "w", zipfile.ZIP_LZMA) as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    with pytest.raises(InputError, match="compressed in another way"):
+        restore(barn, backup, NOW)
+
+
+def test_what_could_not_be_restored_is_not_backed_up(barn: Path, tmp_path: Path) -> None:
+    with (barn / "calibrations" / "rig-7" / "page.html").open("wb") as file:
+        file.truncate((64 << 20) + 1)
+    with pytest.raises(StorageError, match="can be restored"):
+        make(barn, tmp_path / "too-large.zip")
+    assert not (tmp_path / "too-large.zip").exists()
+
+
+def test_states_of_all_earlier_versions_are_taken(barn: Path, backup: Path) -> None:
+    for version in range(1, len(MIGRATIONS)):
+        older = sqlite3.connect(":memory:")
+        older.executescript(tables_of(version) + f"; PRAGMA user_version = {version}")
+        rewritten(
+            backup,
+            lambda members, older=older: (
+                members.update({"state.sqlite": older.serialize()}),
+                resigned(members),
+            ),
+        )
+        assert restore(barn, backup, f"{version}")[1] == barn / f"replaced-{version}"
+        StateStore(barn / "state.sqlite").open()
 
 
 def test_half_a_file_is_refused(barn: Path, backup: Path) -> None:

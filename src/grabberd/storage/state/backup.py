@@ -9,13 +9,15 @@ import json
 import os
 import re
 import sqlite3
+import tempfile
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from grabberd.bounded_documents import LARGEST_DOCUMENT
 from grabberd.errors import InputError, StorageError
 from grabberd.storage.capture.directory_lock import DirectoryLock
 from grabberd.storage.disk import (
@@ -27,14 +29,20 @@ from grabberd.storage.disk import (
     sync_directory,
     write_synced,
 )
+from grabberd.storage.guarded_database import open_tables, read_header
+from grabberd.storage.json_value import read_json
 from grabberd.storage.state.state_backups import CAPTURES_FOLDER, ORIGIN
-from grabberd.storage.state.state_database import MIGRATIONS
+from grabberd.storage.state.state_database import MIGRATIONS, tables_of
 
 SCHEMA, VERSION = "grabberd/backup", 1
 MANIFEST, STATE, CALIBRATIONS = "manifest.json", "state.sqlite", "calibrations"
 # A crash may have left it; beside the restored database, SQLite would play it back into that one.
 JOURNAL = f"{STATE}-journal"
 REPLACED = "replaced-"
+LARGEST_MEMBER = 64 << 20
+LARGEST_BACKUP = 512 << 20
+"""Bytes of all members, and of the file."""
+MOST_MEMBERS = 10_000
 _MEMBER = re.compile(rf"{STATE}|{CALIBRATIONS}/[0-9A-Za-z_-]{{1,80}}/[0-9A-Za-z][0-9A-Za-z_.-]{{0,80}}")
 
 _NO_BACKUP = (
@@ -64,6 +72,7 @@ def back_up(directory: Path, out: Path, created_utc: str, version: str) -> Backu
         StorageError: `out` exists or cannot be written, or the state cannot be read.
     """
     members = dict(_members(directory))
+    _check_limits(out, members)
     manifest = {
         "schema": f"{SCHEMA}/{VERSION}",
         "created_utc": created_utc,
@@ -118,6 +127,17 @@ def restore(directory: Path, backup: Path, now: str) -> tuple[BackupInfo, Path |
     return _info(manifest), replaced
 
 
+def _check_limits(out: Path, members: Mapping[str, bytes]) -> None:
+    """Refuses what could not be restored."""
+    sizes = [len(content) for content in members.values()]
+    if len(sizes) > MOST_MEMBERS or max(sizes) > LARGEST_MEMBER or sum(sizes) > LARGEST_BACKUP:
+        raise StorageError(
+            f"{out} would have {len(sizes)} members of {sum(sizes)} bytes, the largest {max(sizes)}; "
+            f"at most {MOST_MEMBERS} of {LARGEST_BACKUP} bytes, each {LARGEST_MEMBER}, can be restored",
+            "move old calibrations out of the state directory",
+        )
+
+
 def _members(directory: Path) -> Iterator[tuple[str, bytes]]:
     with storage_errors(directory):
         yield STATE, _database(directory / STATE)
@@ -153,10 +173,12 @@ def _write_zip(path: Path, members: Mapping[str, bytes]) -> None:
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
     """Manifest and members, whose checksums are verified."""
     try:
+        if path.stat().st_size > LARGEST_BACKUP:
+            raise ValueError(f"it has more than {LARGEST_BACKUP} bytes")
         with zipfile.ZipFile(path) as archive:
-            manifest = json.loads(archive.read(MANIFEST))
+            manifest = read_json(_member(archive, MANIFEST, LARGEST_DOCUMENT).decode())
             _check_version(manifest, path)
-            members = {name: archive.read(name) for name in manifest["sha256"]}
+            members = _members_of(archive, manifest["sha256"])
         wrong = [name for name, content in members.items() if _sha256(content) != manifest["sha256"][name]]
         strange = [name for name in members if not _MEMBER.fullmatch(name)]
         if wrong or strange or STATE not in members:
@@ -170,6 +192,28 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
     return manifest, members
 
 
+def _members_of(archive: zipfile.ZipFile, names: Collection[str]) -> dict[str, bytes]:
+    members: dict[str, bytes] = {}
+    if len(names) > MOST_MEMBERS:
+        raise ValueError(f"it has {len(names)} members, more than {MOST_MEMBERS}")
+    left = LARGEST_BACKUP
+    for name in names:
+        members[name] = _member(archive, name, min(left, LARGEST_MEMBER))
+        left -= len(members[name])
+    return members
+
+
+def _member(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
+    """Reads a member up to a limit, whatever length the archive states."""
+    if archive.getinfo(name).compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise ValueError(f"{name} is compressed in another way")  # LZMA takes as much memory as it states
+    with archive.open(name) as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise ValueError(f"{name} has more than {most} bytes")
+    return content
+
+
 def _check_version(manifest: Mapping[str, Any], path: Path) -> None:
     name, _, version = manifest["schema"].rpartition("/")
     if name != SCHEMA:
@@ -181,20 +225,35 @@ def _check_version(manifest: Mapping[str, Any], path: Path) -> None:
         )
 
 
-def _check_state(content: bytes, path: Path) -> None:
-    """Checks that the database is intact and not of a later version."""
+def _check_state(content: bytes, backup: Path) -> None:
+    """Checks that the database is intact, has the known tables and values, and is not of a later version."""
+    # The door for databases opens files alone; this one is the owner's, and gone before anything is touched.
+    with storage_errors(backup), tempfile.TemporaryDirectory(prefix="grabberd-restore-") as folder:
+        state = Path(folder, STATE)
+        state.write_bytes(content)
+        _check_database(state, backup)
+
+
+def _check_database(state: Path, backup: Path) -> None:
     try:
-        with closing(sqlite3.connect(":memory:")) as connection:
-            connection.deserialize(content)
-            whole = connection.execute("PRAGMA integrity_check").fetchone()[0]
-            version = connection.execute("PRAGMA user_version").fetchone()[0]
-    except sqlite3.DatabaseError as error:
-        whole, version = str(error), 0
+        version = read_header(state).user_version
+        if version <= len(MIGRATIONS):
+            with closing(open_tables(state, tables_of(version))) as connection:
+                _check_content(connection)
+            return
+    except (sqlite3.Error, ValueError) as error:
+        raise InputError(f"{backup}: its {STATE} is damaged: {error}", "take another backup") from error
+    known = f"this program knows up to {len(MIGRATIONS)}"
+    raise InputError(f"{backup}: its {STATE} is of version {version}, {known}", "use a newer grabberd")
+
+
+def _check_content(connection: sqlite3.Connection) -> None:
+    """Checks every page, and the JSON texts that the daemon reads at its start."""
+    whole = connection.execute("PRAGMA integrity_check").fetchone()[0]
     if whole != "ok":
-        raise InputError(f"{path}: its {STATE} is damaged: {whole}", "take another backup")
-    if version > len(MIGRATIONS):
-        known = f"this program knows up to {len(MIGRATIONS)}"
-        raise InputError(f"{path}: its {STATE} is of version {version}, {known}", "use a newer grabberd")
+        raise ValueError(whole)
+    for (value,) in connection.execute("SELECT value FROM settings"):
+        read_json(value)
 
 
 def _write_members(folder: Path, members: Mapping[str, bytes]) -> None:

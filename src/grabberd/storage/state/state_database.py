@@ -36,6 +36,17 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
 TIMEOUT_S = 10.0
 
 
+def tables_of(version: int) -> str:
+    """The statements that make the tables of a version.
+
+    Raises:
+        ValueError: No program of this name has written that version.
+    """
+    if version not in range(1, len(MIGRATIONS) + 1):
+        raise ValueError(f"its version is {version}")
+    return ";".join(statement for statements in MIGRATIONS[:version] for statement in statements)
+
+
 class StateDatabase:
     """Access from any thread, and from other programs beside the daemon: each call has its own connection.
 
