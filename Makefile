@@ -18,7 +18,7 @@ PAGE_TYPES := src/grabberd/web/types/openapi.d.ts
 PAGE_SOURCES = $(shell find src/grabberd/web/static/js src/grabberd/web/types tests/web/types -type d -o -name '*.js' -o -name '*.ts')
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-faults faults setups audit house walls docs format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-faults faults fuzz setups audit house walls docs format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -122,6 +122,9 @@ soak-faults: $(READY)
 
 faults: $(READY)  ## every fault of grabber, disk, clock and clients, done to the whole daemon, into docs/reference/faults.md
 	$(BIN)/python -m tests.faults --write docs/reference/faults.md
+
+fuzz: $(READY)  ## hostile files, requests and arrays against everything that reads them (FUZZ_MINUTES=10, SEED=…, ONLY='png requests')
+	$(ONE_THREAD) PYTHONPATH=tests:tests/service $(BIN)/python -m fuzz --minutes $(or $(FUZZ_MINUTES),10) $(if $(SEED),--seed $(SEED)) $(if $(ONLY),--only $(ONLY))
 
 setups: $(READY)  ## every wrong set-up of a calibration, and what the user is told, into docs/reference/wrong-setups.md
 	$(ONE_THREAD) PYTHONPATH=tests $(BIN)/python -m setups --write docs/reference/wrong-setups.md

@@ -130,3 +130,10 @@ def test_the_state_directory_is_systemds_then_the_users(monkeypatch: pytest.Monk
     monkeypatch.delenv("STATE_DIRECTORY")
     monkeypatch.setenv("XDG_STATE_HOME", "/home/somebody/state")
     assert default_state_directory() == Path("/home/somebody/state/grabberd")
+
+
+@pytest.mark.parametrize("name", ["a" * 5000, "~nobody-of-this-name/x", "a\\0b", "loop"])
+def test_a_path_that_leads_nowhere_is_a_problem_of_its_key(tmp_path: Path, name: str) -> None:
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    text = f'devices: {{a: {{driver: fake, calibration: "{name}"}}}}'
+    assert any("calibration" in str(one) for one in problems_of(tmp_path, text))

@@ -6,7 +6,9 @@ import pytest
 
 from geometry.rigs import calibration
 from grabberd.errors import CalibrationMismatch, InputError
+from grabberd.field import LARGEST_SIDE_PX
 from grabberd.geometry import Calibration
+from grabberd.geometry import calibration as calibration_module
 
 GLASS = {"thickness_mm": 3.0, "refractive_index": 1.52}
 
@@ -66,6 +68,7 @@ def test_every_field_of_a_calibration_is_in_its_document():
         ("schema", "grabberd/calibration/9", "schema: is 'grabberd/calibration/9'"),
         ("created_utc", "yesterday", "created_utc: is 'yesterday', expected a time in ISO 8601"),
         ("id", "", "id: is ''"),
+        ("image.columns", 4097, "image.columns: is 4097, expected a whole number from 1 to 4096"),
         ("image.columns", 0, "image.columns: is 0, expected a whole number from 1"),
         ("image.depth", 8, "image.depth: unknown key"),
         ("colour", True, "colour: unknown key"),
@@ -161,3 +164,7 @@ def test_it_fits_its_own_pictures_and_glass():
 def test_it_refuses_pictures_that_are_not_its_own(columns, lines, glass, said):
     with pytest.raises(CalibrationMismatch, match=said):
         Calibration.from_document(document()).check_fits(columns, lines, glass)
+
+
+def test_a_picture_is_as_large_as_fields_may_be() -> None:
+    assert calibration_module.LARGEST_SIDE_PX == LARGEST_SIDE_PX

@@ -1,27 +1,17 @@
 """The compiled kernel never reads or writes where it must not, whatever it is given."""
 
 import ctypes
-import os
-import shutil
-import subprocess
 import sys
-import sysconfig
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
-import grabberd.kernel
 from grabberd.kernel import DONE, KERNEL, REFUSED, load
 from grabberd.measurement.compiled.binary_location import Settings
 from grabberd.measurement.compiled.grey_location import GreySettings
 from grabberd.reconstruction.correspondence.compiled_search import World
-
-HERE = Path(__file__).parent
-SOURCES = Path(grabberd.kernel.__file__).parent
-SANITISED = ["-std=c11", "-O1", "-g", "-fPIC", "-shared", "-Wno-psabi", "-DGRABBERD_PLAIN"]
-CHECKS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+from kernel.sanitised import HERE, build, run, runtime
 
 needs_kernel = pytest.mark.skipif(not KERNEL, reason="THERE IS NO COMPILED KERNEL HERE to be refused by")
 
@@ -106,36 +96,9 @@ def test_arrays_that_are_too_short_are_refused():
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_under_sanitisers_random_and_hostile_pictures_do_no_harm(tmp_path):
-    compiler = shutil.which("gcc")
-    runtime = _runtime(compiler, "libasan.so")
-    if not runtime or not (Path(sysconfig.get_path("include")) / "Python.h").exists():
+    if runtime() is None:
         pytest.skip("NO SANITISERS HERE: gcc with libasan and Python's headers are needed to look for faults")
-    include = f"-I{sysconfig.get_path('include')}"
-    target = tmp_path / "_sanitised.abi3.so"
-    files = [str(file) for file in sorted(SOURCES.glob("*.c"))]
-    # Its name as a module is that of its first function.
-    name = "-DPyInit__kernel=PyInit__sanitised"
-    subprocess.run([compiler, *SANITISED, *CHECKS, include, name, "-o", target, *files, "-lm"], check=True)
-    environment = {
-        **os.environ,
-        "LD_PRELOAD": runtime,
-        "ASAN_OPTIONS": "detect_leaks=0",
-        "PYTHONMALLOC": "malloc",
-        "PYTHONPATH": os.pathsep.join([str(tmp_path), str(HERE.parent), *sys.path[1:]]),
-    }
-    done = subprocess.run(
-        [sys.executable, HERE / "hostile.py"], env=environment, capture_output=True, text=True, check=False
-    )
+    build(tmp_path)
+    done = run(tmp_path, HERE / "hostile.py")
     assert done.returncode == 0, done.stderr[-3000:]
     assert "no harm" in done.stdout
-
-
-def _runtime(compiler, name):
-    """The sanitiser's own library, which has to be loaded first."""
-    if not compiler:
-        return None
-    found = subprocess.run(
-        [compiler, f"-print-file-name={name}"], capture_output=True, text=True, check=False
-    )
-    path = found.stdout.strip()
-    return path if os.path.isabs(path) and ctypes.sizeof(ctypes.c_void_p) == 8 else None

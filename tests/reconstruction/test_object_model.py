@@ -65,6 +65,10 @@ def test_a_single_target_has_no_neighbours():
         (lambda d: d["targets"][2].pop("z_mm"), r"targets\[2\]\.z_mm: is missing"),
         (lambda d: d["targets"][2].update(x=1), r"targets\[2\]\.x: unknown key"),
         (lambda d: d["targets"][2].update(x_mm=float("inf")), r"targets\[2\]\.x_mm: is inf"),
+        (
+            lambda d: d["targets"][2].update(row=1 << 31),
+            r"targets\[2\]\.row: is 2147483648, expected a whole",
+        ),
         (lambda d: d["targets"][2].update(id=1.5), r"targets\[2\]\.id: is 1\.5, expected a whole number"),
         (lambda d: d["targets"][2].update(id=10), r"targets\[3\]\.id: 10 is given twice"),
         (

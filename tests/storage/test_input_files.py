@@ -3,7 +3,7 @@
 import pytest
 
 from grabberd.errors import InputError
-from grabberd.storage.input_files import read_truth
+from grabberd.storage.input_files import read_identifications, read_truth
 
 
 @pytest.fixture
@@ -44,6 +44,7 @@ def test_a_spreadsheets_byte_order_mark_does_no_harm(file):
         ("target,x_mm,y_mm,z_mm\n1,2\n", "line 2"),
         ("target,x_mm,y_mm,z_mm\n1,2,nan,4\n", "line 2: y_mm nan is not a number"),
         ("target,x_mm,y_mm,z_mm\n6.5,1,2,3\n", "line 2: target 6.5 is not a whole number"),
+        ("target,x_mm,y_mm,z_mm\n2147483648,1,2,3\n", "line 2: target 2147483648 is not a whole number"),
         ("target,x_mm,y_mm,z_mm\n1,2,3,4\n1,5,6,7\n", "2 rows of target 1"),
         ("n,target,x_mm,y_mm,z_mm\n4,1,2,3,4\n4,1,2,3,4\n", "target 1 in field 4"),
     ],
@@ -56,3 +57,9 @@ def test_what_is_wrong_is_named(file, text, message):
 def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(InputError, match=r"gone\.csv cannot be read"):
         read_truth(tmp_path / "gone.csv")
+
+
+@pytest.mark.parametrize("row", ["left,1,nan,2", "left,1,2,inf", "left,4294967296,1,2", "left,1"])
+def test_a_mark_that_is_nowhere_is_refused_by_its_line(file, row):
+    with pytest.raises(InputError, match=r"truth\.csv, line 2: "):
+        read_identifications(file(f"view,target,x_px,y_px\n{row}\n"))

@@ -14,6 +14,8 @@ from grabberd.geometry.local_field import LocalField
 from grabberd.geometry.view import PARAMETERS, View
 
 SCHEMA = "grabberd/calibration/1"
+LARGEST_SIDE_PX = 4096
+"""Lines or columns of a picture, as those that fields may have; neither room knows the other."""
 
 _KEYS = (
     "schema",
@@ -90,8 +92,8 @@ class Calibration:
             id=reading.text(document, "id"),
             created_utc=_time(reading, document),
             source=reading.text(document, "source"),
-            columns=reading.integer(image, "columns", "image.", least=1),
-            lines=reading.integer(image, "lines", "image.", least=1),
+            columns=reading.integer(image, "columns", "image.", least=1, most=LARGEST_SIDE_PX),
+            lines=reading.integer(image, "lines", "image.", least=1, most=LARGEST_SIDE_PX),
             left=_view(reading, views, "left"),
             right=_view(reading, views, "right"),
             covariance=_covariance(reading, document.get("covariance")),
@@ -170,8 +172,8 @@ def _view(reading: Reading, views: Mapping[str, object], name: str) -> View:
         reading.refuse(where + "handedness", handedness, "1 or -1")
     return View(
         name=name,
-        first_column=reading.integer(values, "first_column", where, least=0),
-        end_column=reading.integer(values, "end_column", where, least=1),
+        first_column=reading.integer(values, "first_column", where, least=0, most=LARGEST_SIDE_PX),
+        end_column=reading.integer(values, "end_column", where, least=1, most=LARGEST_SIDE_PX),
         pixel_x_mm=reading.number(values, "pixel_x_mm", where, positive=True),
         pixel_y_mm=reading.number(values, "pixel_y_mm", where, positive=True),
         handedness=handedness,

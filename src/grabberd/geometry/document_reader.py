@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from grabberd.errors import InputError
 
 _SHOWN = 60
+_LARGEST = (1 << 31) - 1
 T = TypeVar("T")
 
 
@@ -52,13 +53,23 @@ class Reading:
         return self._read(holder, key, where, "a text", lambda value: isinstance(value, str) and value, "")
 
     def integer(
-        self, holder: Mapping[str, object], key: str, where: str = "", least: int | None = None
+        self,
+        holder: Mapping[str, object],
+        key: str,
+        where: str = "",
+        least: int = -_LARGEST,
+        most: int = _LARGEST,
     ) -> int:
-        """Read a whole number, not below `least`."""
-        expected = "a whole number" if least is None else f"a whole number from {least}"
-        lowest = -math.inf if least is None else least
+        """Read a whole number from `least` to `most`; by default, one of those that arrays of int32 hold."""
+        expected = "a whole number" + (f" from {least}" if least > -_LARGEST else "")
+        expected += f" to {most}" if most < _LARGEST else ""
         return self._read(
-            holder, key, where, expected, lambda value: is_integer(value) and value >= lowest, least or 0
+            holder,
+            key,
+            where,
+            expected,
+            lambda value: is_integer(value) and least <= value <= most,
+            max(least, 0),
         )
 
     def number(

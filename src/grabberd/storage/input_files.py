@@ -71,13 +71,18 @@ def _numbers(row: _Row, line: int, path: Path) -> dict[str, float]:
     wanted = [name for name in ("n", *TRUTH_COLUMNS, "visible") if name in row]
     try:
         numbers = {name: float(row[name]) for name in wanted}
-    except (TypeError, ValueError) as error:
+    except ValueError as error:
         raise InputError(f"{path}, line {line}: {error}", "every value has to be a number") from error
     for name, value in numbers.items():
-        if not math.isfinite(value) or (name in WHOLE and value != int(value)):
+        if not math.isfinite(value) or (name in WHOLE and not _is_whole(value)):
             kind = "a whole number" if name in WHOLE else "a number"
             raise InputError(f"{path}, line {line}: {name} {row[name]} is not {kind}", "fix this line")
     return numbers
+
+
+def _is_whole(value: float) -> bool:
+    """True for a whole number that arrays of int32 hold."""
+    return value == int(value) and abs(value) < 1 << 31
 
 
 def _check_unique(rows: list[dict[str, float]], path: Path) -> None:
@@ -93,6 +98,9 @@ def _mark(row: _Row, line: int, path: Path) -> Mark:
     if row["view"] != view:
         raise InputError(f"{path}, line {line}: view {row['view']!r} is neither left nor right", _MARK_HINT)
     try:
-        return Mark(view, int(row["target"]), float(row["x_px"]), float(row["y_px"]))
-    except (TypeError, ValueError) as error:
+        mark = Mark(view, int(row["target"]), float(row["x_px"]), float(row["y_px"]))
+    except ValueError as error:
         raise InputError(f"{path}, line {line}: {error}", _MARK_HINT) from None
+    if not (math.isfinite(mark.x_px) and math.isfinite(mark.y_px) and _is_whole(mark.target)):
+        raise InputError(f"{path}, line {line}: {', '.join(row.values())} is out of range", _MARK_HINT)
+    return mark

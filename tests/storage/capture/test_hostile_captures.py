@@ -11,6 +11,7 @@ import pytest
 from grabberd.errors import CaptureFileError, GrabberdError
 from grabberd.storage import CaptureReader
 from grabberd.storage.capture.checked_rows import some_rows
+from grabberd.storage.capture.runs import append_run
 from grabberd.storage.capture.schema import TABLES
 from storage.captures import slots, write
 
@@ -222,3 +223,14 @@ def test_pictures_are_read_in_parts_that_fit_into_memory(changed):
     )
     with closing(sqlite3.connect(whole)) as connection:
         assert len(some_rows(connection.execute("SELECT * FROM fields ORDER BY n"))) == 5
+
+
+def test_damage_that_only_adding_a_run_meets_is_damage_of_the_file(whole):
+    content = bytearray(whole.read_bytes())
+    with closing(sqlite3.connect(whole)) as connection:
+        size = connection.execute("PRAGMA page_size").fetchone()[0]
+        root = connection.execute("SELECT rootpage FROM sqlite_schema WHERE name = 'points'").fetchone()[0]
+    content[(root - 1) * size : root * size] = bytes(size)
+    whole.write_bytes(content)
+    with pytest.raises(CaptureFileError, match="malformed"):
+        append_run(whole, "measure", "2026-03-01T09:30:00Z", "1", {}, [])

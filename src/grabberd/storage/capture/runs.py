@@ -23,7 +23,7 @@ from grabberd.storage.capture.digests import (
 )
 from grabberd.storage.capture.meta import coverage_key, write_meta
 from grabberd.storage.capture.read_back import check_staged
-from grabberd.storage.capture.schema import connect
+from grabberd.storage.capture.schema import connect, reading_errors
 from grabberd.storage.capture.writer import DONE, INSERT_POINTS, INSERT_RUN, run_row
 from grabberd.storage.disk import storage_errors
 
@@ -65,6 +65,7 @@ def append_run(
     with (
         closing(connect(path, writable=True)) as connection,
         _staged(path, points) as staged,
+        reading_errors(path),  # damage beyond what was read so far
         storage_errors(path),
         _alone(path),
     ):

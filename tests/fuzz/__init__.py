@@ -1,0 +1,1 @@
+"""Standing fuzz: hostile files, requests and arrays against everything that reads what comes from outside."""
