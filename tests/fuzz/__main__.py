@@ -43,7 +43,9 @@ def main() -> int:
 
 
 def _round(samples: Path, name: str, seed: int) -> int:
-    file = samples.with_name(f"{name}.file")
+    file = samples.with_name(
+        f"{name}.grab"
+    )  # whatever it is: some commands look for captures by their ending
     count = COMMANDS_AT_ONCE if name in COMMANDS else FILES_AT_ONCE
     words = [sys.executable, "-m", "fuzz.child", str(samples), name, str(seed), str(count), str(file)]
     if name == REQUESTS:

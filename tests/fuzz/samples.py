@@ -11,6 +11,7 @@ from drivers.replay.pictures import frames
 from drivers.replay.videos import avi, coded, y4m
 from fuzz.commands import run_command
 from grabberd.config import default_config_file
+from grabberd.storage import CaptureReader
 from grabberd.storage.state.backup import back_up
 from grabberd.storage.state.state_store import StateStore
 
@@ -29,6 +30,7 @@ def make_small(folder: Path) -> Path:
     """All but the captures, which take the program some seconds."""
     for kind in (
         "capture",
+        "frame",
         "calibration",
         "object",
         "config",
@@ -61,13 +63,22 @@ def _texts(folder: Path) -> None:
 
 
 def _captures(folder: Path) -> None:
-    """One of 1 bit that has been measured, and one of 8 bits without points."""
-    config = ("--config", str(CONFIGS / "fake.yaml"), "--fields", str(FIELDS))
-    measured, grey = folder / "capture" / "liner.grab", folder / "capture" / "grey.grab"
-    for out, options in ((measured, ()), (grey, ("--bits", "8"))):
-        code = run_command("capture", *config, *options, "--out", str(out))
-        if code:
+    """The liner at 1 and at 8 bits, and the calibration frame; the truth is the first's."""
+    for name, config, bits in (
+        ("capture/liner.grab", "fake.yaml", "1"),
+        ("capture/grey.grab", "fake.yaml", "8"),
+        ("frame/frame.grab", "fake-calibration-frame.yaml", "8"),
+    ):
+        words = ("--config", str(CONFIGS / config), "--fields", str(FIELDS), "--bits", bits)
+        if code := run_command("capture", *words, "--out", str(folder / name)):
             raise SystemExit(f"no sample: grabberd capture ended with {code}")
+    with CaptureReader(folder / "capture" / "liner.grab") as reader:
+        rows = (
+            f"{n},{target},{x},{y},{z}"
+            for n, points in reader.points()
+            for target, (x, y, z) in zip(points.target.tolist(), points.xyz_mm.round(4).tolist(), strict=True)
+        )
+        (folder / "truth" / "truth.csv").write_text("\n".join(["n,target,x_mm,y_mm,z_mm", *rows]))
 
 
 def _pictures(folder: Path) -> None:

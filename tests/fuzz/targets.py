@@ -180,7 +180,7 @@ COMMANDS: Mapping[str, Target] = {
         "capture", _command("analyse", "CAPTURE", "--inputs", "INPUTS", "--out", "OUT", "--formats", "csv")
     ),
     "calibrate": Target(
-        "capture",
+        "frame",
         _command(
             "calibrate", "CAPTURE", "--calibration-frame", "FRAME", "--config", "CONFIG", "--out", "OUT"
         ),
@@ -213,7 +213,7 @@ def prepare(random: Random, samples: Path, kind: str, target: Path) -> None:
     """Makes a hostile file of a kind from its samples."""
     files = sorted(path for path in (samples / kind).iterdir() if path.is_file())
     sample = random.choice(files)
-    if kind == "capture" and random.random() < 0.8:
+    if kind in ("capture", "frame") and random.random() < 0.8:
         shutil.copy(sample, target)
         change_cells(random, target)
     else:

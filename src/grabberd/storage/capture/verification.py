@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from grabberd.errors import CaptureFileError, StorageError
+from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.checked_rows import CheckedRows
 from grabberd.storage.capture.codec import decode_points
-from grabberd.storage.capture.digests import CHANGED, FIELDS, Damage, changed_parts, points_prefix
+from grabberd.storage.capture.digests import CHANGED, FIELDS, Damage, Row, changed_parts, points_prefix
 from grabberd.storage.capture.meta import read_meta
 from grabberd.storage.capture.reader import ALL_FIELDS, ALL_POINTS
 from grabberd.storage.capture.rows import recorded_field
@@ -64,9 +65,13 @@ def verify(path: Path) -> Verification:
         for run in runs:
             with _told(path, told):
                 of_run = ALL_POINTS._replace(what="points" if run == 1 else f"points of run {run}")
-                decoded = rows.each(of_run, points_prefix(run), lambda row: decode_points(row[3], row[2]), run=run)
-                points += _number(decoded)
+                points += _number(rows.each(of_run, points_prefix(run), _decoded_points, run=run))
     return Verification(fields, points, rows.has_digests, [*told, *(one.in_words for one in left_out)])
+
+
+def _decoded_points(row: Row) -> Points:
+    _, _, count, data = row
+    return decode_points(data, count)
 
 
 @contextmanager
