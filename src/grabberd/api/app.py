@@ -17,6 +17,7 @@ from grabberd.api.guard.gate import Gate, HeadAsGet
 from grabberd.api.guard.refusals import Refusal, answer_refusal
 from grabberd.api.guard.roles import check_declared
 from grabberd.api.guard.stream_limit import Streams
+from grabberd.api.readings import Readings
 from grabberd.api.routes import (
     analyses,
     calibrations,
@@ -62,6 +63,7 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
     app.state.streams = streams = Streams(front.limits)
     app.state.metrics = metrics.registry_of(service, lambda: streams.count)
     app.state.feeds = Feeds(service)
+    app.state.readings = Readings(front.limits)
     problems.install(app)
     app.add_exception_handler(Refusal, answer_refusal)
     app.state.files = Files()
@@ -91,6 +93,7 @@ async def _life(app: FastAPI) -> AsyncIterator[None]:
     service: Service = app.state.service
     await run_in_threadpool(service.start)
     yield
+    app.state.readings.close()
     await run_in_threadpool(service.stop)
 
 

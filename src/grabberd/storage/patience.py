@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
+from grabberd.errors import ReadingGivenUp
+
 
 class Patience:
     """The time until which something is waited for; may end earlier, from any thread.
@@ -17,13 +19,20 @@ class Patience:
     Args:
         until_s: The end, by `now_s`; None: only `give_up` ends it.
         now_s: Source of time.
+        outer: Patience that this one is a part of: over with it at the latest.
     """
 
-    __slots__ = ("_given_up", "_now_s", "until_s")
+    __slots__ = ("_given_up", "_now_s", "_outer", "until_s")
 
-    def __init__(self, until_s: float | None, now_s: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        until_s: float | None,
+        now_s: Callable[[], float] = time.monotonic,
+        outer: "Patience | None" = None,
+    ) -> None:
         self.until_s = until_s
         self._now_s = now_s
+        self._outer = outer
         self._given_up = False
 
     def give_up(self) -> None:
@@ -33,7 +42,9 @@ class Patience:
     @property
     def is_over(self) -> bool:
         """True if nobody waits any longer: it was given up, or its time has passed."""
-        return self._given_up or (self.until_s is not None and self._now_s() >= self.until_s)
+        if self._given_up or (self.until_s is not None and self._now_s() >= self.until_s):
+            return True
+        return self._outer is not None and self._outer.is_over
 
 
 CURRENT: ContextVar[Patience | None] = ContextVar("patience", default=None)
@@ -52,3 +63,30 @@ def within(patience: Patience) -> Iterator[Patience]:
         yield patience
     finally:
         CURRENT.reset(before)
+
+
+def is_over() -> bool:
+    """True if there is a patience in force, and it is over."""
+    patience = CURRENT.get()
+    return patience is not None and patience.is_over
+
+
+def check_patience(what: str = "it") -> None:
+    """Ends a reading that nobody waits for any longer; called between its steps.
+
+    Args:
+        what: What is being read.
+
+    Raises:
+        ReadingGivenUp: The patience in force is over.
+    """
+    if is_over():
+        raise given_up(what)
+
+
+def given_up(what: str) -> ReadingGivenUp:
+    """The error of a reading that was given up."""
+    return ReadingGivenUp(
+        f"reading {what} took too long and was given up",
+        "ask for less at once, or again when the computer has less to do",
+    )

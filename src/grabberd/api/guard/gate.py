@@ -16,7 +16,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from grabberd.api.guard.authentication import Authenticator, check_role
-from grabberd.api.guard.front import Front
+from grabberd.api.guard.front import LOOPBACK_NAMES, Front
 from grabberd.api.guard.refusals import Refusal
 from grabberd.api.guard.roles import least_role
 from grabberd.config import HttpLimits
@@ -43,19 +43,33 @@ CLOSE = {"Connection": "close"}
 def check_host(scope: Scope, front: Front) -> None:
     """Checks that a request uses one of the daemon's names, or the address on which it came in.
 
+    The names of loopback are valid on its addresses and on Unix sockets: nobody calls the daemon by them from
+    another computer, unless to get past a rule of somebody's proxy.
+
     Raises:
         Refusal: 421, it uses another name.
     """
     given = Headers(scope=scope).getlist("host")
     match = _HOST.fullmatch(given[0]) if len(given) == 1 else None
     name = match["name"].strip("[]").rstrip(".").lower() if match else ""
-    if name not in front.hosts and not _is_own_address(name, scope):
+    if not (name in front.hosts or _is_own_address(name, scope) or _is_loopback(name, scope)):
         raise Refusal(
             421,
             "foreign-host",
             f"this daemon does not have the name {', '.join(given)[:100]!r}",
             "use its address, or add the name to http.hosts in its configuration",
         )
+
+
+def _is_loopback(name: str, scope: Scope) -> bool:
+    """True if the name is one of loopback's, and the connection came in there or on a Unix socket."""
+    server = scope.get("server")
+    if name not in LOOPBACK_NAMES:
+        return False
+    try:
+        return not server or _address(str(server[0])).is_loopback
+    except ValueError:  # the path of a Unix socket
+        return True
 
 
 def _is_own_address(name: str, scope: Scope) -> bool:
@@ -200,6 +214,7 @@ class Gate:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
+        scope = self._front.proxies.seen_through(scope)
         answer = _Answer(send)
         try:
             await self._serve(scope, receive, answer)

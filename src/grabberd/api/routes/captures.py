@@ -7,6 +7,7 @@ from fastapi import APIRouter, Query, Request, Response, status
 
 from grabberd.acquisition.clock import iso_utc
 from grabberd.api.idempotency import TAKES_KEY, OnceRoute
+from grabberd.api.readings import reads
 from grabberd.api.routes.dependencies import PROBLEMS, CaptureId, ServiceOf, accepted
 from grabberd.api.routes.paging import Cursor, Limit, cursor_of, position_of
 from grabberd.documents.captures import CaptureDocument, CaptureList
@@ -38,6 +39,7 @@ def start_capture(
 
 
 @router.get("", summary="List captures")
+@reads
 def list_captures(
     service: ServiceOf,
     limit: Limit = 100,
@@ -58,6 +60,7 @@ def list_captures(
 
 
 @router.get("/{capture_id}", summary="Look up a capture")
+@reads
 def get_capture(capture_id: CaptureId, service: ServiceOf) -> CaptureDocument:
     """One capture with its ledger."""
     return service.archive.document(capture_id)

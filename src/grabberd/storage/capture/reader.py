@@ -71,6 +71,7 @@ class CaptureReader:
 
     Raises:
         CaptureFileError: From any method: missing, no capture, damaged, or of a later version.
+        ReadingGivenUp: From any method: nobody waits for it any longer.
     """
 
     def __init__(self, path: Path | str, left_out: list[Damage] | None = None) -> None:
