@@ -17,6 +17,7 @@ from grabberd.api.guard.gate import Gate, HeadAsGet
 from grabberd.api.guard.refusals import Refusal, answer_refusal
 from grabberd.api.guard.roles import check_declared
 from grabberd.api.guard.stream_limit import Streams
+from grabberd.api.idempotency import KeptSince
 from grabberd.api.readings import Readings
 from grabberd.api.routes import (
     analyses,
@@ -60,6 +61,7 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
     app.state.service = service
     app.state.front = front
     app.state.once = WeakValueDictionary()
+    app.state.kept_since = KeptSince(service.clock)
     app.state.streams = streams = Streams(front.limits)
     app.state.metrics = metrics.registry_of(service, lambda: streams.count)
     app.state.feeds = Feeds(service)

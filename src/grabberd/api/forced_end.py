@@ -31,7 +31,7 @@ class ForcedEnd:
         self._left_s = left_s
         self._end = end or end_now
         self._reading, self._writing = os.pipe()
-        self._thread = threading.Thread(target=self._wait, name="forced end", daemon=True)
+        self._thread = threading.Thread(target=self._wait, name="forced-end", daemon=True)
         self._told = False
 
     def start(self) -> None:

@@ -46,7 +46,7 @@ class Readings:
         self._now_s = now_s
         self._threads = limits.reads
         self._longest_s = limits.read_timeout_s
-        self._pool = ThreadPoolExecutor(limits.reads, "reading")
+        self._pool = ThreadPoolExecutor(limits.reads, thread_name_prefix="reading")
         self._patiences: set[Patience] = set()
 
     @property

@@ -92,7 +92,7 @@ class BeatingServer(uvicorn.Server):
         feeds: Feeds | None = getattr(state, "feeds", None)
         if service is not None:
             # Not in the server's pool, whose threads may all be held up.
-            threading.Thread(target=service.end_captures, name="end of captures", daemon=True).start()
+            threading.Thread(target=service.end_captures, name="end-captures", daemon=True).start()
         if feeds is not None:
             feeds.close()
         await super().shutdown(sockets)

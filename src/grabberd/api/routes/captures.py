@@ -4,6 +4,7 @@ from datetime import UTC, datetime
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response, status
+from pydantic import AfterValidator
 
 from grabberd.acquisition.clock import iso_utc
 from grabberd.api.idempotency import TAKES_KEY, OnceRoute
@@ -21,6 +22,17 @@ from grabberd.service.jobs.measurement import MeasurementJob
 from grabberd.service.setup import INCLUDE_DAMAGED
 
 router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=OnceRoute)
+
+
+def _in_utc(moment: datetime) -> datetime:
+    """A time in UTC; one without a zone is in UTC already."""
+    try:
+        return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
+    except OverflowError:
+        raise ValueError("in UTC, this time is outside the years 1 to 9999") from None
+
+
+Moment = Annotated[datetime, AfterValidator(_in_utc)]
 
 
 @router.post(
@@ -45,8 +57,8 @@ def list_captures(
     limit: Limit = 100,
     cursor: Cursor = None,
     device: Annotated[str | None, Query(max_length=200, description="Only captures of this device.")] = None,
-    since: Annotated[datetime | None, Query(description="Only captures that started then or later.")] = None,
-    until: Annotated[datetime | None, Query(description="Only captures that started before.")] = None,
+    since: Annotated[Moment | None, Query(description="Only captures that started then or later.")] = None,
+    until: Annotated[Moment | None, Query(description="Only captures that started before.")] = None,
     search: Annotated[
         str | None, Query(max_length=200, description="Only captures with this text in id, note or labels.")
     ] = None,
@@ -158,7 +170,4 @@ def request_of(options: CaptureOptions, rate_hz: float, labels: Labels | None = 
 
 
 def _utc(moment: datetime | None) -> str | None:
-    """A time without a zone is UTC."""
-    if moment is None:
-        return None
-    return iso_utc(moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC))
+    return None if moment is None else iso_utc(moment)
