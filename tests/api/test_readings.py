@@ -181,7 +181,7 @@ def test_closing_gives_up_all_of_them() -> None:
 def besieged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Served, str, Endless]]:
     """A daemon in which the points of every capture take for ever, a capture, and its reads."""
     endless = Endless()
-    monkeypatch.setattr("grabberd.api.routes.capture_contents.points_document", endless)
+    monkeypatch.setattr("grabberd.api.routes.capture_contents.points_json", endless)
     with served(service_in(tmp_path, pace="real"), LONG) as daemon:
         status, document = ask(daemon, "POST", "/api/v1/captures", {"fields": 5})
         assert status == 202

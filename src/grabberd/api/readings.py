@@ -23,6 +23,7 @@ from starlette.types import Receive
 
 from grabberd.api.guard.refusals import Refusal
 from grabberd.api.streams.downloads import Download
+from grabberd.api.turns import Turns
 from grabberd.config import HttpLimits
 from grabberd.storage.patience import CURRENT, Patience, check_patience
 
@@ -48,6 +49,7 @@ class Readings:
         self._longest_s = limits.read_timeout_s
         self._pool = ThreadPoolExecutor(limits.reads, thread_name_prefix="reading")
         self._patiences: set[Patience] = set()
+        self._turns = Turns()
 
     @property
     def count(self) -> int:
@@ -95,22 +97,25 @@ class Readings:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
     def _patience(self) -> Patience:
-        return Patience(self._now_s() + self._longest_s, self._now_s)
+        return Patience(self._now_s() + self._longest_s, self._now_s, between=self._turns.pass_on)
 
     async def _run(self, read: Callable[[], T], patience: Patience) -> T:
         context = copy_context()
         context.run(CURRENT.set, patience)
         self._patiences.add(patience)
         try:
-            work = self._pool.submit(context.run, _begun, read)
+            work = self._pool.submit(context.run, self._in_turn, read)
             return await _ended(work, patience)
         finally:
             self._patiences.discard(patience)
 
-
-def _begun(read: Callable[[], T]) -> T:
-    check_patience("what was asked for")  # it may have waited for a thread for too long
-    return read()
+    def _in_turn(self, read: Callable[[], T]) -> T:
+        self._turns.take()
+        try:
+            check_patience("what was asked for")  # it may have waited for a thread for too long
+            return read()
+        finally:
+            self._turns.give()
 
 
 def _next(source: Generator[T, None, None]) -> T | object:

@@ -20,16 +20,19 @@ class Patience:
         until_s: The end, by `now_s`; None: only `give_up` ends it.
         now_s: Source of time.
         outer: Patience that this one is a part of: over with it at the latest.
+        between: Called between the steps of a reading, to let others go on.
     """
 
-    __slots__ = ("_given_up", "_now_s", "_outer", "until_s")
+    __slots__ = ("_between", "_given_up", "_now_s", "_outer", "until_s")
 
     def __init__(
         self,
         until_s: float | None,
         now_s: Callable[[], float] = time.monotonic,
         outer: "Patience | None" = None,
+        between: Callable[[], None] | None = None,
     ) -> None:
+        self._between = between
         self.until_s = until_s
         self._now_s = now_s
         self._outer = outer
@@ -38,6 +41,13 @@ class Patience:
     def give_up(self) -> None:
         """Ends it now; safe twice and from any thread."""
         self._given_up = True
+
+    def between(self) -> None:
+        """Lets others go on between two steps."""
+        if self._between is not None:
+            self._between()
+        if self._outer is not None:
+            self._outer.between()
 
     @property
     def is_over(self) -> bool:
@@ -80,7 +90,11 @@ def check_patience(what: str = "it") -> None:
     Raises:
         ReadingGivenUp: The patience in force is over.
     """
-    if is_over():
+    patience = CURRENT.get()
+    if patience is None:
+        return
+    patience.between()
+    if patience.is_over:
         raise given_up(what)
 
 

@@ -16,7 +16,7 @@ from grabberd.service.capture.capture_documents import whole_run
 from grabberd.storage import field_png, points_csv, points_ply
 from grabberd.storage.capture.reader import stat_at_rest
 from grabberd.storage.export.parquet_stream import parquet_stream
-from grabberd.storage.export.points_document import PointsQuery, points_document
+from grabberd.storage.export.points_document import PointsQuery, points_json
 
 router = APIRouter(prefix="/captures", tags=["captures"], responses=OF_A_FILE)
 
@@ -72,7 +72,12 @@ def get_run(
     return whole_run(service.archive.path(capture_id), run)
 
 
-@router.get("/{capture_id}/points", summary="Get points as JSON, thinned out")
+@router.get(
+    "/{capture_id}/points",
+    response_class=Response,
+    summary="Get points as JSON, thinned out",
+    responses={200: {"model": PointsDocument}},
+)
 @reads
 def get_points(
     capture_id: CaptureId,
@@ -98,10 +103,10 @@ def get_points(
         list[Annotated[int, Query(ge=0, le=2**31 - 1)]] | None,
         Query(max_length=1000, description="Only this target; can be given several times."),
     ] = None,
-) -> PointsDocument:
+) -> Response:
     """The points of a run, field by field, with their standard deviations."""
     query = PointsQuery(run, first_n, end_n, every, max_points, target or ())
-    return points_document(service.archive.path(capture_id), query)
+    return Response(points_json(service.archive.path(capture_id), query), media_type="application/json")
 
 
 @router.get(
