@@ -5,11 +5,12 @@ import multiprocessing
 import os
 import sys
 import tempfile
-import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from multiprocessing.connection import Connection
+from multiprocessing.synchronize import Event
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,7 +19,7 @@ from tests.faults.clients import resident_kb
 from tests.faults.daemon import RECORDED, Daemon, running
 from tests.faults.playing import configuration
 
-from .armour_attacks import ATTACKS, TIMEOUT_S, Answers, Attack, Target, address
+from .armour_attacks import ATTACKS, TIMEOUT_S, Answers, Target, address
 
 BUSY = 4
 FEW = 64
@@ -27,6 +28,7 @@ ASKED_EVERY_S = 0.05
 FIELDS = 3000
 """Fields of the capture that takes long to read."""
 WARM_UP_S = 3.0
+BEGUN = "begun"
 FEW_DESCRIPTORS = ("bash", "-c", f'ulimit -n {FEW}; exec "$@"', "bash", *RECORDED)
 
 
@@ -79,7 +81,7 @@ def _attacked(folder: Path, name: str, seconds: float, command: tuple[str, ...],
         daemon.wait_until_ready()
         target = Target(daemon.port, capture_id)
         time.sleep(WARM_UP_S)
-        rows = [_outcome(daemon, target, ATTACKS[attack], seconds).row(attack) for attack in attacks]
+        rows = [_outcome(daemon, target, attack, seconds).row(attack) for attack in attacks]
     head = (
         f"**{name[0].upper()}{name[1:]}**, {seconds:g} s each; load {os.getloadavg()[0]:.1f} on "
         f"{os.cpu_count()} processors at the end.\n\n"
@@ -99,19 +101,37 @@ def _long_capture(captures: Path) -> str:
     return META.id
 
 
-def _outcome(daemon: Daemon, target: Target, attack: Attack, seconds: float) -> Outcome:
-    answers: Answers = Counter()
-    over = threading.Event()
+def _outcome(daemon: Daemon, target: Target, attack: str, seconds: float) -> Outcome:
     before_kb = resident_kb(daemon.process.pid)
     capture_id = daemon.start_capture()
-    attacker = threading.Thread(target=attack, args=(target, over, answers))
-    attacker.start()
-    waited_s, failed = _asked(daemon.port, seconds)
-    grown_mb = (resident_kb(daemon.process.pid) - before_kb) / 1024
-    over.set()
-    attacker.join()
+    with _attacking(attack, target) as answers:
+        waited_s, failed = _asked(daemon.port, seconds)
+        grown_mb = (resident_kb(daemon.process.pid) - before_kb) / 1024
     counts = daemon.stop_capture(capture_id)["ledger"]["counts"]
     return Outcome(answers, waited_s, failed, sum(counts.values()) - counts["received"], grown_mb)
+
+
+@contextmanager
+def _attacking(attack: str, target: Target) -> Iterator[Answers]:
+    """Attackers in a process of their own; their answers are there after the block."""
+    context = multiprocessing.get_context("spawn")
+    over, (told, tell), answers = context.Event(), context.Pipe(duplex=False), Counter[str]()
+    process = context.Process(target=_attack, args=(attack, target, over, tell))
+    process.start()
+    assert told.recv() == BEGUN
+    try:
+        yield answers
+    finally:
+        over.set()
+        answers.update(told.recv())
+        process.join()
+
+
+def _attack(attack: str, target: Target, over: Event, tell: Connection) -> None:
+    answers: Answers = Counter()
+    tell.send(BEGUN)
+    ATTACKS[attack](target, over, answers)
+    tell.send(dict(answers))
 
 
 def _asked(port: int, seconds: float) -> tuple[list[float], int]:

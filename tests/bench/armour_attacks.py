@@ -8,6 +8,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from multiprocessing.synchronize import Event
 from typing import NamedTuple
 
 SMALL = 4096
@@ -25,7 +26,7 @@ class Target(NamedTuple):
 
 Answers = Counter[str]
 """Answers by their status; `hung up` counts connections that ended without one."""
-Attack = Callable[[Target, threading.Event, Answers], None]
+Attack = Callable[[Target, Event, Answers], None]
 
 
 def address(number: int) -> str:
@@ -33,12 +34,12 @@ def address(number: int) -> str:
     return f"127.1.{1 + number // 200}.{1 + number % 200}"
 
 
-def nobody(_: Target, over: threading.Event, __: Answers) -> None:
+def nobody(_: Target, over: Event, __: Answers) -> None:
     """Nobody does anything."""
     over.wait()
 
 
-def streams_never_read(target: Target, over: threading.Event, answers: Answers) -> None:
+def streams_never_read(target: Target, over: Event, answers: Answers) -> None:
     """Fifty clients of the events and twenty of the preview, none of whom reads."""
     key = base64.b64encode(os.urandom(16)).decode()
     upgrade = ("Upgrade: websocket", "Connection: Upgrade", f"Sec-WebSocket-Key: {key}")
@@ -51,22 +52,22 @@ def streams_never_read(target: Target, over: threading.Event, answers: Answers) 
         answers["streams held"] += 70
 
 
-def idle_of_one(target: Target, over: threading.Event, answers: Answers) -> None:
+def idle_of_one(target: Target, over: Event, answers: Answers) -> None:
     """Three hundred connections of one client that says nothing, renewed as they end."""
     _held(target, over, answers, [address(0)] * 300, b"")
 
 
-def slow_heads(target: Target, over: threading.Event, answers: Answers) -> None:
+def slow_heads(target: Target, over: Event, answers: Answers) -> None:
     """Two hundred clients, each of which sends the head of its request a byte at a time."""
     _held(target, over, answers, [address(number) for number in range(200)], b"X")
 
 
-def a_thousand(target: Target, over: threading.Event, answers: Answers) -> None:
+def a_thousand(target: Target, over: Event, answers: Answers) -> None:
     """A thousand clients with a connection each, which they keep."""
     _held(target, over, answers, [address(number) for number in range(1000)], b"")
 
 
-def endless_bodies(target: Target, over: threading.Event, answers: Answers) -> None:
+def endless_bodies(target: Target, over: Event, answers: Answers) -> None:
     """Twenty clients, each of which sends a body in chunks that has no end."""
     head = _request("POST /api/v1/captures", "Content-Type: application/json", "Transfer-Encoding: chunked")
     chunk = b"8000\r\n" + b" " * 0x8000 + b"\r\n"
@@ -81,7 +82,7 @@ def endless_bodies(target: Target, over: threading.Event, answers: Answers) -> N
     _at_once(one, 20)
 
 
-def reads_that_are_left(target: Target, over: threading.Event, answers: Answers) -> None:
+def reads_that_are_left(target: Target, over: Event, answers: Answers) -> None:
     """Forty-five clients ask for all points of a long capture again and again, and leave after .3 s."""
     request = _request(f"GET /api/v1/captures/{target.capture_id}/points?max_points=200000")
 
@@ -97,7 +98,7 @@ def reads_that_are_left(target: Target, over: threading.Event, answers: Answers)
     _at_once(one, 45)
 
 
-def downloads_never_read(target: Target, over: threading.Event, answers: Answers) -> None:
+def downloads_never_read(target: Target, over: Event, answers: Answers) -> None:
     """Forty-five clients ask for a long CSV file and do not read it."""
     request = _request(f"GET /api/v1/captures/{target.capture_id}/points.csv")
     with ExitStack() as stack:
@@ -108,7 +109,7 @@ def downloads_never_read(target: Target, over: threading.Event, answers: Answers
         answers["downloads held"] += 45
 
 
-def wrong_words(target: Target, over: threading.Event, answers: Answers) -> None:
+def wrong_words(target: Target, over: Event, answers: Answers) -> None:
     """Ten clients send what is no HTTP, host names and pages of others, and wrong tokens."""
     requests = (
         b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + bytes(200),
@@ -131,9 +132,7 @@ def wrong_words(target: Target, over: threading.Event, answers: Answers) -> None
     _at_once(one, 10)
 
 
-def _held(
-    target: Target, over: threading.Event, answers: Answers, addresses: Sequence[str], drip: bytes
-) -> None:
+def _held(target: Target, over: Event, answers: Answers, addresses: Sequence[str], drip: bytes) -> None:
     """Holds connections, opens those that end anew, and sends a byte of a head on each from time to time."""
     held: dict[str | tuple[str, int], socket.socket] = {}
     keys = [(one, number) for number, one in enumerate(addresses)]

@@ -68,6 +68,15 @@ def head(gated: Gated, request: str, role: Role) -> bytes:
     return f"{request} HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {token}\r\n".encode()
 
 
+def asking(gated: Gated) -> socket.socket:
+    """A client whose request is being received."""
+    client = connected(gated)
+    words = b"Content-Length: 10\r\nExpect: 100-continue\r\n\r\n"
+    client.sendall(head(gated, "POST /api/v1/captures", Role.OPERATOR) + words)
+    assert client.recv(65536).startswith(b"HTTP/1.1 100")
+    return client
+
+
 def is_closed(client: socket.socket) -> bool:
     try:
         return client.recv(1) == b""
@@ -82,13 +91,27 @@ def test_a_client_is_served(tmp_path: Path) -> None:
 
 def test_one_connection_too_many_is_told_so_and_far_too_many_are_hung_up_on(tmp_path: Path) -> None:
     with served(tmp_path, Front(limits=HttpLimits(connections=4))) as gated:
-        held = [connected(gated) for _ in range(4)]
+        held = [asking(gated) for _ in range(4)]
         status, kind, document = state_of(gated)
         assert (status, kind) == (503, "application/problem+json")
         assert document["hint"]
-        held += [connected(gated) for _ in range(5)]
-        assert is_closed(held[-1])
-        for client in held:
+        beyond = [connected(gated) for _ in range(5)]
+        assert is_closed(beyond[0])
+        for client in (*held, *beyond):
+            client.close()
+
+
+def test_a_connection_that_is_used_takes_the_place_of_one_that_is_idle(tmp_path: Path) -> None:
+    with served(tmp_path, Front(limits=HttpLimits(connections=4))) as gated:
+        busy = [asking(gated) for _ in range(2)]
+        oldest, newest = connected(gated), connected(gated)
+        assert state_of(gated)[0] == 200
+        assert is_closed(oldest)
+        oldest.close()
+        for client in (*busy, newest):
+            client.setblocking(False)
+            with pytest.raises(BlockingIOError):
+                client.recv(1)
             client.close()
 
 

@@ -30,7 +30,7 @@ PROBLEM_DESCRIPTIONS = {
     "410": "The capture's file is damaged.",
     "422": "A value is invalid.",
     "501": "An optional part of grabberd that this requires is not installed.",
-    "503": "The device is not delivering, or too much is read at the same time, or it takes too long.",
+    "503": "The device is not delivering, or too much is asked at the same time, or it takes too long.",
     "507": "The disk is full, read-only or broken.",
 }
 PROBLEM_JSON = "application/problem+json"

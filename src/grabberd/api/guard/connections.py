@@ -45,7 +45,9 @@ async def too_many_of_one(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 class LimitedConnection(H11Protocol):
-    """A limited connection: those beyond the limit get 503, those beyond twice the limit are dropped.
+    """A limited connection: one beyond the limit takes the place of the one that has been idle for longest.
+
+    Where none is idle, those beyond the limit get 503; those beyond twice the limit are dropped.
 
     Those beyond the limit of their client get 429, and are dropped beyond twice that limit; proxies count as
     no client, since they stand for many.
@@ -67,16 +69,18 @@ class LimitedConnection(H11Protocol):
         self._head_timer: asyncio.TimerHandle | None = None
         self._write_timer: asyncio.TimerHandle | None = None
         self._counted: str | None = None
+        self._idle_since_s = 0.0
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Handles a new connection."""
         self.handshaking.discard(self)
+        self._idle_since_s = self.loop.time()
         super().connection_made(transport)
         self._start_head_timer()
         of_client = self._count()
         if of_client > self.limits.connections_per_client:
             self.app = too_many_of_one
-        if len(self.connections) > self.limits.connections:
+        if len(self.connections) > self.limits.connections and not self._take_idle_place():
             self.app = too_busy
         if (
             len(self.connections) > 2 * self.limits.connections
@@ -101,6 +105,7 @@ class LimitedConnection(H11Protocol):
 
     def on_response_complete(self) -> None:
         """Handles the end of a response, which may precede the end of its request."""
+        self._idle_since_s = self.loop.time()
         super().on_response_complete()
         if self.conn.their_state is h11.SEND_BODY:
             self._start_head_timer()
@@ -123,6 +128,20 @@ class LimitedConnection(H11Protocol):
 
     def _should_upgrade(self) -> bool:
         return self.app not in (too_busy, too_many_of_one) and super()._should_upgrade()
+
+    @property
+    def _is_idle(self) -> bool:
+        """True while no request is being answered."""
+        return bool(getattr(self.cycle, "response_complete", True))
+
+    def _take_idle_place(self) -> bool:
+        """Drops the connection that has been idle for longest; False if there is no other idle one."""
+        idle = [one for one in self.connections if isinstance(one, LimitedConnection) and one._is_idle]
+        others = [one for one in idle if one is not self and not one.transport.is_closing()]
+        if not others:
+            return False
+        min(others, key=lambda one: one._idle_since_s).transport.abort()
+        return True
 
     def _count(self) -> int:
         """Counts the connection to its client; returns how many that has."""

@@ -31,7 +31,7 @@ def get_state(service: ServiceOf) -> StateDocument:
     summary="Check that the daemon serves",
     responses={503: {"model": Problem, "content": {"application/problem+json": {}}}},
 )
-def get_health(service: ServiceOf) -> HealthDocument | Response:
+async def get_health(service: ServiceOf) -> HealthDocument | Response:
     """The daemon serves, whatever its devices do. 503 where a capture thread is stuck: restart the daemon."""
     if service.liveness.is_well:
         return HealthDocument(version=__version__)

@@ -4651,7 +4651,7 @@ export interface components {
                 "application/problem+json": components["schemas"]["Problem"];
             };
         };
-        /** @description The device is not delivering, or too much is read at the same time, or it takes too long. */
+        /** @description The device is not delivering, or too much is asked at the same time, or it takes too long. */
         Problem503: {
             headers: {
                 [name: string]: unknown;
