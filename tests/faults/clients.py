@@ -140,15 +140,12 @@ def _refused(client: socket.socket) -> bool:
 @contextmanager
 def connected(port: int, count: int, path: str) -> Iterator[list[socket.socket]]:
     """So many clients, each of an address of its own."""
-    sockets = [
-        socket.create_connection(
-            ("127.0.0.1", port), PATIENCE_S, (f"127.0.{1 + number // 200}.{1 + number % 200}", 0)
-        )
-        for number in range(count)
-    ]
+    sockets = []
     try:
+        for number in range(count):
+            sockets.append(_from(f"127.0.{1 + number // 200}.{1 + number % 200}", port))
+            sockets[-1].sendall(f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
         for one in sockets:
-            one.sendall(f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
             one.setblocking(False)
         yield sockets
     finally:

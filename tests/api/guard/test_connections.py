@@ -15,6 +15,7 @@ import pytest
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from api.gates import Gated, inside
+from grabberd.api.guard import connections
 from grabberd.api.guard.front import Front
 from grabberd.api.guard.proxies import Proxies
 from grabberd.api.serving import server_of, tls_context
@@ -89,19 +90,25 @@ def test_a_client_is_served(tmp_path: Path) -> None:
         assert state_of(gated) == (200, "application/json", {"role": "viewer", "by": "token", "bytes": 0})
 
 
-def test_one_connection_too_many_is_told_so_and_far_too_many_are_hung_up_on(tmp_path: Path) -> None:
+def test_one_connection_too_many_is_told_so_and_far_too_many_are_hung_up_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "IDLE_S", 3600.0)
     with served(tmp_path, Front(limits=HttpLimits(connections=4))) as gated:
-        held = [asking(gated) for _ in range(4)]
+        held = [connected(gated) for _ in range(4)]
         status, kind, document = state_of(gated)
         assert (status, kind) == (503, "application/problem+json")
         assert document["hint"]
-        beyond = [connected(gated) for _ in range(5)]
-        assert is_closed(beyond[0])
-        for client in (*held, *beyond):
+        held += [connected(gated) for _ in range(5)]
+        assert is_closed(held[-1])
+        for client in held:
             client.close()
 
 
-def test_a_connection_that_is_used_takes_the_place_of_one_that_is_idle(tmp_path: Path) -> None:
+def test_a_new_connection_takes_the_place_of_the_one_that_has_been_idle_for_longest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "IDLE_S", 0.0)
     with served(tmp_path, Front(limits=HttpLimits(connections=4))) as gated:
         busy = [asking(gated) for _ in range(2)]
         oldest, newest = connected(gated), connected(gated)
@@ -112,6 +119,15 @@ def test_a_connection_that_is_used_takes_the_place_of_one_that_is_idle(tmp_path:
             client.setblocking(False)
             with pytest.raises(BlockingIOError):
                 client.recv(1)
+            client.close()
+
+
+def test_where_none_is_idle_one_too_many_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "IDLE_S", 0.0)
+    with served(tmp_path, Front(limits=HttpLimits(connections=4))) as gated:
+        busy = [asking(gated) for _ in range(4)]
+        assert state_of(gated)[0] == 503
+        for client in busy:
             client.close()
 
 

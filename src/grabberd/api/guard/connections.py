@@ -19,6 +19,9 @@ from grabberd.api.problems import problem
 from grabberd.config import HttpLimits
 from grabberd.service.faults.descriptors import AT_ONCE
 
+IDLE_S = 1.0
+"""Time after which a connection without a request counts as idle: a new one needs some to send its own."""
+
 
 async def too_busy(scope: Scope, receive: Receive, send: Send) -> None:
     """The application of connections beyond the limit."""
@@ -137,7 +140,9 @@ class LimitedConnection(H11Protocol):
     def _take_idle_place(self) -> bool:
         """Drops the connection that has been idle for longest; False if there is no other idle one."""
         idle = [one for one in self.connections if isinstance(one, LimitedConnection) and one._is_idle]
-        others = [one for one in idle if one is not self and not one.transport.is_closing()]
+        long_s = self.loop.time() - IDLE_S
+        open_ones = [one for one in idle if one is not self and not one.transport.is_closing()]
+        others = [one for one in open_ones if one._idle_since_s <= long_s]
         if not others:
             return False
         min(others, key=lambda one: one._idle_since_s).transport.abort()
