@@ -121,7 +121,7 @@ soak-faults: $(READY)
 	$(BIN)/python -m tests.months run --minutes $(or $(MINUTES),20) $(if $(SEED),--seed $(SEED)) --write docs/reference/months.md
 
 armour: $(READY)  ## attacks on the HTTP front (DURATION=… seconds each): quiet, beside busy loops, with few descriptors
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench armour --seconds $(or $(DURATION),10) --write docs/measured.md
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m tests.bench armour --seconds $(or $(DURATION),10) --write docs/measured.md
 
 faults: $(READY)  ## every fault of grabber, disk, clock and clients, done to the whole daemon, into docs/reference/faults.md
 	$(BIN)/python -m tests.faults --write docs/reference/faults.md
