@@ -18,7 +18,7 @@ PAGE_TYPES := src/grabberd/web/types/openapi.d.ts
 PAGE_SOURCES = $(shell find src/grabberd/web/static/js src/grabberd/web/types tests/web/types -type d -o -name '*.js' -o -name '*.ts')
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-faults faults fuzz setups audit house walls docs format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-faults armour faults fuzz setups audit house walls docs format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -119,6 +119,9 @@ soak-clients: $(READY)
 
 soak-faults: $(READY)
 	$(BIN)/python -m tests.months run --minutes $(or $(MINUTES),20) $(if $(SEED),--seed $(SEED)) --write docs/reference/months.md
+
+armour: $(READY)  ## attacks on the HTTP front (DURATION=… seconds each): quiet, beside busy loops, with few descriptors
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m tests.bench armour --seconds $(or $(DURATION),10) --write docs/measured.md
 
 faults: $(READY)  ## every fault of grabber, disk, clock and clients, done to the whole daemon, into docs/reference/faults.md
 	$(BIN)/python -m tests.faults --write docs/reference/faults.md

@@ -35,7 +35,9 @@ The points of one run of a capture, written by `grabberd export --format csv|ply
 field.
 """
 POINTS_AFTER = """
-**CSV** has every column. Coordinates have all their digits, so they read back bit for bit.
+**CSV** has every column. Coordinates have all their digits, so they read back bit for bit. In all CSV files,
+a text that begins with `=`, `+`, `-`, `@`, a tab or a carriage return has an apostrophe in front, because
+spreadsheet programs would run it as a formula; numbers stay as they are.
 
 **PLY** is binary, little-endian, a point cloud for MeshLab, CloudCompare, Open3D and the like: all fields in
 one, told apart by the property `n`, or a single field with `?field=` (`--field`). It has neither the time of

@@ -20,6 +20,7 @@
     │   ├── GroupRefused          not all captures of a group can start, so none does: carries the refusals
     │   └── NotReady              the device does not stream, or has no calibration
     ├── RingOverrun               a reader that must not miss anything was overtaken: its capture ends
+    ├── ReadingGivenUp            nobody waits any longer for what is being read; says nothing of the file
     ├── AccessExpired             the token has expired
     ├── StorageError              the disk is full, read-only or broken, or its folder is gone
     │   └── IndexRebuilding       the list of captures is being made anew: worth trying again
@@ -242,6 +243,13 @@ class RingOverrun(GrabberdError):
         )
         self.first_n = first_n
         self.count = count
+
+
+class ReadingGivenUp(GrabberdError):
+    """Nobody waits any longer for what is being read: its time is over, or the client has left.
+
+    It says nothing of the file: no StorageError, so that nothing calls the file damaged or tries again.
+    """
 
 
 class AccessExpired(GrabberdError):

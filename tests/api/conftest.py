@@ -48,10 +48,16 @@ def paced(tmp_path: Path) -> Iterator[TestClient]:
 
 def sealed(client: TestClient, capture_id: str) -> dict[str, object]:
     """The capture's document once it is sealed."""
-    recording = client.app.state.service.instrument(None).recording  # type: ignore[attr-defined]
-    assert recording.sealed.wait(PATIENCE_S)
+    sealed_in(client.app.state.service)  # type: ignore[attr-defined]
     document: dict[str, object] = client.get(f"/api/v1/captures/{capture_id}").json()
     return document
+
+
+def sealed_in(service: Service) -> None:
+    """Waits until the latest capture is sealed."""
+    recording = service.instrument(None).recording
+    assert recording is not None
+    assert recording.sealed.wait(PATIENCE_S)
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """An order that comes again with its key takes effect once."""
 
 from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from running import wait_until_it_accepts
 
 from api.conftest import sealed, service_in
 from grabberd.api import create_app
+from grabberd.api.idempotency import KeptSince
 
 CAPTURES = "/api/v1/captures"
 KEY = {"Idempotency-Key": "f81d4fae-7dec"}
@@ -108,3 +110,41 @@ def test_a_key_that_cannot_be_meant_is_refused(idle: TestClient, key: str | byte
     refused = idle.post(CAPTURES, json={"fields": 5}, headers={"Idempotency-Key": key})  # type: ignore[dict-item]
     assert refused.status_code == 422
     assert "Idempotency-Key" in refused.json()["detail"]
+
+
+class Steps:
+    """Clocks of a computer: time passes for both, and the one of the day can be set."""
+
+    def __init__(self) -> None:
+        self.ns, self.utc = 0, datetime(2026, 3, 1, 9, tzinfo=UTC)
+
+    def now_ns(self) -> int:
+        return self.ns
+
+    def utc_now(self) -> datetime:
+        return self.utc
+
+    def passes(self, time: timedelta) -> None:
+        self.ns += round(time.total_seconds() * 1e9)
+        self.utc += time
+
+
+def test_a_clock_that_is_set_on_makes_no_key_older() -> None:
+    clock = Steps()
+    since, stored = KeptSince(clock), clock.utc
+    clock.utc += timedelta(days=9000)
+    clock.passes(timedelta(hours=23))
+    assert since() < stored
+    clock.passes(timedelta(hours=2))
+    assert since() > stored
+
+
+def test_a_clock_that_is_set_back_keeps_keys_for_longer() -> None:
+    clock = Steps()
+    since = KeptSince(clock)
+    clock.utc -= timedelta(days=9000)
+    stored = clock.utc
+    clock.passes(timedelta(hours=23))
+    assert since() < stored
+    clock.passes(timedelta(hours=2))
+    assert since() > stored

@@ -5,12 +5,20 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
 
-from grabberd.api.sockets import GONE_AFTER_MS, bind, check_private, describe, inherited, is_private
+from grabberd.api.sockets import (
+    GONE_AFTER_MS,
+    UNSENT_BYTES,
+    bind,
+    check_private,
+    describe,
+    inherited,
+    is_private,
+)
 from grabberd.errors import ConfigError, Conflict
 
 FILE = Path("barn.yaml")
@@ -46,6 +54,23 @@ def test_what_is_accepted_sends_at_once_and_gives_up_who_is_gone() -> None:
         with closing(accepted):
             assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
             assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == GONE_AFTER_MS
+            assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT) == UNSENT_BYTES
+
+
+def test_who_does_not_read_costs_the_kernel_little() -> None:
+    [one] = bind("127.0.0.1", 0)
+    one.settimeout(10)
+    with closing(one), closing(socket.socket()) as silent:
+        silent.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        silent.connect(one.getsockname())
+        accepted, _ = one.accept()
+        with closing(accepted):
+            accepted.setblocking(False)
+            sent = 0
+            with suppress(BlockingIOError):
+                while sent < 4_000_000:
+                    sent += accepted.send(bytes(4096))
+            assert sent < 2 * UNSENT_BYTES
 
 
 @pytest.mark.parametrize(("mode", "private"), [(0o600, True), (0o660, True), (0o666, False), (0o602, False)])

@@ -10,6 +10,7 @@ from tests.bench import (
     accuracy,
     adjustment,
     analysis,
+    armour,
     averaging,
     calibrated,
     closures,
@@ -38,6 +39,7 @@ Made by `make measured` and `make soak`; do not edit. Single times on a shared m
 at the ratios, and at what the witness saw of the machine itself. Other programs: [benchmarks](benchmarks.md).
 """
 
+ARMOUR = "Armour: attacks on the HTTP front"
 SOAK = "Soak: 50 Hz, clients that come and go, captures of all kinds"
 
 PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
@@ -82,9 +84,11 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
 def main() -> None:
     """Runs what is asked for, prints it, and writes it down where that is asked for."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
-    parser.add_argument("what", nargs="?", default="all", choices=[*PARTS, "live", "several", "soak", "all"])
     parser.add_argument(
-        "--seconds", type=float, default=60.0, help="length of the live capture, or of the soak"
+        "what", nargs="?", default="all", choices=[*PARTS, "live", "several", "soak", "armour", "all"]
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=60.0, help="length of the live capture, of the soak, or of an attack"
     )
     parser.add_argument("--write", type=Path, help="file whose sections are replaced")
     parser.add_argument("--seed", type=int, default=soak.SEED, help="who comes when in the soak")
@@ -97,6 +101,8 @@ def main() -> None:
     if options.what in ("several", "all"):
         title = f"Several: four devices at 50 Hz, {options.seconds:.0f} s"
         tables[title] = lambda: several.table(options.seconds)
+    if options.what == "armour":
+        tables[ARMOUR] = lambda: armour.table(options.seconds)
     for title, table in tables.items():
         text = table()
         print(f"## {title}\n\n{text}\n")

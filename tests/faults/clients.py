@@ -6,7 +6,7 @@ import select
 import socket
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from .daemon import PATIENCE_S
@@ -90,29 +90,62 @@ def streams_and_never_reads(machine: Machine) -> Finding:
         _silent(port, "GET /api/v1/events"),
         _silent(port, "GET /api/v1/preview", "Upgrade: websocket", "Connection: Upgrade", wanted),
     ):
-        before_kb = _resident_kb(pid)
+        before_kb = resident_kb(pid)
         capture_id = machine.daemon.start_capture()
         time.sleep(3.0)
         told = machine.daemon.stop_capture(capture_id)
-        grown_kb = _resident_kb(pid) - before_kb
+        grown_kb = resident_kb(pid) - before_kb
     evidence = machine.evidence(told)
     problems = unless((grown_kb < 50_000, f"the daemon has grown by {grown_kb} kB"))
     behaviour = "nobody waits for them, and the daemon keeps nothing for them"
     return Finding(behaviour, None, None, (*problems, *nothing_lost(evidence), *machine.whole_capture()))
 
 
+def idle_connections_of_one(machine: Machine) -> Finding:
+    """One client holds three hundred connections and says nothing, while a capture runs."""
+    daemon = machine.daemon
+    capture_id = daemon.start_capture()
+    begin_s = time.monotonic()
+    with ExitStack() as held:
+        for _ in range(300):
+            held.enter_context(_from("127.0.7.7", daemon.port))
+        noticed_s = time.monotonic() - begin_s
+        with _from("127.0.7.7", daemon.port) as same:
+            refused = _refused(same)
+        begin_s = time.monotonic()
+        health = daemon.ask("/healthz").status
+        asked_s = time.monotonic() - begin_s
+    evidence = machine.evidence(daemon.stop_capture(capture_id))
+    problems = unless(
+        (refused, "one connection more of the same client is accepted"),
+        (health == 200, f"another client is answered by {health}"),
+    )
+    behaviour = f"it has http.limits.connections_per_client and no more (429); others wait {asked_s:.2f} s"
+    return Finding(behaviour, noticed_s, None, (*problems, *nothing_lost(evidence), *machine.whole_capture()))
+
+
+def _from(address: str, port: int) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", port), PATIENCE_S, (address, 0))
+
+
+def _refused(client: socket.socket) -> bool:
+    """Whether a client is told that it has too many connections, or is hung up on."""
+    with suppress(ConnectionError):
+        client.sendall(b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        answer = client.recv(65536)
+        return not answer or answer.startswith(b"HTTP/1.1 429")
+    return True
+
+
 @contextmanager
 def connected(port: int, count: int, path: str) -> Iterator[list[socket.socket]]:
     """So many clients, each of an address of its own."""
-    sockets = [
-        socket.create_connection(
-            ("127.0.0.1", port), PATIENCE_S, (f"127.0.{1 + number // 200}.{1 + number % 200}", 0)
-        )
-        for number in range(count)
-    ]
+    sockets = []
     try:
+        for number in range(count):
+            sockets.append(_from(f"127.0.{1 + number // 200}.{1 + number % 200}", port))
+            sockets[-1].sendall(f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
         for one in sockets:
-            one.sendall(f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
             one.setblocking(False)
         yield sockets
     finally:
@@ -165,7 +198,7 @@ def _sockets(pid: int) -> int:
     return sum(link.startswith("socket:") for link in links)
 
 
-def _resident_kb(pid: int) -> int:
+def resident_kb(pid: int) -> int:
     with open(f"/proc/{pid}/statm") as statm:
         return int(statm.read().split()[1]) * 4
 
@@ -173,6 +206,7 @@ def _resident_kb(pid: int) -> int:
 FAULTS: Mapping[str, Callable[[Machine], Finding]] = {
     "two hundred clients at once": clients_at_once,
     "more clients than http.limits.connections": clients_beyond_the_limit,
+    "one client holds three hundred idle connections": idle_connections_of_one,
     "a client takes a large file and never reads": takes_a_file_and_never_reads,
     "clients of the events and of the preview never read": streams_and_never_reads,
 }

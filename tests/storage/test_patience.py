@@ -5,7 +5,8 @@ from contextvars import copy_context
 
 import pytest
 
-from grabberd.storage.patience import CURRENT, Patience, within
+from grabberd.errors import ReadingGivenUp
+from grabberd.storage.patience import CURRENT, Patience, check_patience, within
 
 
 class Time:
@@ -61,6 +62,28 @@ def test_the_one_before_is_in_force_again_after_an_error() -> None:
     with pytest.raises(ValueError, match="broken"), within(Patience(None)):
         raise ValueError("broken")
     assert CURRENT.get() is None
+
+
+def test_a_part_is_over_with_the_whole_and_may_be_before_it() -> None:
+    whole = Patience(None)
+    part = Patience(None, outer=whole)
+    short = Patience(None, outer=whole)
+    short.give_up()
+    assert (short.is_over, part.is_over, whole.is_over) == (True, False, False)
+    whole.give_up()
+    assert part.is_over
+
+
+def test_a_check_ends_what_nobody_waits_for_and_lets_others_go_on_before() -> None:
+    steps: list[str] = []
+    patience = Patience(None, between=lambda: steps.append("others"))
+    check_patience()
+    with within(Patience(None, outer=patience)):
+        check_patience("liner.grab")
+        patience.give_up()
+        with pytest.raises(ReadingGivenUp, match=r"reading liner\.grab took too long"):
+            check_patience("liner.grab")
+    assert steps == ["others", "others"]
 
 
 def test_travels_to_a_thread_with_the_context() -> None:

@@ -17,6 +17,8 @@ from grabberd.api.guard.gate import Gate, HeadAsGet
 from grabberd.api.guard.refusals import Refusal, answer_refusal
 from grabberd.api.guard.roles import check_declared
 from grabberd.api.guard.stream_limit import Streams
+from grabberd.api.idempotency import KeptSince
+from grabberd.api.readings import Readings
 from grabberd.api.routes import (
     analyses,
     calibrations,
@@ -59,9 +61,11 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
     app.state.service = service
     app.state.front = front
     app.state.once = WeakValueDictionary()
+    app.state.kept_since = KeptSince(service.clock)
     app.state.streams = streams = Streams(front.limits)
     app.state.metrics = metrics.registry_of(service, lambda: streams.count)
     app.state.feeds = Feeds(service)
+    app.state.readings = Readings(front.limits)
     problems.install(app)
     app.add_exception_handler(Refusal, answer_refusal)
     app.state.files = Files()
@@ -91,6 +95,7 @@ async def _life(app: FastAPI) -> AsyncIterator[None]:
     service: Service = app.state.service
     await run_in_threadpool(service.start)
     yield
+    app.state.readings.close()
     await run_in_threadpool(service.stop)
 
 

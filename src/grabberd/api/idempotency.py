@@ -7,7 +7,7 @@ import json
 import logging
 import re
 from collections.abc import Awaitable, Callable, Coroutine
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Annotated, Any
 from weakref import WeakValueDictionary
 
@@ -17,7 +17,7 @@ from fastapi.routing import APIRoute
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
-from grabberd.acquisition.clock import iso_utc
+from grabberd.acquisition.clock import UtcClock, iso_utc
 from grabberd.api.guard.refusals import Refusal
 from grabberd.errors import GrabberdError, StorageError
 from grabberd.service.service import Service
@@ -29,6 +29,26 @@ KEPT = timedelta(days=1)
 HEADER = "Idempotency-Key"
 PATTERN = r"^[!-~]{1,128}$"
 _KEY = re.compile(PATTERN.removeprefix("^").removesuffix("$"))
+
+
+class KeptSince:
+    """Time from which on keys are kept, which a clock that is set on does not move on with it.
+
+    A key has to outlive repetitions of its request; a computer without a clock of its own may learn the
+    time of day long after it has started.
+    """
+
+    def __init__(self, clock: UtcClock) -> None:
+        self._clock = clock
+        self._utc, self._ns = clock.utc_now(), clock.now_ns()
+
+    def __call__(self) -> datetime:
+        """Present value, by the wall clock of when the keys were stored."""
+        now_ns = self._clock.now_ns()
+        passed = timedelta(microseconds=(now_ns - self._ns) / 1e3)
+        self._utc, self._ns = min(self._utc + passed, self._clock.utc_now()), now_ns
+        return self._utc - KEPT
+
 
 Locks = WeakValueDictionary[str, asyncio.Lock]
 Handler = Callable[[Request], Awaitable[Response]]
@@ -76,7 +96,8 @@ async def _answer(request: Request, key: str, handle: Handler) -> Response:
     service: Service = request.app.state.service
     kept, now = service.idempotency, service.clock.utc_now()
     digest = _digest(await request.body())
-    known = await run_in_threadpool(kept.begin, key, digest, iso_utc(now), iso_utc(now - KEPT))
+    since: KeptSince = request.app.state.kept_since
+    known = await run_in_threadpool(kept.begin, key, digest, iso_utc(now), iso_utc(since()))
     if known is not None:
         return _again(known, digest)
     try:

@@ -37,8 +37,13 @@ STATUS: dict[type[errors.GrabberdError], HTTPStatus] = {
     errors.StorageError: HTTPStatus.INSUFFICIENT_STORAGE,
     errors.IndexRebuilding: HTTPStatus.SERVICE_UNAVAILABLE,
     errors.ExtraMissing: HTTPStatus.NOT_IMPLEMENTED,
+    errors.ReadingGivenUp: HTTPStatus.SERVICE_UNAVAILABLE,
 }
 """The status of an error's nearest ancestor applies."""
+
+
+RETRY_S = "10"
+"""Time after which to ask again for what took too long to read."""
 
 
 class ProblemResponse(JSONResponse):
@@ -92,7 +97,10 @@ def _of_grabberd(_: Request, error: Exception) -> ProblemResponse:
     if isinstance(error, errors.GroupRefused):
         refusals = [_refusal(device, cause) for device, cause in error.refusals.items()]
         return problem(*common, GroupRefusedProblem, refusals=refusals)
-    return problem(*common)
+    answer = problem(*common)
+    if isinstance(error, errors.ReadingGivenUp):
+        answer.headers["Retry-After"] = RETRY_S
+    return answer
 
 
 def _name(error: errors.GrabberdError) -> str:

@@ -5,12 +5,15 @@ import contextlib
 import logging
 import socket
 import ssl
+import threading
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import uvicorn
 from fastapi import FastAPI
 
+from grabberd.api.forced_end import ForcedEnd
 from grabberd.api.guard.connections import connection_class
 from grabberd.api.guard.front import Front
 from grabberd.api.sockets import describe
@@ -19,13 +22,15 @@ from grabberd.config import TlsConfig
 from grabberd.errors import ConfigError, Problem
 from grabberd.service.faults.descriptors import AT_ONCE, exhaustion
 from grabberd.service.heartbeat import Heartbeat
+from grabberd.service.service import Service
 
 log = logging.getLogger(__name__)
 
 HEAD_BYTES = 32_768
 WEBSOCKET_BYTES = 65_536
 """Enough for any client message: clients have nothing to send on the preview's WebSocket."""
-SHUTDOWN_S = 5
+SHUTDOWN_S = 3
+"""Time for responses to end; captures are sealed meanwhile."""
 WAITING = 1024
 """Connections that the kernel keeps until they are accepted."""
 
@@ -52,6 +57,13 @@ class BeatingServer(uvicorn.Server):
     def __init__(self, config: uvicorn.Config, heartbeat: Heartbeat | None) -> None:
         super().__init__(config)
         self._heartbeat = heartbeat
+        self.forced_end: ForcedEnd | None = None
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Handles a signal to end."""
+        if self.forced_end is not None:
+            self.forced_end.told_to_end()
+        super().handle_exit(sig, frame)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Starts to serve; as many clients as before may wait in the kernel's queue for being accepted."""
@@ -74,8 +86,13 @@ class BeatingServer(uvicorn.Server):
             self._heartbeat.notifier.stopping()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Ends the live streams first, because the server waits for responses to end."""
-        feeds: Feeds | None = getattr(getattr(self.config.app, "state", None), "feeds", None)
+        """Ends captures and live streams first: sealing takes time, and the server waits for responses."""
+        state = getattr(self.config.app, "state", None)
+        service: Service | None = getattr(state, "service", None)
+        feeds: Feeds | None = getattr(state, "feeds", None)
+        if service is not None:
+            # Not in the server's pool, whose threads may all be held up.
+            threading.Thread(target=service.end_captures, name="end-captures", daemon=True).start()
         if feeds is not None:
             feeds.close()
         await super().shutdown(sockets)
@@ -96,11 +113,11 @@ async def _beat(heartbeat: Heartbeat) -> None:
 
 def server_of(
     app: FastAPI, front: Front, context: ssl.SSLContext | None = None, heartbeat: Heartbeat | None = None
-) -> uvicorn.Server:
-    """The server of an application; it ignores a proxy's headers about its clients."""
+) -> BeatingServer:
+    """The server of an application; what a proxy reports about its clients is for the gate to judge."""
     config = uvicorn.Config(
         app,
-        http=connection_class(front.limits),
+        http=connection_class(front),
         ssl_context_factory=None if context is None else lambda *_: context,
         h11_max_incomplete_event_size=HEAD_BYTES,
         ws_max_size=WEBSOCKET_BYTES,
@@ -116,10 +133,16 @@ def server_of(
     return BeatingServer(config, heartbeat)
 
 
-def run(server: uvicorn.Server, sockets: list[socket.socket]) -> bool:
-    """Serves until a signal ends it; returns True if it has started at all."""
+def run(server: BeatingServer, sockets: list[socket.socket]) -> bool:
+    """Serves until a signal ends it; returns True if it has started at all.
+
+    What has not ended some seconds after the signal is ended with the process.
+    """
     scheme = "https" if server.config.is_ssl else "http"
     log.info("listening on %s", ", ".join(describe(one, scheme) for one in sockets))
+    server.forced_end = forced_end = ForcedEnd()
+    forced_end.start()
     with contextlib.suppress(KeyboardInterrupt):
         server.run(sockets)
+    forced_end.close()
     return server.started

@@ -14,6 +14,8 @@ FIRST_INHERITED = 3
 BACKLOG = 128
 GONE_AFTER_MS = 30_000
 """Time without acknowledgement after which a client counts as gone, whatever it has left unread."""
+UNSENT_BYTES = 131_072
+"""Bytes that the kernel keeps for a client that does not read, before the daemon notices that it does not."""
 
 
 def inherited(environment: MutableMapping[str, str]) -> list[socket.socket]:
@@ -137,6 +139,8 @@ def _prepare(one: socket.socket) -> None:
     one.setblocking(False)
     if one.family in (socket.AF_INET, socket.AF_INET6):  # accepted connections inherit it
         one.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, GONE_AFTER_MS)
+        # The kernel would otherwise keep megabytes for a client of the events that never reads.
+        one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT_BYTES)
         # Head and body of a response are written separately: without this the body would wait until the head
         # is acknowledged.
         one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

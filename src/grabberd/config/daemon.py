@@ -1,9 +1,10 @@
 """Configuration sections of the daemon: storage, HTTP, and the whole file."""
 
+from ipaddress import ip_network
 from pathlib import Path
 from typing import Annotated, Self
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
 from grabberd.config.device import DeviceConfig
 from grabberd.config.mqtt import MqttConfig
@@ -51,6 +52,18 @@ HostName = Annotated[
 ]
 
 
+def _check_proxy(name: str) -> str:
+    if name != "unix":
+        try:
+            ip_network(name)
+        except ValueError as error:
+            raise ValueError(f"{name!r} is no address, no network and not 'unix': {error}") from None
+    return name
+
+
+ProxyAddress = Annotated[str, AfterValidator(_check_proxy)]
+
+
 class TlsConfig(Section):
     """The daemon's TLS certificate and private key."""
 
@@ -68,6 +81,18 @@ class HttpLimits(Section):
         30.0, gt=0, le=3600, description="maximum time for which a client may read nothing"
     )
     connections: int = Field(256, ge=4, le=10_000, description="maximum number of connections of all clients")
+    reads: int = Field(
+        8, ge=1, le=64, description="maximum number of requests that read captures at the same time"
+    )
+    read_timeout_s: float = Field(
+        30.0,
+        gt=0,
+        le=3600,
+        description="maximum time to read captures for a request, or a piece of a download",
+    )
+    connections_per_client: int = Field(
+        64, ge=1, le=10_000, description="maximum number of connections per client address"
+    )
     streams_per_client: int = Field(
         8, ge=1, le=1000, description="maximum number of live streams per client address"
     )
@@ -80,6 +105,10 @@ class HttpConfig(Section):
     port: int = Field(8050, ge=0, le=65535)
     hosts: tuple[HostName, ...] = Field(
         (), description="additional host names and addresses that clients use"
+    )
+    proxies: tuple[ProxyAddress, ...] = Field(
+        (),
+        description="addresses, networks or `unix` of proxies whose X-Forwarded-For and -Proto are believed",
     )
     tls: TlsConfig | None = Field(None, description="default: plain HTTP")
     limits: HttpLimits = HttpLimits()

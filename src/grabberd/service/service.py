@@ -224,13 +224,17 @@ class Service:
         self.settings.open()
         self.active.open()
 
+    def end_captures(self) -> None:
+        """Ends running captures, all at the same moment; their files are sealed meanwhile."""
+        for recording in self._current.recordings():
+            recording.stop("the daemon stopped")
+
     def stop(self) -> None:
         """Ends and seals running captures, then stops everything."""
         self.retention.stop()
         self.scrub.stop()
-        # All at the same moment: sealing takes its time, and no capture should last longer for another's.
-        for recording in self._current.recordings():
-            recording.stop("the daemon stopped")
+        # First: sealing takes its time, and no capture should last longer for another's.
+        self.end_captures()
         for instrument in self.instruments.values():
             instrument.stop()
         if self.publisher is not None:

@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from grabberd.storage.patience import CURRENT
+from grabberd.storage.patience import is_over
 
 JOURNAL = "-journal"
 LONGEST_S = 300.0
@@ -78,8 +78,7 @@ class GuardedConnection(sqlite3.Connection):
         return super().executemany(*args)
 
     def _has_to_stop(self) -> bool:
-        patience = CURRENT.get()
-        return time.monotonic() > self._until_s or (patience is not None and patience.is_over)
+        return time.monotonic() > self._until_s or is_over()
 
 
 def read_header(path: Path) -> Header:

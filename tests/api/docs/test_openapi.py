@@ -87,3 +87,13 @@ def names_in(schema: Operation) -> Iterator[str]:
         yield schema["$ref"].rpartition("/")[2]
     for choice in schema.get("anyOf", ()):
         yield from names_in(choice)
+
+
+def test_that_a_file_is_damaged_is_said_of_the_routes_that_open_one(description: Operation) -> None:
+    damaged = [
+        path
+        for path, methods in description["paths"].items()
+        if any("410" in operation["responses"] for operation in methods.values())
+    ]
+    opened = ("/file", "/runs/{run}", "/points", "/points.csv", "/points.ply", "/points.parquet")
+    assert damaged == [f"/api/v1/captures/{{capture_id}}{one}" for one in (*opened, "/fields/{n}.png")]

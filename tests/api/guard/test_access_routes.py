@@ -94,6 +94,22 @@ def test_nobody_comes_in_without_a_token(routes: list[str], gated: Gated) -> Non
         assert asked(gated, route, {}) == expected, route
 
 
+@pytest.mark.parametrize("wrong", ["Bearer wrong", "bearer ", "Basic YTpi", "Bearer", "session"])
+def test_nobody_comes_in_with_a_wrong_token_or_session(routes: list[str], gated: Gated, wrong: str) -> None:
+    session = {"Cookie": "grabberd_session=wrong", "Origin": "http://localhost:8050"}
+    headers = session if wrong == "session" else {"Authorization": wrong}
+    for route in routes:
+        gated.clock.now_s += 3600  # nobody has to wait after so many attempts
+        expected = (200, "") if LEAST_ROLE[route] is None else (401, "unauthorized")
+        assert asked(gated, route, headers) == expected, route
+
+
+def test_every_described_route_is_tried(routes: list[str], tmp_path: Path) -> None:
+    paths = application(tmp_path).openapi()["paths"]
+    described = {f"{method.upper()} {path}" for path, methods in paths.items() for method in methods}
+    assert described <= set(routes)
+
+
 @pytest.mark.parametrize("role", Role)
 def test_a_role_comes_as_far_as_its_routes(routes: list[str], gated: Gated, role: Role) -> None:
     for route in routes:

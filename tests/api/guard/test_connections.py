@@ -15,7 +15,9 @@ import pytest
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from api.gates import Gated, inside
+from grabberd.api.guard import connections
 from grabberd.api.guard.front import Front
+from grabberd.api.guard.proxies import Proxies
 from grabberd.api.serving import server_of, tls_context
 from grabberd.api.sockets import bind
 from grabberd.config import HttpLimits, TlsConfig
@@ -56,10 +58,24 @@ def connected(gated: Gated) -> socket.socket:
     return socket.create_connection(gated.address, timeout=PATIENCE_S)
 
 
+def other(gated: Gated) -> socket.socket:
+    """A client of another address."""
+    return socket.create_connection(gated.address, PATIENCE_S, ("127.0.7.7", 0))
+
+
 def head(gated: Gated, request: str, role: Role) -> bytes:
     """A request's head without its end."""
     token = gated.secrets[role]
     return f"{request} HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {token}\r\n".encode()
+
+
+def asking(gated: Gated) -> socket.socket:
+    """A client whose request is being received."""
+    client = connected(gated)
+    words = b"Content-Length: 10\r\nExpect: 100-continue\r\n\r\n"
+    client.sendall(head(gated, "POST /api/v1/captures", Role.OPERATOR) + words)
+    assert client.recv(65536).startswith(b"HTTP/1.1 100")
+    return client
 
 
 def is_closed(client: socket.socket) -> bool:
@@ -74,7 +90,10 @@ def test_a_client_is_served(tmp_path: Path) -> None:
         assert state_of(gated) == (200, "application/json", {"role": "viewer", "by": "token", "bytes": 0})
 
 
-def test_one_connection_too_many_is_told_so_and_far_too_many_are_hung_up_on(tmp_path: Path) -> None:
+def test_one_connection_too_many_is_told_so_and_far_too_many_are_hung_up_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "IDLE_S", 3600.0)
     with served(tmp_path, Front(limits=HttpLimits(connections=4))) as gated:
         held = [connected(gated) for _ in range(4)]
         status, kind, document = state_of(gated)
@@ -82,6 +101,66 @@ def test_one_connection_too_many_is_told_so_and_far_too_many_are_hung_up_on(tmp_
         assert document["hint"]
         held += [connected(gated) for _ in range(5)]
         assert is_closed(held[-1])
+        for client in held:
+            client.close()
+
+
+def test_a_new_connection_takes_the_place_of_the_one_that_has_been_idle_for_longest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "IDLE_S", 0.0)
+    with served(tmp_path, Front(limits=HttpLimits(connections=4))) as gated:
+        busy = [asking(gated) for _ in range(2)]
+        oldest, newest = connected(gated), connected(gated)
+        assert state_of(gated)[0] == 200
+        assert is_closed(oldest)
+        oldest.close()
+        for client in (*busy, newest):
+            client.setblocking(False)
+            with pytest.raises(BlockingIOError):
+                client.recv(1)
+            client.close()
+
+
+def test_where_none_is_idle_one_too_many_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "IDLE_S", 0.0)
+    with served(tmp_path, Front(limits=HttpLimits(connections=4))) as gated:
+        busy = [asking(gated) for _ in range(4)]
+        assert state_of(gated)[0] == 503
+        for client in busy:
+            client.close()
+
+
+def test_a_client_with_too_many_connections_is_told_so_and_shuts_nobody_out(tmp_path: Path) -> None:
+    limits = HttpLimits(connections_per_client=4)
+    with served(tmp_path, Front(limits=limits)) as gated:
+        held = [connected(gated) for _ in range(4)]
+        status, kind, document = state_of(gated)
+        assert (status, kind) == (429, "application/problem+json")
+        assert "connections_per_client" in document["hint"]
+        held += [connected(gated) for _ in range(5)]
+        assert is_closed(held[-1])
+        with other(gated) as neighbour:
+            neighbour.sendall(head(gated, "GET /api/v1/state", Role.VIEWER) + b"\r\n")
+            assert neighbour.recv(65536).startswith(b"HTTP/1.1 200")
+        for client in held:
+            client.close()
+
+
+def test_connections_that_have_ended_count_no_more(tmp_path: Path) -> None:
+    with served(tmp_path, Front(limits=HttpLimits(connections_per_client=1))) as gated:
+        for _ in range(3):
+            with connected(gated) as client:
+                client.sendall(head(gated, "GET /api/v1/state", Role.VIEWER) + b"Connection: close\r\n\r\n")
+                answer = client.makefile("rb").read()
+                assert answer.startswith(b"HTTP/1.1 200"), answer
+
+
+def test_a_proxy_may_have_more_since_it_stands_for_many(tmp_path: Path) -> None:
+    front = Front(limits=HttpLimits(connections_per_client=1), proxies=Proxies(("127.0.0.1",)))
+    with served(tmp_path, front) as gated:
+        held = [connected(gated) for _ in range(4)]
+        assert state_of(gated)[0] == 200
         for client in held:
             client.close()
 

@@ -48,6 +48,16 @@ FOREIGN = """evil.example localhost.evil.example 127.0.0.1.evil.example localhos
 [fe80::1] localhost: localhost:x 127.0.0.1:80:80"""
 
 
+@pytest.mark.parametrize("host", ["localhost", "127.0.0.1:8050", "[::1]", "LOCALHOST"])
+def test_a_loopback_name_is_foreign_on_another_address_unless_it_is_configured(host: str) -> None:
+    for address in ("192.168.1.4", "2001:db8::7"):
+        assert not calls([host], (address, 8050))
+        named = Front.from_config(HttpConfig(hosts=("localhost", "127.0.0.1", "::1")), private=False)
+        assert calls([host], (address, 8050), named)
+    assert calls([host], ("/run/grabberd.sock", None))
+    assert calls([host], ("::ffff:127.0.0.1", 8050))
+
+
 @pytest.mark.parametrize("host", ["", "a b", *FOREIGN.split()])
 def test_any_other_name_is_foreign(host: str) -> None:
     assert not calls([host])

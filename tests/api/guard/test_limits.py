@@ -13,7 +13,7 @@ from starlette.types import Message
 
 from api.gates import Gated, is_problem
 from grabberd.api.guard.front import Front
-from grabberd.api.guard.gate import LimitedBody
+from grabberd.api.guard.gate import LARGEST_AT_ONCE, SHORT_BYTES, Bodies, LimitedBody
 from grabberd.api.guard.refusals import Refusal, answer_refusal
 from grabberd.api.guard.stream_limit import OneStream, Streams
 from grabberd.config import HttpLimits
@@ -44,6 +44,30 @@ def test_one_in_pieces_is_refused_when_it_becomes_too_long(gated: Gated) -> None
     pieces = (b"x" * 100 for _ in range(20))
     answer = gated.client().post(CAPTURES, content=pieces, headers=gated.bearer(Role.OPERATOR))
     assert is_problem(answer, 413, "content-too-large")
+
+
+def test_large_bodies_at_once_are_refused_and_short_ones_have_room() -> None:
+    limits = HttpLimits(body_bytes=100_000)
+    bodies = Bodies(limits)
+    room = LARGEST_AT_ONCE * limits.body_bytes
+    bodies.add(room, room)
+    bodies.add(SHORT_BYTES, SHORT_BYTES)
+    with pytest.raises(Refusal) as refused:
+        bodies.add(1, SHORT_BYTES + 1)
+    assert (refused.value.status_code, refused.value.name) == (503, "too-many-bodies")
+    bodies.remove(room + SHORT_BYTES)
+    bodies.add(SHORT_BYTES, 2 * SHORT_BYTES)
+
+
+def test_a_body_is_counted_until_its_request_has_ended(gated: Gated) -> None:
+    bodies = find_bodies(gated)
+    for size in (0, 100, 4096, 4097):
+        gated.client().post(CAPTURES, content=b"x" * size, headers=gated.bearer(Role.OPERATOR))
+        assert bodies.count == 0
+
+
+def find_bodies(gated: Gated) -> Bodies:
+    return gated.app._bodies
 
 
 def test_a_stranger_is_not_told_how_long_it_may_be(gated: Gated) -> None:

@@ -8,6 +8,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from api.conftest import service_in
+from api.gates import is_problem
 from grabberd.api import create_app
 from grabberd.service.jobs.measurement import MeasurementJob
 from storage.captures import META, slots, write
@@ -106,3 +107,19 @@ def test_calibrations_come_in_pages(client: TestClient) -> None:
     answer = client.get("/api/v1/calibrations", params={"limit": 1}).json()
     assert len(answer["calibrations"]) == 1
     assert answer["next"] is None
+
+
+@pytest.mark.parametrize("end", ["since", "until"])
+@pytest.mark.parametrize(
+    "moment", ["0001-01-01T00:00:00+14:00", "9999-12-31T23:59:59-12:00", "0001-01-01T00:30:00+01:00"]
+)
+def test_a_time_beyond_the_ends_of_the_calendar_is_refused(client: TestClient, end: str, moment: str) -> None:
+    answer = client.get(CAPTURES, params={end: moment})
+    assert is_problem(answer, 422, "bad-request")
+    assert "outside the years 1 to 9999" in answer.json()["detail"]
+
+
+def test_the_ends_of_the_calendar_are_times_like_others(client: TestClient) -> None:
+    first, last = "0001-01-01T00:00:00", "9999-12-31T23:59:59.999Z"
+    assert len(listed(client, since=first, until=last)[0]) == 7
+    assert listed(client, since=last)[0] == listed(client, until=first)[0] == []

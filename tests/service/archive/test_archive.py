@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.errors import NotFound
+from grabberd.errors import NotFound, ReadingGivenUp
 from grabberd.service.archive.archive import Archive
 from grabberd.storage import CaptureReader, CaptureWriter
+from grabberd.storage.patience import Patience, within
 from storage.captures import meta, slots, write
 
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT"
@@ -106,6 +107,31 @@ def test_a_folder_full_of_hostile_files_starts_lists_and_serves_the_good_one(tmp
         assert archive.path("good").read_bytes()
         archive.close()
     assert time.process_time() - begin_s < SOON_S
+
+
+def test_a_file_that_takes_too_long_is_listed_as_such_and_not_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(tmp_path, slots(3), name="slow", id="slow")
+    archive = archive_in(tmp_path)
+    monkeypatch.setattr("grabberd.service.archive.archive.DESCRIBED_S", 0.0)
+    assert states(archive) == {"slow": "damaged"}
+    assert "takes longer than" in archive.document("slow").ended_because
+    monkeypatch.setattr("grabberd.service.archive.archive.DESCRIBED_S", 3600.0)
+    assert states(archive) == {"slow": "damaged"}
+    write(tmp_path, slots(3), name="other", id="other")
+    archive.index.add(tmp_path / "other.grab")
+    assert states(archive) == {"slow": "damaged", "other": "sealed"}
+    archive.close()
+
+
+def test_who_waits_no_longer_learns_nothing_of_the_file(tmp_path: Path) -> None:
+    write(tmp_path, slots(3), name="good", id="good")
+    archive = archive_in(tmp_path)
+    with within(Patience(0.0)), pytest.raises(ReadingGivenUp):
+        archive.document("good")
+    assert states(archive) == {"good": "sealed"}
+    archive.close()
 
 
 def test_one_file_that_cannot_be_sealed_keeps_no_other_from_it(tmp_path: Path) -> None:

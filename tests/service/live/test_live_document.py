@@ -6,10 +6,11 @@ import pytest
 from running import running, sealed
 
 from grabberd.documents.document import Document
+from grabberd.documents.points import PointsDocument
 from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.live.live_document import newest_points, object_document
 from grabberd.service.service import Service
-from grabberd.storage.export.points_document import PointsQuery, points_document
+from grabberd.storage.export.points_document import PointsQuery, points_json
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +27,7 @@ def check(document: Document) -> None:
 
 def test_points(service: Service) -> None:
     [capture] = service.archive.documents()
-    points = points_document(service.archive.path(capture.id), PointsQuery())
+    points = PointsDocument.model_validate_json(points_json(service.archive.path(capture.id), PointsQuery()))
     assert [field.n for field in points.fields] == list(range(10))
     check(points)
     check(newest_points(service.instrument(None), service.clock))

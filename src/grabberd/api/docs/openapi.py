@@ -17,7 +17,6 @@ REFUSALS = {
     "401": "The token or session is unknown.",
     "403": "The role is not sufficient, or a page of another site sent the request.",
     "408": "The request body took too long.",
-    "410": "The capture's file is damaged.",
     "413": "The request body is too large.",
     "421": "The daemon does not have this host name.",
     "429": "Too many attempts or streams.",
@@ -28,9 +27,10 @@ PROBLEM_DESCRIPTIONS = {
     **REFUSALS,
     "404": "There is nothing of that name.",
     "409": "The request conflicts with the present state.",
+    "410": "The capture's file is damaged.",
     "422": "A value is invalid.",
     "501": "An optional part of grabberd that this requires is not installed.",
-    "503": "The device is not delivering.",
+    "503": "The device is not delivering, or too much is asked at the same time, or it takes too long.",
     "507": "The disk is full, read-only or broken.",
 }
 PROBLEM_JSON = "application/problem+json"

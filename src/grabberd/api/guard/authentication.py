@@ -46,15 +46,28 @@ def client_of(scope: Scope) -> str:
     client = scope.get("client")
     if not client or not client[0]:
         return UNIX
-    try:
-        address = ipaddress.ip_address(str(client[0]).partition("%")[0])
-    except ValueError:
+    address = _address_of(scope)
+    if address is None:
         return str(client[0])
     if isinstance(address, ipaddress.IPv4Address):
         return str(address)
-    if address.ipv4_mapped is not None:
-        return str(address.ipv4_mapped)
     return str(ipaddress.ip_network((address, 64), strict=False))
+
+
+def is_here(scope: Scope) -> bool:
+    """True if a client of a private socket is at the machine itself, and not behind a proxy that says so."""
+    address = _address_of(scope)
+    return address is None or address.is_loopback
+
+
+def _address_of(scope: Scope) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    """The client's address; None for a Unix socket."""
+    client = scope.get("client")
+    try:
+        address = ipaddress.ip_address(str(client[0]).partition("%")[0] if client else "")
+    except ValueError:
+        return None
+    return getattr(address, "ipv4_mapped", None) or address
 
 
 class _Record(NamedTuple):
@@ -166,7 +179,7 @@ class Authenticator:
         if shown.secret is not None:
             self._attempts.check(client, shown.secret)
         try:
-            identity = await run_in_threadpool(self._look_up, shown)
+            identity = await run_in_threadpool(self._look_up, shown, scope)
         except AccessExpired as error:
             raise Refusal(401, "token-expired", error.message, error.hint, _INVALID_TOKEN) from error
         if identity is None:
@@ -180,17 +193,18 @@ class Authenticator:
     async def still_is(self, scope: Scope, least: Role) -> bool:
         """True if a request's credentials are still valid; rechecked during a long response."""
         with suppress(AccessExpired):
-            identity = await run_in_threadpool(self._look_up, Credentials.of(scope))
+            identity = await run_in_threadpool(self._look_up, Credentials.of(scope), scope)
             return identity is not None and identity.covers(least)
         return False
 
-    def _look_up(self, shown: Credentials) -> Identity | None:
+    def _look_up(self, shown: Credentials, scope: Scope) -> Identity | None:
         try:
             if shown.bearer is not None:
                 return self._access.of_token(shown.bearer)
             if shown.session and (identity := self._access.of_session(shown.session)):
                 return identity
-            return AT_THE_MACHINE if self._private and not self._access.needs_token else None
+            here = self._private and is_here(scope)
+            return AT_THE_MACHINE if here and not self._access.needs_token else None
         except StorageError as error:
             raise Refusal(507, "storage-error", error.message, error.hint) from error
 

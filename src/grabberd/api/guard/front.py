@@ -3,6 +3,7 @@
 import socket
 from dataclasses import dataclass, field
 
+from grabberd.api.guard.proxies import Proxies
 from grabberd.config import HttpConfig, HttpLimits
 
 LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
@@ -13,22 +14,26 @@ class Front:
     """The daemon as its clients see it; by default, on a loopback address.
 
     Attributes:
-        hosts: Host names and addresses that requests may use, in lower case, without ports.
+        hosts: Host names and addresses that requests may use, in lower case, without ports. Those of loopback
+            are valid on its own addresses anyway.
         tls: True if it serves TLS.
         private: True if its sockets can be reached only from this machine, so that tokens are optional.
         limits: Limits for one client.
+        proxies: Proxies that are believed what they report about their clients.
     """
 
-    hosts: frozenset[str] = LOOPBACK_NAMES
+    hosts: frozenset[str] = frozenset()
     tls: bool = False
     private: bool = True
     limits: HttpLimits = field(default_factory=HttpLimits)
+    proxies: Proxies = field(default_factory=Proxies)
 
     @classmethod
     def from_config(cls, http: HttpConfig, private: bool) -> "Front":
         """The front of a configuration; if not private, the machine's own name is added to the hosts."""
         own = frozenset() if private else _own_names()
-        return cls(LOOPBACK_NAMES | own | frozenset(http.hosts), http.tls is not None, private, http.limits)
+        hosts = own | frozenset(http.hosts)
+        return cls(hosts, http.tls is not None, private, http.limits, Proxies(http.proxies))
 
 
 def _own_names() -> frozenset[str]:

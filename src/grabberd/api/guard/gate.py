@@ -16,7 +16,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from grabberd.api.guard.authentication import Authenticator, check_role
-from grabberd.api.guard.front import Front
+from grabberd.api.guard.front import LOOPBACK_NAMES, Front
 from grabberd.api.guard.refusals import Refusal
 from grabberd.api.guard.roles import least_role
 from grabberd.config import HttpLimits
@@ -29,6 +29,9 @@ FOREIGN_SITES = frozenset({"cross-site", "same-site"})
 RECHECK_S = 10.0
 """Longest time that a stream outlives the token it was opened with."""
 POLICY_VIOLATION = 1008
+LARGEST_AT_ONCE = 4
+"""Request bodies of the largest size that may be in memory at the same time."""
+SHORT_BYTES = 65_536
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "SAMEORIGIN",
@@ -43,19 +46,33 @@ CLOSE = {"Connection": "close"}
 def check_host(scope: Scope, front: Front) -> None:
     """Checks that a request uses one of the daemon's names, or the address on which it came in.
 
+    The names of loopback are valid on its addresses and on Unix sockets: nobody calls the daemon by them from
+    another computer, unless to get past a rule of somebody's proxy.
+
     Raises:
         Refusal: 421, it uses another name.
     """
     given = Headers(scope=scope).getlist("host")
     match = _HOST.fullmatch(given[0]) if len(given) == 1 else None
     name = match["name"].strip("[]").rstrip(".").lower() if match else ""
-    if name not in front.hosts and not _is_own_address(name, scope):
+    if not (name in front.hosts or _is_own_address(name, scope) or _is_loopback(name, scope)):
         raise Refusal(
             421,
             "foreign-host",
             f"this daemon does not have the name {', '.join(given)[:100]!r}",
             "use its address, or add the name to http.hosts in its configuration",
         )
+
+
+def _is_loopback(name: str, scope: Scope) -> bool:
+    """True if the name is one of loopback's, and the connection came in there or on a Unix socket."""
+    server = scope.get("server")
+    if name not in LOOPBACK_NAMES:
+        return False
+    try:
+        return not server or _address(str(server[0])).is_loopback
+    except ValueError:  # the path of a Unix socket
+        return True
 
 
 def _is_own_address(name: str, scope: Scope) -> bool:
@@ -129,12 +146,48 @@ def check_length(scope: Scope, limits: HttpLimits) -> None:
         raise _too_large(limits)
 
 
+class Bodies:
+    """Bytes of all request bodies that are in memory.
+
+    Short bodies have room always: large ones must not keep anybody from starting or annotating a capture.
+    """
+
+    def __init__(self, limits: HttpLimits) -> None:
+        self.count = 0
+        self._most = LARGEST_AT_ONCE * limits.body_bytes
+
+    def add(self, size: int, of_one: int) -> None:
+        """Counts further bytes of a body.
+
+        Args:
+            size: Number of bytes.
+            of_one: Number of bytes of this body, these included.
+
+        Raises:
+            Refusal: 503, it is a large one, and too many are being received.
+        """
+        self.count += size
+        if self.count > self._most and of_one > SHORT_BYTES:
+            raise Refusal(
+                503,
+                "too-many-bodies",
+                f"request bodies of {self.count} bytes are being received already",
+                "try again in a moment; bodies up to 64 KiB are received all the same",
+                {**CLOSE, "Retry-After": "5"},
+            )
+
+    def remove(self, size: int) -> None:
+        """Counts no more what has been worked off."""
+        self.count -= size
+
+
 class LimitedBody:
     """A `receive` that limits the size and the duration of the request body."""
 
-    def __init__(self, receive: Receive, limits: HttpLimits) -> None:
+    def __init__(self, receive: Receive, limits: HttpLimits, bodies: Bodies | None = None) -> None:
         self._receive = receive
         self._limits = limits
+        self._bodies = bodies or Bodies(limits)
         self._bytes = 0
         self._until: float | None = None
         self._complete = False
@@ -143,16 +196,23 @@ class LimitedBody:
         """Receives the next message.
 
         Raises:
-            Refusal: 413, the body is too long; 408, it takes too long.
+            Refusal: 413, the body is too long; 408, it takes too long; 503, there are too many.
         """
         if self._complete:
             return await self._receive()
         message = await self._in_time()
-        self._bytes += len(message.get("body", b""))
+        size = len(message.get("body", b""))
+        self._bytes += size
+        self._bodies.add(size, self._bytes)
         self._complete = not message.get("more_body", False)
         if self._bytes > self._limits.body_bytes:
             raise _too_large(self._limits)
         return message
+
+    def close(self) -> None:
+        """Counts the body no more."""
+        self._bodies.remove(self._bytes)
+        self._bytes = 0
 
     async def _in_time(self) -> Message:
         if self._until is None:
@@ -192,6 +252,7 @@ class Gate:
     ) -> None:
         self._app = app
         self._front = front
+        self._bodies = Bodies(front.limits)
         self._authenticator = authenticator
         self._now_s = now_s
 
@@ -200,6 +261,7 @@ class Gate:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
+        scope = self._front.proxies.seen_through(scope)
         answer = _Answer(send)
         try:
             await self._serve(scope, receive, answer)
@@ -213,10 +275,15 @@ class Gate:
         if least is not None:
             answer.watch(_Watch(lambda: self._authenticator.still_is(scope, least), self._now_s))
         # After the identity: a stranger does not learn how long a body may be.
-        if scope["type"] == "http":
-            check_length(scope, self._front.limits)
-            receive = LimitedBody(receive, self._front.limits)
-        await self._app(scope, receive, answer)
+        if scope["type"] == "websocket":
+            await self._app(scope, receive, answer)
+            return
+        check_length(scope, self._front.limits)
+        body = LimitedBody(receive, self._front.limits, self._bodies)
+        try:
+            await self._app(scope, body, answer)
+        finally:
+            body.close()
 
     async def _admit(self, scope: Scope) -> Role | None:
         """Admits a request and stores who sent it; returns the role that it requires."""

@@ -7,6 +7,7 @@ from fastapi.responses import FileResponse
 
 from grabberd.api.etags import IMMUTABLE, NOT_MODIFIED, IfNoneMatch, tagged
 from grabberd.api.idempotency import TAKES_KEY, OnceRoute
+from grabberd.api.readings import reads
 from grabberd.api.routes.dependencies import (
     PROBLEMS,
     REPORT_HEADERS,
@@ -61,6 +62,7 @@ def analyse_capture(
 
 
 @router.get("/{capture_id}/analyses", summary="List a capture's analyses")
+@reads
 def list_analyses(capture_id: CaptureId, service: ServiceOf) -> AnalysisList:
     """The analyses with their inputs and a summary of their results, newest first."""
     service.archive.document(capture_id)
@@ -73,6 +75,7 @@ def list_analyses(capture_id: CaptureId, service: ServiceOf) -> AnalysisList:
     summary="Get an analysis as JSON",
     responses={200: {"model": AnalysisDocument}, **NOT_MODIFIED},
 )
+@reads
 def get_analysis(
     capture_id: CaptureId, number: AnalysisNumber, service: ServiceOf, if_none_match: IfNoneMatch = None
 ) -> Response:
@@ -89,6 +92,7 @@ def get_analysis(
     summary="Get a map of an analysis",
     responses={200: {"model": MapDocument}, **NOT_MODIFIED},
 )
+@reads
 def get_analysis_map(
     capture_id: CaptureId,
     number: AnalysisNumber,
@@ -117,6 +121,7 @@ def get_analysis_map(
     summary="Get an analysis as a page",
     responses={200: {"content": {"text/html": {}}}, 501: {"model": Problem}},
 )
+@reads
 def get_analysis_report(capture_id: CaptureId, number: AnalysisNumber, service: ServiceOf) -> Response:
     """The report as a self-contained page: model and pressure, curves, maps, tables, inputs, sources."""
     page = report_page(service.analyses, capture_id, number)
@@ -129,6 +134,7 @@ def get_analysis_report(capture_id: CaptureId, number: AnalysisNumber, service: 
     summary="Get a table of an analysis",
     responses={200: {"content": {"text/csv": {}}}},
 )
+@reads
 def get_analysis_table(
     capture_id: CaptureId, number: AnalysisNumber, table: TableName, service: ServiceOf
 ) -> Response:

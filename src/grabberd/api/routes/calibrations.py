@@ -11,6 +11,7 @@ from grabberd.api.etags import NOT_MODIFIED, IfNoneMatch, tagged
 from grabberd.api.guard.authentication import IdentityOf
 from grabberd.api.guard.refusals import Refusal
 from grabberd.api.idempotency import TAKES_KEY, OnceRoute
+from grabberd.api.readings import reads
 from grabberd.api.routes.dependencies import (
     PROBLEMS,
     REPORT_HEADERS,
@@ -169,6 +170,7 @@ def get_calibration(
     summary="Get a calibration's report as a page",
     responses={200: {"content": {"text/html": {}}}, 501: {"model": Problem}},
 )
+@reads
 def get_calibration_report(calibration_id: CalibrationId, service: ServiceOf) -> Response:
     """The report on how the calibration was made and how good it is: a page to read and sign."""
     page = service.calibrations.page(calibration_id)
@@ -181,6 +183,7 @@ def get_calibration_report(calibration_id: CalibrationId, service: ServiceOf) ->
     summary="Get a calibration's report as JSON",
     responses={200: {"model": CalibrationReport}},
 )
+@reads
 def get_calibration_report_json(calibration_id: CalibrationId, service: ServiceOf) -> Response:
     """The numbers of the report."""
     return Response(service.calibrations.report(calibration_id), media_type="application/json")

@@ -6,7 +6,8 @@ from fastapi import APIRouter, Path, Query, Response, status
 from fastapi.responses import FileResponse, StreamingResponse
 
 from grabberd.api.etags import IMMUTABLE, NOT_MODIFIED, REVALIDATE, IfNoneMatch, is_known, tagged
-from grabberd.api.routes.dependencies import PROBLEMS, CaptureId, ServiceOf
+from grabberd.api.readings import reads
+from grabberd.api.routes.dependencies import OF_A_FILE, CaptureId, ServiceOf
 from grabberd.api.streams.downloads import Download, WholeFile, download
 from grabberd.documents.captures import WholeRunDocument
 from grabberd.documents.points import PointsDocument
@@ -15,9 +16,9 @@ from grabberd.service.capture.capture_documents import whole_run
 from grabberd.storage import field_png, points_csv, points_ply
 from grabberd.storage.capture.reader import stat_at_rest
 from grabberd.storage.export.parquet_stream import parquet_stream
-from grabberd.storage.export.points_document import PointsQuery, points_document
+from grabberd.storage.export.points_document import PointsQuery, points_json
 
-router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS)
+router = APIRouter(prefix="/captures", tags=["captures"], responses=OF_A_FILE)
 
 FIELD_END = 2**53
 SQLITE = "application/vnd.sqlite3"
@@ -44,6 +45,7 @@ FieldNumber = Annotated[int, Path(ge=0, le=FIELD_END, description="Number of the
         416: {"description": "The range lies outside the file.", "content": {"text/plain": {}}},
     },
 )
+@reads
 def get_capture_file(
     capture_id: CaptureId, service: ServiceOf, if_none_match: IfNoneMatch = None
 ) -> Response:
@@ -60,6 +62,7 @@ def get_capture_file(
 
 
 @router.get("/{capture_id}/runs/{run}", summary="Look up a run")
+@reads
 def get_run(
     capture_id: CaptureId,
     run: Annotated[int, Path(ge=1, le=2**53, description="Number of the run.")],
@@ -69,7 +72,13 @@ def get_run(
     return whole_run(service.archive.path(capture_id), run)
 
 
-@router.get("/{capture_id}/points", summary="Get points as JSON, thinned out")
+@router.get(
+    "/{capture_id}/points",
+    response_class=Response,
+    summary="Get points as JSON, thinned out",
+    responses={200: {"model": PointsDocument}},
+)
+@reads
 def get_points(
     capture_id: CaptureId,
     service: ServiceOf,
@@ -94,10 +103,10 @@ def get_points(
         list[Annotated[int, Query(ge=0, le=2**31 - 1)]] | None,
         Query(max_length=1000, description="Only this target; can be given several times."),
     ] = None,
-) -> PointsDocument:
+) -> Response:
     """The points of a run, field by field, with their standard deviations."""
     query = PointsQuery(run, first_n, end_n, every, max_points, target or ())
-    return points_document(service.archive.path(capture_id), query)
+    return Response(points_json(service.archive.path(capture_id), query), media_type="application/json")
 
 
 @router.get(
@@ -106,6 +115,7 @@ def get_points(
     summary="Get points as CSV",
     responses={200: {"content": {"text/csv": {}}}},
 )
+@reads
 def get_points_csv(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> Download:
     """The points as CSV, a row for each target and field, with their standard deviations."""
     text = points_csv(service.archive.path(capture_id), run)
@@ -118,6 +128,7 @@ def get_points_csv(capture_id: CaptureId, service: ServiceOf, run: RunNumber = N
     summary="Get points as a PLY cloud",
     responses={200: {"content": {PLY: {}}}},
 )
+@reads
 def get_points_ply(
     capture_id: CaptureId, service: ServiceOf, run: RunNumber = None, field: PlyField = None
 ) -> Download:
@@ -135,6 +146,7 @@ def get_points_ply(
     summary="Get points as Parquet",
     responses={200: {"content": {PARQUET: {}}}, 501: {"model": Problem}},
 )
+@reads
 def get_points_parquet(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> Download:
     """The points as Parquet, the columns of the CSV with their units as metadata. 501 if the optional part
     that writes it is not installed.
@@ -149,6 +161,7 @@ def get_points_parquet(capture_id: CaptureId, service: ServiceOf, run: RunNumber
     summary="Get a field as a picture",
     responses={200: {"content": {"image/png": {}}}, **NOT_MODIFIED},
 )
+@reads
 def get_field_png(
     capture_id: CaptureId, n: FieldNumber, service: ServiceOf, if_none_match: IfNoneMatch = None
 ) -> Response:

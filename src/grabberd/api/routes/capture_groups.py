@@ -5,6 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Request, Response, status
 
 from grabberd.api.idempotency import TAKES_KEY, OnceRoute
+from grabberd.api.readings import reads
 from grabberd.api.routes.captures import request_of
 from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf
 from grabberd.documents.captures import CaptureGroup
@@ -40,6 +41,7 @@ def start_capture_group(
 
 
 @router.get("/{group_id}", summary="Look up a group of captures")
+@reads
 def get_capture_group(group_id: GroupId, service: ServiceOf) -> CaptureGroup:
     """The captures of a group, each with its ledger, and the common moment of their start."""
     return service.capture_control.group_document(group_id)

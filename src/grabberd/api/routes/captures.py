@@ -4,9 +4,11 @@ from datetime import UTC, datetime
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response, status
+from pydantic import AfterValidator
 
 from grabberd.acquisition.clock import iso_utc
 from grabberd.api.idempotency import TAKES_KEY, OnceRoute
+from grabberd.api.readings import reads
 from grabberd.api.routes.dependencies import PROBLEMS, CaptureId, ServiceOf, accepted
 from grabberd.api.routes.paging import Cursor, Limit, cursor_of, position_of
 from grabberd.documents.captures import CaptureDocument, CaptureList
@@ -20,6 +22,17 @@ from grabberd.service.jobs.measurement import MeasurementJob
 from grabberd.service.setup import INCLUDE_DAMAGED
 
 router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=OnceRoute)
+
+
+def _in_utc(moment: datetime) -> datetime:
+    """A time in UTC; one without a zone is in UTC already."""
+    try:
+        return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
+    except OverflowError:
+        raise ValueError("in UTC, this time is outside the years 1 to 9999") from None
+
+
+Moment = Annotated[datetime, AfterValidator(_in_utc)]
 
 
 @router.post(
@@ -38,13 +51,14 @@ def start_capture(
 
 
 @router.get("", summary="List captures")
+@reads
 def list_captures(
     service: ServiceOf,
     limit: Limit = 100,
     cursor: Cursor = None,
     device: Annotated[str | None, Query(max_length=200, description="Only captures of this device.")] = None,
-    since: Annotated[datetime | None, Query(description="Only captures that started then or later.")] = None,
-    until: Annotated[datetime | None, Query(description="Only captures that started before.")] = None,
+    since: Annotated[Moment | None, Query(description="Only captures that started then or later.")] = None,
+    until: Annotated[Moment | None, Query(description="Only captures that started before.")] = None,
     search: Annotated[
         str | None, Query(max_length=200, description="Only captures with this text in id, note or labels.")
     ] = None,
@@ -58,6 +72,7 @@ def list_captures(
 
 
 @router.get("/{capture_id}", summary="Look up a capture")
+@reads
 def get_capture(capture_id: CaptureId, service: ServiceOf) -> CaptureDocument:
     """One capture with its ledger."""
     return service.archive.document(capture_id)
@@ -155,7 +170,4 @@ def request_of(options: CaptureOptions, rate_hz: float, labels: Labels | None = 
 
 
 def _utc(moment: datetime | None) -> str | None:
-    """A time without a zone is UTC."""
-    if moment is None:
-        return None
-    return iso_utc(moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC))
+    return None if moment is None else iso_utc(moment)

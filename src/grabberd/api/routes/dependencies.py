@@ -24,6 +24,10 @@ PROBLEMS: Responses = {
     code: {"model": Problem, "content": {"application/problem+json": {}}}
     for code in (404, 409, 422, 503, 507)
 }
+BUSY: Responses = {503: PROBLEMS[503]}
+"""Of routes that read among the heavy reads and have no other problems."""
+OF_A_FILE: Responses = {**PROBLEMS, 410: PROBLEMS[404]}
+"""Of routes that open a capture's file, which may be damaged."""
 REPORT_HEADERS = {"Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:"}
 """A report loads nothing: its styles and pictures are inside it."""
 

@@ -5,6 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response, status
 
 from grabberd.api.problems import problem
+from grabberd.api.readings import reads
 from grabberd.api.routes.dependencies import PROBLEMS, DeviceName, ServiceOf, accepted
 from grabberd.documents.devices import (
     DeviceDocument,
@@ -54,6 +55,7 @@ def get_object(name: DeviceName, service: ServiceOf) -> ObjectDocument:
 
 
 @router.get("/api/v1/devices/{name}/pulsation", responses=PROBLEMS, summary="Get the latest pulsation rate")
+@reads
 def get_pulsation(name: DeviceName, service: ServiceOf) -> PulsationDocument:
     """Pulsations per minute, from the analysis of the device's newest analysed capture."""
     return pulsation_document(service.analyses, service.instrument(name).name)

@@ -48,6 +48,5 @@ def session_document(identity: Identity) -> SessionDocument:
 
 def _set_cookie(response: Response, request: Request, secret: str, max_age_s: int) -> None:
     front: Front = request.app.state.front
-    response.set_cookie(
-        COOKIE, secret, max_age_s, path="/", secure=front.tls, httponly=True, samesite="strict"
-    )
+    secure = front.tls or request.url.scheme == "https"  # a proxy may have the certificate
+    response.set_cookie(COOKIE, secret, max_age_s, path="/", secure=secure, httponly=True, samesite="strict")

@@ -8,7 +8,8 @@ from fastapi.responses import HTMLResponse
 from grabberd import __version__
 from grabberd.api.docs.docs_page import POLICY, page
 from grabberd.api.problems import problem
-from grabberd.api.routes.dependencies import ServiceOf
+from grabberd.api.readings import reads
+from grabberd.api.routes.dependencies import BUSY, ServiceOf
 from grabberd.documents.problems import Problem
 from grabberd.documents.state import HealthDocument, StateDocument
 from grabberd.service.diagnostics import bundle, daemon_parts
@@ -30,7 +31,7 @@ def get_state(service: ServiceOf) -> StateDocument:
     summary="Check that the daemon serves",
     responses={503: {"model": Problem, "content": {"application/problem+json": {}}}},
 )
-def get_health(service: ServiceOf) -> HealthDocument | Response:
+async def get_health(service: ServiceOf) -> HealthDocument | Response:
     """The daemon serves, whatever its devices do. 503 where a capture thread is stuck: restart the daemon."""
     if service.liveness.is_well:
         return HealthDocument(version=__version__)
@@ -41,9 +42,10 @@ def get_health(service: ServiceOf) -> HealthDocument | Response:
 @router.get(
     "/api/v1/diagnostics",
     response_class=Response,
-    responses={200: {"content": {ZIP: {}}}},
+    responses={200: {"content": {ZIP: {}}}, **BUSY},
     summary="Get diagnostics for support",
 )
+@reads
 def get_diagnostics(
     service: ServiceOf,
     words: Annotated[bool, Query(description="Include labels, notes and the site's name.")] = False,
@@ -58,7 +60,10 @@ def get_diagnostics(
     return Response(bundle(daemon_parts(service, words=words), words=words), media_type=ZIP, headers=headers)
 
 
-@router.get("/docs", response_class=HTMLResponse, summary="Read the API description as a page")
+@router.get(
+    "/docs", response_class=HTMLResponse, summary="Read the API description as a page", responses=BUSY
+)
+@reads
 def get_docs(request: Request) -> HTMLResponse:
     """This description as a page to read; it loads nothing from any other host."""
     return HTMLResponse(page(request.app.openapi()), headers={"Content-Security-Policy": POLICY})

@@ -2,10 +2,11 @@
 
 import logging
 import os
-from collections.abc import Generator
-from typing import TypeAlias
+from collections.abc import AsyncIterator, Callable, Generator
+from typing import Any, TypeAlias
 
 from fastapi.responses import StreamingResponse
+from starlette.concurrency import iterate_in_threadpool
 from starlette.responses import FileResponse
 from starlette.types import Message, Receive, Scope, Send
 
@@ -15,12 +16,19 @@ Source: TypeAlias = Generator[str, None, None] | Generator[bytes, None, None]
 
 
 class Download(StreamingResponse):
-    """A file made piece by piece; its source is closed as soon as the client has gone."""
+    """A file made piece by piece; its source is closed as soon as the client has gone.
+
+    Attributes:
+        source: Makes the pieces.
+        pieces: Has them made in threads.
+    """
 
     source: Source
+    pieces: Callable[[Any], AsyncIterator[str | bytes]] = staticmethod(iterate_in_threadpool)
 
     async def stream_response(self, send: Send) -> None:
         """Sends the pieces."""
+        self.body_iterator = self.pieces(self.source)
         try:
             await super().stream_response(send)
         finally:

@@ -16,6 +16,7 @@ from grabberd.storage.capture.digests import (
     read_row_digests,
 )
 from grabberd.storage.capture.schema import DAMAGE, reading_errors
+from grabberd.storage.patience import check_patience
 
 T = TypeVar("T")
 FIELDS_AT_ONCE = 50
@@ -87,8 +88,10 @@ class CheckedRows:
         Raises:
             CaptureFileError: A row is damaged, or not there, and is not to be left out.
             StorageError: The file cannot be read now.
+            ReadingGivenUp: Nobody waits for them any longer.
         """
         while True:
+            check_patience(self._path.name)
             rows, digests = self._some(kind, prefix, {**values, "first": first_n, "end": end_n})
             for row in rows:
                 try:

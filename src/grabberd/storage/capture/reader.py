@@ -40,6 +40,7 @@ from grabberd.storage.capture.rows import (
 )
 from grabberd.storage.capture.schema import DAMAGE, connect, reading_errors
 from grabberd.storage.guarded_database import check_kind
+from grabberd.storage.patience import check_patience
 
 ALL_FIELDS = Kind(
     "field",
@@ -71,6 +72,7 @@ class CaptureReader:
 
     Raises:
         CaptureFileError: From any method: missing, no capture, damaged, or of a later version.
+        ReadingGivenUp: From any method: nobody waits for it any longer.
     """
 
     def __init__(self, path: Path | str, left_out: list[Damage] | None = None) -> None:
@@ -114,6 +116,7 @@ class CaptureReader:
         with reading_errors(self.path):
             fields = self._connection.execute(kept).fetchall()
             entries = self._connection.execute("SELECT * FROM ledger ORDER BY first_n").fetchall()
+        check_patience(self.path.name)  # a day has four million fields
         try:
             return ledger(fields, entries, rebases_in(read_meta(self._connection).extra))
         except DAMAGE as error:

@@ -9,6 +9,7 @@ from pathlib import Path
 from grabberd.errors import CaptureFileError, LaterVersion, StorageError
 from grabberd.storage.disk import storage_errors
 from grabberd.storage.guarded_database import JOURNAL, GuardedConnection, Header, open_tables, read_header
+from grabberd.storage.patience import check_patience
 
 APPLICATION_ID = 0x67726162
 """The letters `grab` in the database's header: tells a capture from other SQLite files."""
@@ -145,7 +146,10 @@ def _damaged(path: Path, error: Exception) -> CaptureFileError:
 
 @contextmanager
 def reading_errors(path: Path) -> Iterator[None]:
-    """Turns damaged content into `CaptureFileError`, a broken disk or a lock into `StorageError`."""
+    """Turns damaged content into `CaptureFileError`, a broken disk or a lock into `StorageError`.
+
+    A reading that nobody waits for any longer ends with `ReadingGivenUp`.
+    """
     try:
         yield
     except FileNotFoundError as error:
@@ -156,6 +160,7 @@ def reading_errors(path: Path) -> Iterator[None]:
         if not path.is_file():
             raise _missing(path) from error
         if _primary_code(error) == sqlite3.SQLITE_INTERRUPT:
+            check_patience(path.name)
             hint = "ask for less at once; if it happens again and again, the file may be damaged"
             raise StorageError(f"{path} takes too long to read", hint) from error
         if _primary_code(error) in _NOT_THE_FILES_FAULT:

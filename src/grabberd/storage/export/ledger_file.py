@@ -8,6 +8,7 @@ from grabberd.acquisition import Ledger, cause_of_loss
 from grabberd.storage.capture.digests import Damage
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.export.checked_file import checked_path
+from grabberd.storage.export.csv_file import cells
 from grabberd.storage.export.read_back import csv_check
 
 LEDGER = "ledger.csv"
@@ -32,7 +33,7 @@ def write_ledger_file(reader: CaptureReader, directory: Path) -> None:
     ):
         rows = csv.writer(file)
         rows.writerow(LEDGER_COLUMNS)
-        rows.writerows(entries)
+        rows.writerows(map(cells, entries))
 
 
 def write_left_out_file(left_out: Sequence[Damage] | None, directory: Path) -> None:
@@ -49,7 +50,7 @@ def write_left_out_file(left_out: Sequence[Damage] | None, directory: Path) -> N
     ):
         rows = csv.writer(file)
         rows.writerow(LEFT_OUT_COLUMNS)
-        rows.writerows(left_out)
+        rows.writerows(map(cells, left_out))
 
 
 def _rows(ledger: Ledger) -> Iterator[tuple[int, int, str, str, str]]:

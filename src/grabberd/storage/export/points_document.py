@@ -1,6 +1,6 @@
 """Points of a capture as a document, thinned out to what a page can draw."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,8 @@ from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.export.points_columns import sigma_mm
 
 AXES = "xyz"
+_END = b"]}"
+"""End of the JSON of a document that ends with its list of fields."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +39,10 @@ class PointsQuery:
     targets: Collection[int] = ()
 
 
-def points_document(path: Path, query: PointsQuery) -> PointsDocument:
-    """The points of a run, field by field, with their standard deviations.
+def points_json(path: Path, query: PointsQuery) -> bytes:
+    """The points of a run as the JSON of a `PointsDocument`, written field by field.
+
+    Written at once, two million numbers would keep the interpreter from every other thread for as long.
 
     Raises:
         CaptureFileError, NotFound: no such file or run.
@@ -46,19 +50,19 @@ def points_document(path: Path, query: PointsQuery) -> PointsDocument:
     with CaptureReader(path) as reader:
         run = reader.run(query.run).run
         every = _every(reader, run, query)
-        first_ns = reader.first_time_ns or 0
-        selected = reader.timed_points(run, query.first_n, query.end_n, every)
+        head = PointsDocument(capture=reader.meta.id, run=run, every=every, fields=[])
+        fields = (one.model_dump_json().encode() for one in _fields(reader, run, every, query))
+        return head.model_dump_json().encode().removesuffix(_END) + b",".join(fields) + _END
+
+
+def _fields(reader: CaptureReader, run: int, every: int, query: PointsQuery) -> Iterator[FieldPoints]:
+    first_ns = reader.first_time_ns or 0
+    for n, time_ns, points in reader.timed_points(run, query.first_n, query.end_n, every):
         # Not validated: the columns come straight from arrays of known types, and pydantic would look at each
         # of up to two million numbers.
-        fields = [
-            FieldPoints.model_construct(
-                n=n,
-                time_s=(time_ns - first_ns) / 1e9,
-                **point_columns(_of_targets(points, query.targets)),
-            )
-            for n, time_ns, points in selected
-        ]
-        return PointsDocument.model_construct(capture=reader.meta.id, run=run, every=every, fields=fields)
+        yield FieldPoints.model_construct(
+            n=n, time_s=(time_ns - first_ns) / 1e9, **point_columns(_of_targets(points, query.targets))
+        )
 
 
 def _every(reader: CaptureReader, run: int, query: PointsQuery) -> int:

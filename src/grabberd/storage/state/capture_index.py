@@ -15,6 +15,7 @@ from grabberd.storage.capture.plain_names import plainly_named
 from grabberd.storage.capture.schema import DAMAGED, PART, SUFFIX
 from grabberd.storage.disk import is_damaged, storage_errors
 from grabberd.storage.guarded_database import JOURNAL, open_tables, read_header
+from grabberd.storage.patience import check_patience
 from grabberd.storage.state.entry_process import Reading, read_entries
 from grabberd.storage.state.index_entries import (
     CAPTURES,
@@ -223,6 +224,8 @@ class CaptureIndex:
         except ValueError as error:
             raise Unusable(f"{error}") from error
         except (sqlite3.Error, OSError) as error:
+            if getattr(error, "sqlite_errorcode", 0) == sqlite3.SQLITE_INTERRUPT:
+                check_patience(self.path.name)
             if isinstance(error, sqlite3.DatabaseError) and (is_damaged(error) or not self.path.exists()):
                 raise Unusable(f"{error}" if self.path.exists() else "it is gone") from error
             raise self._error(error) from error

@@ -6,7 +6,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, NamedTuple
 
-from grabberd.errors import CaptureFileError, LaterVersion, StorageError
+from grabberd.errors import CaptureFileError, LaterVersion, ReadingGivenUp, StorageError
 from grabberd.storage.path_process import answer_paths, ask
 from grabberd.storage.patience import Patience, within
 from grabberd.storage.state.index_entries import IndexEntry, damaged_entry, sealed_entry
@@ -54,7 +54,7 @@ def _answer(path: Path, longest_s: float) -> list[Any]:
         # Half the time: a statement that is too long ends by itself, with a reason.
         with within(Patience(monotonic() + longest_s / 2)):
             return [False, *sealed_entry(path)]
-    except (LaterVersion, StorageError) as error:  # the file itself may be sound
+    except (LaterVersion, ReadingGivenUp, StorageError) as error:  # the file itself may be sound
         return [False, *damaged_entry(path, error.message)]
     except CaptureFileError as error:
         return [True, *damaged_entry(path, error.message)]
