@@ -42,6 +42,8 @@ STATUS: dict[type[errors.GrabberdError], HTTPStatus] = {
 """The status of an error's nearest ancestor applies."""
 
 
+_NO_THREAD = "can't start new thread"
+"""Python's words for a limit on threads or memory."""
 RETRY_S = "10"
 """Time after which to ask again for what took too long to read."""
 
@@ -136,6 +138,9 @@ def _of_fault(request: Request, error: Exception) -> ProblemResponse:
     if exhaustion.explains(error):
         hint = "try again in a moment; other clients have to close their connections"
         return problem(503, "too-many-files", f"the daemon has no file descriptor left: {error}", hint)
+    if isinstance(error, RuntimeError) and _NO_THREAD in f"{error}":
+        hint = "try again in a moment; raise TasksMax= of the unit if it happens again and again"
+        return problem(503, "too-many-threads", "the daemon can start no further thread", hint)
     log.error("%s %s failed", request.method, request.url.path, exc_info=error)
     hint = "this is an internal error; the journal has the details, please report it"
     return problem(500, "internal-error", f"{type(error).__name__} while responding", hint)
