@@ -5,6 +5,7 @@ import signal
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 from slots import ManualClock
@@ -13,7 +14,9 @@ from grabberd.documents.problems import JobProblem
 from grabberd.documents.results import MeasurementResult
 from grabberd.errors import Conflict, InputError, NotFound
 from grabberd.service.jobs.progress import REPORTS, Progress, counted, portion
-from grabberd.service.jobs.runner import KILLED_FIRST, NICENESS, OOM_SCORE, JobRunner, JobSpec, JobState
+from grabberd.service.jobs.runner import KILLED_FIRST, NICENESS, JobRunner, JobSpec, JobState
+
+OOM_SCORE = Path("/proc/self/oom_score_adj")
 
 PATIENCE_S = 30.0
 SCARCE_BYTES = 1_000_000_000

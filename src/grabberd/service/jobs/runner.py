@@ -23,7 +23,7 @@ from grabberd.service.jobs.progress import Progress
 
 NICENESS = 10
 """Linux weighs it 110 against the daemon's 1024: a capture keeps nine tenths of a processor they share."""
-OOM_SCORE, KILLED_FIRST = Path("/proc/self/oom_score_adj"), 500
+KILLED_FIRST = 500
 """Half of all memory is added to what the job uses, when the kernel looks for the process to kill."""
 MEMORY_BYTES = 2_000_000_000
 """Of private data, for the process: less than `MemoryMax` of the unit leaves beside the daemon, so that a job
@@ -227,6 +227,8 @@ class _JobProcess:
             target=_serve, args=(theirs, memory_bytes), name="jobs", daemon=True
         )
         self._process.start()
+        # Here, and not in the process itself: what it imports before it could may be too much already.
+        _kill_first(self._process.pid)
         theirs.close()  # ours of its two ends, or `receive` would never see the end of the process
 
     @property
@@ -266,7 +268,6 @@ def _hint_of(exit_code: int | None) -> str:
 def _serve(connection: Connection, memory_bytes: int) -> None:
     """Runs one job after the other in the job process; ends with its parent."""
     os.nice(NICENESS)
-    _be_killed_first()
     resource.setrlimit(resource.RLIMIT_DATA, (memory_bytes, memory_bytes))
     while True:
         try:
@@ -276,10 +277,10 @@ def _serve(connection: Connection, memory_bytes: int) -> None:
         connection.send(_outcome(connection, spec))
 
 
-def _be_killed_first() -> None:
+def _kill_first(pid: int | None) -> None:
     """Lets the kernel take this process, and not the daemon, where the service's memory is used up."""
     try:
-        OOM_SCORE.write_text(str(KILLED_FIRST))
+        Path(f"/proc/{pid}/oom_score_adj").write_text(str(KILLED_FIRST))
     except OSError:  # no such file but on Linux; without it the largest process is taken
         return
 
