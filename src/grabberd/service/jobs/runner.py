@@ -24,8 +24,8 @@ from grabberd.service.jobs.progress import Progress
 NICENESS = 10
 """Linux weighs it 110 against the daemon's 1024: a capture keeps nine tenths of a processor they share."""
 KILLED_FIRST = 1000
-"""The kernel takes the process before any other when it looks for one to kill: a job can be repeated, a capture
-cannot. With 500, half of the limit is added to what the job uses, which a daemon of that size exceeds."""
+"""The kernel takes the process before any other when it looks for one to kill: a job can be repeated, a
+capture cannot. With 500, half of the limit is added to what the job uses, and a daemon may use more."""
 MEMORY_BYTES = 2_000_000_000
 """Of private data, for the process: less than `MemoryMax` of the unit leaves beside the daemon, so that a job
 that wants more is told so, and not killed. Addresses that libraries and threads only reserve do not count."""
