@@ -109,13 +109,13 @@ profile: $(READY)  ## where a field's time goes: stages and functions
 	$(ONE_THREAD) $(BIN)/python -m tests.bench.hot_path
 
 measured: $(READY)  ## accuracy and cost of every part of the work, into docs/measured.md (many minutes)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench all --seconds $(or $(DURATION),60) --write docs/measured.md
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m tests.bench all --seconds $(or $(DURATION),60) --write docs/measured.md
 
 soak: $(READY)  ## ten minutes (or DURATION=… seconds) at 50 Hz, clients coming and going; FAULTS=1: twenty, a fault every few seconds; fails where a promise is broken
 	@$(MAKE) --no-print-directory $(if $(FAULTS),soak-faults,soak-clients)
 
 soak-clients: $(READY)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench soak --seconds $(or $(DURATION),600) $(if $(SEED),--seed $(SEED)) --write docs/measured.md
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m tests.bench soak --seconds $(or $(DURATION),600) $(if $(SEED),--seed $(SEED)) --write docs/measured.md
 
 soak-faults: $(READY)
 	$(BIN)/python -m tests.months run --minutes $(or $(MINUTES),20) $(if $(SEED),--seed $(SEED)) --write docs/reference/months.md

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from tests.faults.clients import resident_kb
 from tests.faults.daemon import RECORDED, Daemon, running
-from tests.faults.playing import configuration
+from tests.faults.failing import configuration
 
 from .armour_attacks import ATTACKS, TIMEOUT_S, Answers, Target, address
 
