@@ -57,6 +57,18 @@ def test_what_the_disk_has_changed_is_left_out_and_listed(capture: Path, tmp_pat
         assert [row["n"] for row in csv.DictReader(file)] == [str(n)]
 
 
+@pytest.mark.parametrize("format", ["csv", "ply", "parquet"])
+def test_points_that_are_gone_are_listed_too(capture: Path, tmp_path: Path, format: str) -> None:
+    if format == "parquet":
+        pytest.importorskip("pyarrow")
+    with closing(sqlite3.connect(capture)) as connection, connection:
+        connection.execute("DELETE FROM points WHERE n = 2")
+    result = run(capture, "--format", format, "--out", tmp_path / "out")
+    assert "15 points" in result.stdout
+    with (tmp_path / "out" / "left_out.csv").open() as file:
+        assert [(row["n"], row["reason"]) for row in csv.DictReader(file)] == [("2", "it is missing")]
+
+
 def test_a_damaged_field_that_was_asked_for_is_an_error(capture: Path, tmp_path: Path) -> None:
     with closing(sqlite3.connect(capture)) as connection, connection:
         connection.execute("UPDATE points SET data = zeroblob(9) WHERE n = 2")

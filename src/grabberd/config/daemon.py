@@ -57,7 +57,7 @@ def _check_proxy(name: str) -> str:
         try:
             ip_network(name)
         except ValueError as error:
-            raise ValueError(f"{name!r} is no address, no network and not 'unix': {error}") from None
+            raise ValueError(f"{name!r} is neither an address nor a network nor 'unix': {error}") from None
     return name
 
 

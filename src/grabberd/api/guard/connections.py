@@ -41,7 +41,7 @@ async def too_many_of_one(scope: Scope, receive: Receive, send: Send) -> None:
         429,
         "too-many-connections",
         f"{client_of(scope)} has too many connections",
-        "close some, or raise http.limits.connections_per_client; a proxy belongs into http.proxies",
+        "close some, or raise http.limits.connections_per_client; name a proxy in http.proxies",
     )
     answer.headers.update({"Retry-After": "5", "Connection": "close"})
     await answer(scope, receive, send)

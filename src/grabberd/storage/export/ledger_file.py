@@ -26,14 +26,7 @@ def write_ledger_file(reader: CaptureReader, directory: Path) -> None:
         CaptureFileError: The capture is damaged.
         StorageError: The file cannot be written, or is there already.
     """
-    entries = sorted(_rows(reader.ledger))
-    with (
-        checked_path(directory / LEDGER, csv_check(LEDGER_COLUMNS, entries.__len__)) as part,
-        part.open("w", newline="", encoding="utf-8") as file,
-    ):
-        rows = csv.writer(file)
-        rows.writerow(LEDGER_COLUMNS)
-        rows.writerows(map(cells, entries))
+    _write(directory / LEDGER, LEDGER_COLUMNS, sorted(_rows(reader.ledger)))
 
 
 def write_left_out_file(left_out: Sequence[Damage] | None, directory: Path) -> None:
@@ -42,15 +35,18 @@ def write_left_out_file(left_out: Sequence[Damage] | None, directory: Path) -> N
     Raises:
         StorageError: The file cannot be written.
     """
-    if not left_out:
-        return
+    if left_out:
+        _write(directory / LEFT_OUT, LEFT_OUT_COLUMNS, left_out)
+
+
+def _write(path: Path, columns: Sequence[str], rows: Sequence[tuple[object, ...]]) -> None:
     with (
-        checked_path(directory / LEFT_OUT, csv_check(LEFT_OUT_COLUMNS, left_out.__len__)) as part,
+        checked_path(path, csv_check(columns, rows.__len__)) as part,
         part.open("w", newline="", encoding="utf-8") as file,
     ):
-        rows = csv.writer(file)
-        rows.writerow(LEFT_OUT_COLUMNS)
-        rows.writerows(map(cells, left_out))
+        table = csv.writer(file)
+        table.writerow(columns)
+        table.writerows(map(cells, rows))
 
 
 def _rows(ledger: Ledger) -> Iterator[tuple[int, int, str, str, str]]:

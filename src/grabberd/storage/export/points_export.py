@@ -11,7 +11,7 @@ from grabberd import __version__
 from grabberd.errors import NotFound
 from grabberd.processes.columns import joined
 from grabberd.storage.capture.checked_rows import END
-from grabberd.storage.capture.digests import Damage
+from grabberd.storage.capture.digests import MISSING, Damage
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.disk import new_folder, storage_errors
 from grabberd.storage.export.checked_file import Check, checked_file
@@ -56,8 +56,9 @@ def points_ply(
         hint = "its ledger says which fields did not come; points?first_n=… shows those that have points"
         raise NotFound(f"run {number} of capture {reader.meta.id} has no points of field {field}", hint)
     if left_out is not None:
+        missing = len(left_out)
         count = sum(len(points) for _, _, points in reader.timed_points(number, first_n, end_n))
-        left_out.clear()  # they come again
+        del left_out[missing:]  # damaged ones come again
     return _ply(reader, number, first_n, end_n, count)
 
 
@@ -103,10 +104,20 @@ def open_run(
         number = reader.run(run).run
         if left_out is None:
             reader.check_points(number, first_n, end_n)
+        else:
+            left_out += _missing_points(path, number, first_n, end_n)
         return reader, number
     except Exception:
         reader.close()
         raise
+
+
+def _missing_points(path: Path, run: int, first_n: int, end_n: int) -> list[Damage]:
+    """Points that have a digest and are not there; only their digests tell of them."""
+    found: list[Damage] = []
+    with CaptureReader(path, found) as reader:
+        reader.check_points(run, first_n, end_n)
+    return [damage for damage in found if damage.reason == MISSING]
 
 
 def export_csv(
@@ -163,7 +174,7 @@ def export_parquet(
         CaptureFileError, NotFound, ExtraMissing, StorageError: See `points_parquet` and `export_csv`.
     """
     check_parquet()
-    reader, number = open_run(path, run, left_out)
+    reader, number = open_run(path, run, None if left_out is None else [])
     reader.close()
     points = 0
     check = parquet_check([column.name for column in POINT_COLUMNS], lambda: points)
