@@ -59,8 +59,11 @@ def test_captures_are_verified_all_or_by_name(barn: Path) -> None:
         connection.execute("UPDATE fields SET threshold = threshold + 1 WHERE n = 1")
     result = run("storage", "verify", path)
     assert result.exit_code == 65
-    assert f"{path}: damaged: 1 fields" in result.stdout
+    assert f"{path}: damaged: 1 sound fields" in result.stdout
     assert "    field 1: it is not what was written" in result.stdout
+    missing = run("storage", "verify", barn / "nothing.grab")
+    assert missing.stdout.splitlines()[0] == f"{barn / 'nothing.grab'}: damaged"
+    assert "no capture file" in missing.stdout
     result = run("storage", "verify", "--json")
     assert result.exit_code == 65
     assert [bool(one["damages"]) for one in json.loads(result.stdout)] == [True, False, False]

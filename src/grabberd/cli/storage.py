@@ -70,9 +70,11 @@ def verify(
         documents.append({"file": str(path), **found._asdict()})
         if json:
             continue
-        words = f"{found.fields} fields and the points of {found.points}"
+        words = f": {found.fields} sound fields and the points of {found.points}"
         proven = "" if found.has_digests else "; of an earlier version, without digests"
-        typer.echo(f"{path}: {'damaged' if found.damages else 'sound'}: {words}{proven}")
+        readable = found.has_digests or found.fields > 0 or not found.damages
+        verdict = "damaged" if found.damages else "sound"
+        typer.echo(f"{path}: {verdict}{words + proven if readable else ''}")
         for damage in found.damages:
             typer.echo(f"    {damage}")
     if json:
