@@ -85,7 +85,7 @@ def test_it_may_have_the_certificate(proto: str | None, kind: str, found: str) -
 
 @pytest.mark.parametrize("wrong", ["proxy.example", "10.0.0.1/24", "10.0.0.0/33", ""])
 def test_what_is_no_address_is_refused(wrong: str) -> None:
-    with pytest.raises(ValueError, match="no address, no network"):
+    with pytest.raises(ValueError, match="neither an address nor a network"):
         HttpConfig(proxies=(wrong,))
 
 
