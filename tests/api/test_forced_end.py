@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 from running import PATIENCE_S
@@ -62,7 +63,10 @@ def test_a_process_ends_that_waits_for_threads_and_children() -> None:
     _, told = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == EX_TEMPFAIL
     assert b"ended by force" in told
-    assert not is_alive(child)
+    until_s = time.monotonic() + PATIENCE_S
+    while is_alive(child):  # it was killed; the kernel ends it when it comes to it
+        assert time.monotonic() < until_s
+        time.sleep(0.01)
 
 
 def is_alive(pid: int) -> bool:

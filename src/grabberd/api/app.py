@@ -18,7 +18,8 @@ from grabberd.api.guard.refusals import Refusal, answer_refusal
 from grabberd.api.guard.roles import check_declared
 from grabberd.api.guard.stream_limit import Streams
 from grabberd.api.idempotency import KeptSince
-from grabberd.api.readings import Readings
+from grabberd.api.reading.contents import Contents
+from grabberd.api.reading.readings import Readings
 from grabberd.api.routes import (
     analyses,
     calibrations,
@@ -66,6 +67,7 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
     app.state.metrics = metrics.registry_of(service, lambda: streams.count)
     app.state.feeds = Feeds(service)
     app.state.readings = Readings(front.limits)
+    app.state.contents = Contents(front.limits)
     problems.install(app)
     app.add_exception_handler(Refusal, answer_refusal)
     app.state.files = Files()
@@ -96,6 +98,7 @@ async def _life(app: FastAPI) -> AsyncIterator[None]:
     await run_in_threadpool(service.start)
     yield
     app.state.readings.close()
+    await app.state.contents.close()
     await run_in_threadpool(service.stop)
 
 

@@ -1,10 +1,11 @@
-"""Settings of the C library's allocator that keep the memory of one field's arrays for the next.
+"""Memory of this process and its children: what it keeps for the next field, and whom the kernel takes first.
 
 By default glibc returns large blocks to the kernel as soon as they are freed, and gets them anew page by
 page: for the arrays of a field that costs as much as the work done on them.
 """
 
 import ctypes
+from pathlib import Path
 
 KEPT_BYTES = 32 << 20
 """Freed memory that the process keeps in each of its arenas."""
@@ -14,6 +15,10 @@ LARGEST_BYTES = 4 << 20
 """Size of a block above which it is still returned at once."""
 AHEAD_BYTES = 1 << 20
 """Memory that is requested at a time when more is needed."""
+KILLED_FIRST = 1000
+"""The kernel takes the process before any other when it looks for one to kill: a job or a reading can be
+repeated, a capture cannot. With 500, half of the limit is added to what the job uses, and a daemon may use
+more."""
 _TRIM_THRESHOLD, _TOP_PAD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -2, -3, -8
 """Options of mallopt(3), as malloc.h numbers them."""
 
@@ -31,3 +36,14 @@ def keep_freed_memory() -> bool:
         _TOP_PAD: AHEAD_BYTES,
     }
     return all(mallopt(option, value) == 1 for option, value in asked.items())
+
+
+def kill_first(pid: int | None) -> None:
+    """Lets the kernel take a child, and not the daemon, where the service's memory is used up.
+
+    The parent does it: what a child imports before it could may be too much already.
+    """
+    try:
+        Path(f"/proc/{pid}/oom_score_adj").write_text(str(KILLED_FIRST))
+    except OSError:  # no such file but on Linux; without it the largest process is taken
+        return

@@ -14,7 +14,8 @@ from grabberd.documents.problems import JobProblem
 from grabberd.documents.results import MeasurementResult
 from grabberd.errors import Conflict, InputError, NotFound
 from grabberd.service.jobs.progress import REPORTS, Progress, counted, portion
-from grabberd.service.jobs.runner import KILLED_FIRST, NICENESS, JobRunner, JobSpec, JobState
+from grabberd.service.jobs.runner import NICENESS, JobRunner, JobSpec, JobState
+from grabberd.service.memory import KILLED_FIRST
 
 OOM_SCORE = Path("/proc/self/oom_score_adj")
 

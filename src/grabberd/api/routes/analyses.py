@@ -7,7 +7,7 @@ from fastapi.responses import FileResponse
 
 from grabberd.api.etags import IMMUTABLE, NOT_MODIFIED, IfNoneMatch, tagged
 from grabberd.api.idempotency import TAKES_KEY, OnceRoute
-from grabberd.api.readings import reads
+from grabberd.api.reading.readings import reads
 from grabberd.api.routes.dependencies import (
     PROBLEMS,
     REPORT_HEADERS,

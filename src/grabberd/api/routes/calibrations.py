@@ -11,7 +11,7 @@ from grabberd.api.etags import NOT_MODIFIED, IfNoneMatch, tagged
 from grabberd.api.guard.authentication import IdentityOf
 from grabberd.api.guard.refusals import Refusal
 from grabberd.api.idempotency import TAKES_KEY, OnceRoute
-from grabberd.api.readings import reads
+from grabberd.api.reading.readings import reads
 from grabberd.api.routes.dependencies import (
     PROBLEMS,
     REPORT_HEADERS,

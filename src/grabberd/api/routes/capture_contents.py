@@ -1,12 +1,14 @@
 """Contents of a capture: its file, its runs and points, its fields."""
 
+from functools import partial
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Response, status
 from fastapi.responses import FileResponse, StreamingResponse
 
 from grabberd.api.etags import IMMUTABLE, NOT_MODIFIED, REVALIDATE, IfNoneMatch, is_known, tagged
-from grabberd.api.readings import reads
+from grabberd.api.reading.contents import Content
+from grabberd.api.reading.readings import reads
 from grabberd.api.routes.dependencies import OF_A_FILE, CaptureId, ServiceOf
 from grabberd.api.streams.downloads import Download, WholeFile, download
 from grabberd.documents.captures import WholeRunDocument
@@ -20,6 +22,7 @@ from grabberd.storage.export.points_document import PointsQuery, points_json
 
 router = APIRouter(prefix="/captures", tags=["captures"], responses=OF_A_FILE)
 
+_json = partial(Response, media_type="application/json")
 FIELD_END = 2**53
 SQLITE = "application/vnd.sqlite3"
 PLY = "application/ply"
@@ -103,10 +106,10 @@ def get_points(
         list[Annotated[int, Query(ge=0, le=2**31 - 1)]] | None,
         Query(max_length=1000, description="Only this target; can be given several times."),
     ] = None,
-) -> Response:
+) -> Content:
     """The points of a run, field by field, with their standard deviations."""
     query = PointsQuery(run, first_n, end_n, every, max_points, target or ())
-    return Response(points_json(service.archive.path(capture_id), query), media_type="application/json")
+    return Content(points_json, (service.archive.path(capture_id), query), _json)
 
 
 @router.get(
@@ -116,10 +119,10 @@ def get_points(
     responses={200: {"content": {"text/csv": {}}}},
 )
 @reads
-def get_points_csv(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> Download:
+def get_points_csv(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> Content:
     """The points as CSV, a row for each target and field, with their standard deviations."""
-    text = points_csv(service.archive.path(capture_id), run)
-    return download(text, "text/csv", f"{capture_id}-points.csv")
+    arguments = service.archive.path(capture_id), run
+    return Content(points_csv, arguments, media_type="text/csv", name=f"{capture_id}-points.csv")
 
 
 @router.get(
@@ -131,13 +134,13 @@ def get_points_csv(capture_id: CaptureId, service: ServiceOf, run: RunNumber = N
 @reads
 def get_points_ply(
     capture_id: CaptureId, service: ServiceOf, run: RunNumber = None, field: PlyField = None
-) -> Download:
+) -> Content:
     """The points of all fields or of one field as a cloud for programs that draw clouds: x, y, z in mm, with
     field number, target and standard deviations as further properties.
     """
-    parts = points_ply(service.archive.path(capture_id), run, field)
+    arguments = service.archive.path(capture_id), run, field
     suffix = "points" if field is None else f"field-{field:08d}"
-    return download(parts, PLY, f"{capture_id}-{suffix}.ply")
+    return Content(points_ply, arguments, media_type=PLY, name=f"{capture_id}-{suffix}.ply")
 
 
 @router.get(
@@ -164,7 +167,10 @@ def get_points_parquet(capture_id: CaptureId, service: ServiceOf, run: RunNumber
 @reads
 def get_field_png(
     capture_id: CaptureId, n: FieldNumber, service: ServiceOf, if_none_match: IfNoneMatch = None
-) -> Response:
+) -> Content:
     """One field as it was recorded, as a picture that never changes."""
-    png = field_png(service.archive.path(capture_id), n)
-    return tagged(png, "image/png", if_none_match, IMMUTABLE)
+
+    def answer(png: bytes) -> Response:
+        return tagged(png, "image/png", if_none_match, IMMUTABLE)
+
+    return Content(field_png, (service.archive.path(capture_id), n), answer)

@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Request, Response, status
 
 from grabberd.api.idempotency import TAKES_KEY, OnceRoute
-from grabberd.api.readings import reads
+from grabberd.api.reading.readings import reads
 from grabberd.api.routes.captures import request_of
 from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf
 from grabberd.documents.captures import CaptureGroup

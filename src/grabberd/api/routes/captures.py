@@ -8,7 +8,7 @@ from pydantic import AfterValidator
 
 from grabberd.acquisition.clock import iso_utc
 from grabberd.api.idempotency import TAKES_KEY, OnceRoute
-from grabberd.api.readings import reads
+from grabberd.api.reading.readings import reads
 from grabberd.api.routes.dependencies import PROBLEMS, CaptureId, ServiceOf, accepted
 from grabberd.api.routes.paging import Cursor, Limit, cursor_of, position_of
 from grabberd.documents.captures import CaptureDocument, CaptureList

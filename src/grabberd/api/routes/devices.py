@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response, status
 
 from grabberd.api.problems import problem
-from grabberd.api.readings import reads
+from grabberd.api.reading.readings import reads
 from grabberd.api.routes.dependencies import PROBLEMS, DeviceName, ServiceOf, accepted
 from grabberd.documents.devices import (
     DeviceDocument,

@@ -8,7 +8,7 @@ from fastapi.responses import HTMLResponse
 from grabberd import __version__
 from grabberd.api.docs.docs_page import POLICY, page
 from grabberd.api.problems import problem
-from grabberd.api.readings import reads
+from grabberd.api.reading.readings import reads
 from grabberd.api.routes.dependencies import BUSY, ServiceOf
 from grabberd.documents.problems import Problem
 from grabberd.documents.state import HealthDocument, StateDocument

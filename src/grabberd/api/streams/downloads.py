@@ -2,8 +2,8 @@
 
 import logging
 import os
-from collections.abc import AsyncIterator, Callable, Generator
-from typing import Any, TypeAlias
+from collections.abc import AsyncIterator, Callable
+from typing import Any, Protocol
 
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import iterate_in_threadpool
@@ -12,7 +12,12 @@ from starlette.types import Message, Receive, Scope, Send
 
 log = logging.getLogger(__name__)
 
-Source: TypeAlias = Generator[str, None, None] | Generator[bytes, None, None]
+
+class Source(Protocol):
+    """Maker of the pieces of a download, in threads or in a process."""
+
+    def close(self) -> None:
+        """Makes no further piece; safe twice."""
 
 
 class Download(StreamingResponse):
@@ -20,7 +25,7 @@ class Download(StreamingResponse):
 
     Attributes:
         source: Makes the pieces.
-        pieces: Has them made in threads.
+        pieces: Has them made.
     """
 
     source: Source
@@ -38,7 +43,7 @@ class Download(StreamingResponse):
 def download(source: Source, media_type: str, name: str) -> Download:
     """A download that the client saves under a name."""
     headers = {"Content-Disposition": f'attachment; filename="{name}"'}
-    answer = Download(source, media_type=media_type, headers=headers)
+    answer = Download((), media_type=media_type, headers=headers)
     answer.source = source
     return answer
 

@@ -10,7 +10,6 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
-from pathlib import Path
 from typing import Any, ClassVar
 
 from grabberd.acquisition.clock import UtcClock, iso_utc
@@ -20,12 +19,10 @@ from grabberd.documents.results import JobResult
 from grabberd.documents.states import JobState
 from grabberd.errors import Conflict, GrabberdError, NotFound
 from grabberd.service.jobs.progress import Progress
+from grabberd.service.memory import kill_first
 
 NICENESS = 10
 """Linux weighs it 110 against the daemon's 1024: a capture keeps nine tenths of a processor they share."""
-KILLED_FIRST = 1000
-"""The kernel takes the process before any other when it looks for one to kill: a job can be repeated, a
-capture cannot. With 500, half of the limit is added to what the job uses, and a daemon may use more."""
 MEMORY_BYTES = 2_000_000_000
 """Of private data, for the process: less than `MemoryMax` of the unit leaves beside the daemon, so that a job
 that wants more is told so, and not killed. Addresses that libraries and threads only reserve do not count."""
@@ -228,8 +225,7 @@ class _JobProcess:
             target=_serve, args=(theirs, memory_bytes), name="jobs", daemon=True
         )
         self._process.start()
-        # Here, and not in the process itself: what it imports before it could may be too much already.
-        _kill_first(self._process.pid)
+        kill_first(self._process.pid)
         theirs.close()  # ours of its two ends, or `receive` would never see the end of the process
 
     @property
@@ -276,14 +272,6 @@ def _serve(connection: Connection, memory_bytes: int) -> None:
         except EOFError:
             return
         connection.send(_outcome(connection, spec))
-
-
-def _kill_first(pid: int | None) -> None:
-    """Lets the kernel take this process, and not the daemon, where the service's memory is used up."""
-    try:
-        Path(f"/proc/{pid}/oom_score_adj").write_text(str(KILLED_FIRST))
-    except OSError:  # no such file but on Linux; without it the largest process is taken
-        return
 
 
 def _outcome(connection: Connection, spec: JobSpec) -> tuple[str, Any]:

@@ -10,7 +10,6 @@ import inspect
 import time
 from collections.abc import AsyncIterator, Callable, Coroutine, Generator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from contextvars import copy_context
 from functools import partial
 from typing import Annotated, Any, TypeVar
@@ -21,17 +20,15 @@ from fastapi.responses import Response
 from pydantic import BaseModel
 from starlette.types import Receive
 
-from grabberd.api.guard.refusals import Refusal
+from grabberd.api.reading.contents import Content, Contents
+from grabberd.api.reading.room import check_room, client_left
+from grabberd.api.reading.turns import Turns
 from grabberd.api.streams.downloads import Download
-from grabberd.api.turns import Turns
 from grabberd.config import HttpLimits
 from grabberd.storage.patience import CURRENT, Patience, check_patience
 
 T = TypeVar("T")
 
-WAITING_A_THREAD = 4
-"""Reads that may wait for each thread: a page asks for several things at once."""
-RETRY_S = 2
 _END = object()
 
 
@@ -45,8 +42,7 @@ class Readings:
 
     def __init__(self, limits: HttpLimits, now_s: Callable[[], float] = time.monotonic) -> None:
         self._now_s = now_s
-        self._threads = limits.reads
-        self._longest_s = limits.read_timeout_s
+        self._limits = limits
         self._pool = ThreadPoolExecutor(limits.reads, thread_name_prefix="reading")
         self._patiences: set[Patience] = set()
         self._turns = Turns()
@@ -55,11 +51,6 @@ class Readings:
     def count(self) -> int:
         """Number of reads that run or wait."""
         return len(self._patiences)
-
-    @property
-    def is_full(self) -> bool:
-        """True if no further read may wait."""
-        return self.count >= self._threads * (1 + WAITING_A_THREAD)
 
     async def answer(self, read: Callable[[], T], receive: Receive) -> T:
         """The result of a read for a request; given up when its client leaves.
@@ -72,8 +63,7 @@ class Readings:
             Refusal: 503, too many reads wait already.
             ReadingGivenUp: It takes too long.
         """
-        if self.is_full:
-            raise _busy(self.count)
+        check_room(self.count, self._limits)
         patience = self._patience()
         watch = asyncio.create_task(_give_up_when_gone(patience, receive))
         try:
@@ -97,7 +87,7 @@ class Readings:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
     def _patience(self) -> Patience:
-        return Patience(self._now_s() + self._longest_s, self._now_s, between=self._turns.pass_on)
+        return Patience(self._now_s() + self._limits.read_timeout_s, self._now_s, between=self._turns.pass_on)
 
     async def _run(self, read: Callable[[], T], patience: Patience) -> T:
         context = copy_context()
@@ -137,21 +127,8 @@ async def _ended(work: "Future[T]", patience: Patience) -> T:
 
 
 async def _give_up_when_gone(patience: Patience, receive: Receive) -> None:
-    """Gives up as soon as the client has left, or has sent what is refused."""
-    with suppress(Exception):
-        while (await receive())["type"] != "http.disconnect":
-            pass
+    await client_left(receive)
     patience.give_up()
-
-
-def _busy(count: int) -> Refusal:
-    return Refusal(
-        503,
-        "too-many-reads",
-        f"{count} requests that read captures run or wait already",
-        "try again in a moment; the state and running captures are not affected",
-        {"Retry-After": str(RETRY_S)},
-    )
 
 
 def _request(request: Request) -> Request:
@@ -159,12 +136,18 @@ def _request(request: Request) -> Request:
 
 
 def reads(endpoint: Callable[..., Any]) -> Callable[..., Coroutine[Any, Any, Any]]:
-    """Decorator of a route that reads captures, reports or the like: it runs among the heavy reads."""
+    """Decorator of a route that reads captures, reports or the like: it runs among the heavy reads.
+
+    A route may return a `Content`, which the process for contents then reads.
+    """
 
     async def read(*, request_of_read: Request, **parameters: Any) -> Any:
         readings: Readings = request_of_read.app.state.readings
         whole = partial(_response, endpoint, parameters)
         answer = await readings.answer(whole, request_of_read.receive)
+        if isinstance(answer, Content):
+            contents: Contents = request_of_read.app.state.contents
+            return await contents.answer(answer, request_of_read.receive)
         if isinstance(answer, Download):
             answer.pieces = readings.pieces
         return answer
@@ -173,7 +156,9 @@ def reads(endpoint: Callable[..., Any]) -> Callable[..., Coroutine[Any, Any, Any
     own = inspect.Parameter("request_of_read", kind, annotation=Annotated[Request, Depends(_request)])
     plain = inspect.signature(endpoint)
     taken = [one.replace(kind=kind) for one in plain.parameters.values()]
-    read.__signature__ = plain.replace(parameters=[*taken, own])  # type: ignore[attr-defined]
+    answered = Response if plain.return_annotation is Content else plain.return_annotation
+    whole = plain.replace(parameters=[*taken, own], return_annotation=answered)
+    read.__signature__ = whole  # type: ignore[attr-defined]
     read.__name__, read.__doc__, read.__module__ = endpoint.__name__, endpoint.__doc__, endpoint.__module__
     return read
 

@@ -21,7 +21,8 @@ from api.conftest import sealed_in, service_in
 from api.gates import Ticks
 from api.streams import Served, served
 from grabberd.api.guard.refusals import Refusal
-from grabberd.api.readings import WAITING_A_THREAD, Readings
+from grabberd.api.reading.readings import Readings
+from grabberd.api.reading.room import WAITING_A_THREAD
 from grabberd.config import HttpLimits
 from grabberd.errors import ReadingGivenUp
 from grabberd.storage.capture.schema import reading_errors
@@ -179,9 +180,9 @@ def test_closing_gives_up_all_of_them() -> None:
 
 @pytest.fixture
 def besieged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Served, str, Endless]]:
-    """A daemon in which the points of every capture take for ever, a capture, and its reads."""
+    """A daemon in which describing a run takes for ever, a capture, and its reads."""
     endless = Endless()
-    monkeypatch.setattr("grabberd.api.routes.capture_contents.points_json", endless)
+    monkeypatch.setattr("grabberd.api.routes.capture_contents.whole_run", endless)
     with served(service_in(tmp_path, pace="real"), LONG) as daemon:
         status, document = ask(daemon, "POST", "/api/v1/captures", {"fields": 5})
         assert status == 202
@@ -213,7 +214,7 @@ def test_endless_reads_keep_nobody_from_health_state_and_stop(besieged: tuple[Se
     daemon, capture_id, endless = besieged
     status, running = ask(daemon, "POST", "/api/v1/captures", {"fields": 100_000})
     assert status == 202
-    with readers(daemon, f"/api/v1/captures/{capture_id}/points", 45) as clients:
+    with readers(daemon, f"/api/v1/captures/{capture_id}/runs/1", 45) as clients:
         assert endless.wait_for(LONG.reads)
         refused = 45 - LONG.reads * (1 + WAITING_A_THREAD)
         told = [client for client in clients if client in hearing(clients, refused)]
@@ -244,7 +245,7 @@ def hearing(clients: list[socket.socket], count: int) -> list[socket.socket]:
 
 def test_the_daemon_ends_while_endless_reads_run(besieged: tuple[Served, str, Endless]) -> None:
     daemon, capture_id, endless = besieged
-    with readers(daemon, f"/api/v1/captures/{capture_id}/points", 5):
+    with readers(daemon, f"/api/v1/captures/{capture_id}/runs/1", 5):
         assert endless.wait_for(LONG.reads)
         assert daemon.stop()
     assert endless.running == 0
