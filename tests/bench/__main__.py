@@ -28,6 +28,7 @@ from tests.bench import (
     pressure_cost,
     pressure_robustness,
     reprocess,
+    requests,
     several,
     soak,
     walls,
@@ -76,6 +77,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "What an analysis with the pressure costs": pressure_cost.table,
     },
     "reprocess": {"An archive measured again": reprocess.table},
+    "requests": {"Requests: what each costs in processor time": requests.table},
     "walls": {"The simulated walls: buckling, touch, and the load on the teat": walls.table},
 }
 """Tables by the titles of their sections, without those of the running daemon."""

@@ -13,12 +13,12 @@ from weakref import WeakValueDictionary
 
 from fastapi import Depends, Header, Request, Response
 from fastapi.exceptions import RequestValidationError
-from fastapi.routing import APIRoute
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
 from grabberd.acquisition.clock import UtcClock, iso_utc
 from grabberd.api.guard.refusals import Refusal
+from grabberd.api.rendering import RenderedRoute
 from grabberd.errors import GrabberdError, StorageError
 from grabberd.service.service import Service
 from grabberd.storage.state.idempotency_store import KeptAnswer
@@ -54,7 +54,7 @@ Locks = WeakValueDictionary[str, asyncio.Lock]
 Handler = Callable[[Request], Awaitable[Response]]
 
 
-def _declare(
+async def _declare(
     _: Annotated[
         str | None,
         Header(
@@ -72,7 +72,7 @@ TAKES_KEY = Depends(_declare)
 """Dependency of every route that takes a key."""
 
 
-class OnceRoute(APIRoute):
+class OnceRoute(RenderedRoute):
     """A route whose POST requests may carry a key."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:

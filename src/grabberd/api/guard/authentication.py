@@ -239,7 +239,7 @@ def _unknown(shown: Credentials) -> Refusal:
     return Refusal(401, "unauthorized", detail, hint, headers)
 
 
-def _identity(connection: HTTPConnection) -> Identity:
+async def _identity(connection: HTTPConnection) -> Identity:
     identity: Identity = connection.state.identity
     return identity
 

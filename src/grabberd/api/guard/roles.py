@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import NamedTuple
 
 from fastapi.requests import HTTPConnection
@@ -89,13 +90,19 @@ def _row(key: str, least: Role | None) -> _Row:
     return _Row(method, compile_path(template)[0], least)
 
 
+REMEMBERED = 1024
+"""Addresses whose rows are remembered; to try all rows takes longer than anything else that the gate does."""
 _ROWS = tuple(_row(key, least) for key, least in LEAST_ROLE.items())
 
 
 def _find(scope: Scope) -> _Row | None:
     method = "WEBSOCKET" if scope["type"] == "websocket" else scope["method"]
-    asked = "GET" if method == "HEAD" else method
-    return next((row for row in _ROWS if row.method == asked and row.path.match(scope["path"])), None)
+    return _row_of("GET" if method == "HEAD" else method, scope["path"])
+
+
+@lru_cache(REMEMBERED)
+def _row_of(method: str, path: str) -> _Row | None:
+    return next((row for row in _ROWS if row.method == method and row.path.match(path)), None)
 
 
 def least_role(scope: Scope) -> Role | None:
@@ -104,7 +111,7 @@ def least_role(scope: Scope) -> Role | None:
     return Role.VIEWER if row is None else row.least
 
 
-def check_declared(connection: HTTPConnection) -> None:
+async def check_declared(connection: HTTPConnection) -> None:
     """Reserves routes that are missing in the table for admins; a dependency of every route.
 
     Raises:

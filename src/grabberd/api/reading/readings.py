@@ -17,12 +17,12 @@ from typing import Annotated, Any, TypeVar
 from anyio import CancelScope
 from fastapi import Depends, Request
 from fastapi.responses import Response
-from pydantic import BaseModel
 from starlette.types import Receive
 
 from grabberd.api.reading.contents import Content, Contents
 from grabberd.api.reading.room import check_room, client_left
 from grabberd.api.reading.turns import Turns
+from grabberd.api.rendering import rendered
 from grabberd.api.streams.downloads import Download
 from grabberd.config import HttpLimits
 from grabberd.storage.patience import CURRENT, Patience, check_patience
@@ -131,8 +131,12 @@ async def _give_up_when_gone(patience: Patience, receive: Receive) -> None:
     patience.give_up()
 
 
-def _request(request: Request) -> Request:
+async def _request(request: Request) -> Request:
     return request
+
+
+def _rendered(endpoint: Callable[..., Any], parameters: dict[str, Any]) -> Any:
+    return rendered(endpoint(**parameters))
 
 
 def reads(endpoint: Callable[..., Any]) -> Callable[..., Coroutine[Any, Any, Any]]:
@@ -143,7 +147,7 @@ def reads(endpoint: Callable[..., Any]) -> Callable[..., Coroutine[Any, Any, Any
 
     async def read(*, request_of_read: Request, **parameters: Any) -> Any:
         readings: Readings = request_of_read.app.state.readings
-        whole = partial(_response, endpoint, parameters)
+        whole = partial(_rendered, endpoint, parameters)
         answer = await readings.answer(whole, request_of_read.receive)
         if isinstance(answer, Content):
             contents: Contents = request_of_read.app.state.contents
@@ -161,11 +165,3 @@ def reads(endpoint: Callable[..., Any]) -> Callable[..., Coroutine[Any, Any, Any
     read.__signature__ = whole  # type: ignore[attr-defined]
     read.__name__, read.__doc__, read.__module__ = endpoint.__name__, endpoint.__doc__, endpoint.__module__
     return read
-
-
-def _response(endpoint: Callable[..., Any], parameters: dict[str, Any]) -> Any:
-    """An endpoint's return value; a document as JSON, which takes long for many points."""
-    found = endpoint(**parameters)
-    if isinstance(found, BaseModel):
-        return Response(found.model_dump_json(by_alias=True), media_type="application/json")
-    return found

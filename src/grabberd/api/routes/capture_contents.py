@@ -9,6 +9,7 @@ from fastapi.responses import FileResponse, StreamingResponse
 from grabberd.api.etags import IMMUTABLE, NOT_MODIFIED, REVALIDATE, IfNoneMatch, is_known, tagged
 from grabberd.api.reading.contents import Content
 from grabberd.api.reading.readings import reads
+from grabberd.api.rendering import JSON, RenderedRoute
 from grabberd.api.routes.dependencies import OF_A_FILE, CaptureId, ServiceOf
 from grabberd.api.streams.downloads import Download, WholeFile, download
 from grabberd.documents.captures import WholeRunDocument
@@ -20,9 +21,9 @@ from grabberd.storage.capture.reader import stat_at_rest
 from grabberd.storage.export.parquet_stream import parquet_stream
 from grabberd.storage.export.points_document import PointsQuery, points_json
 
-router = APIRouter(prefix="/captures", tags=["captures"], responses=OF_A_FILE)
+router = APIRouter(prefix="/captures", tags=["captures"], responses=OF_A_FILE, route_class=RenderedRoute)
 
-_json = partial(Response, media_type="application/json")
+_json = partial(Response, media_type=JSON)
 FIELD_END = 2**53
 SQLITE = "application/vnd.sqlite3"
 PLY = "application/ply"

@@ -10,7 +10,8 @@ from grabberd.documents.problems import Problem
 from grabberd.service.service import Service
 
 
-def _service(request: Request) -> Service:
+async def _service(request: Request) -> Service:
+    # Async though it waits for nothing: FastAPI calls other dependencies in threads.
     service: Service = request.app.state.service
     return service
 

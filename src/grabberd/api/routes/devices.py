@@ -6,6 +6,7 @@ from fastapi import APIRouter, Query, Request, Response, status
 
 from grabberd.api.problems import problem
 from grabberd.api.reading.readings import reads
+from grabberd.api.rendering import RenderedRoute
 from grabberd.api.routes.dependencies import PROBLEMS, DeviceName, ServiceOf, accepted
 from grabberd.documents.devices import (
     DeviceDocument,
@@ -27,7 +28,7 @@ from grabberd.service.live.live_document import newest_points, object_document
 from grabberd.service.live.newest_field import light_document
 from grabberd.service.readiness import lacks_of
 
-router = APIRouter(tags=["devices"])
+router = APIRouter(tags=["devices"], route_class=RenderedRoute)
 
 
 @router.get("/api/v1/devices", summary="List devices")

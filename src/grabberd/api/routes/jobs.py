@@ -4,11 +4,12 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path
 
+from grabberd.api.rendering import RenderedRoute
 from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf
 from grabberd.api.routes.paging import Cursor, Limit, page_of
 from grabberd.documents.jobs import JobDocument, JobList
 
-router = APIRouter(prefix="/jobs", tags=["jobs"], responses=PROBLEMS)
+router = APIRouter(prefix="/jobs", tags=["jobs"], responses=PROBLEMS, route_class=RenderedRoute)
 
 JobId = Annotated[str, Path(pattern=r"^job-[0-9]{1,12}$", description="Id of the job.")]
 

@@ -7,6 +7,7 @@ from fastapi import APIRouter, Header, Query, Request, Response, WebSocket
 from starlette.websockets import WebSocketDisconnect
 
 from grabberd.api.guard.stream_limit import OneStream
+from grabberd.api.rendering import RenderedRoute
 from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf
 from grabberd.api.streams.broadcast import Broadcast
 from grabberd.api.streams.events import EventStream
@@ -16,7 +17,7 @@ PATIENCE_S = 60.0
 GOING_AWAY = 1001
 """Close code of a server that goes down (RFC 6455, 7.4.1)."""
 
-router = APIRouter(tags=["live"])
+router = APIRouter(tags=["live"], route_class=RenderedRoute)
 
 DeviceOf = Annotated[
     str | None, Query(max_length=32, description="Name of the device; not needed if there is only one.")

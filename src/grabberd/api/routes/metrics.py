@@ -16,6 +16,7 @@ from prometheus_client.registry import Collector
 
 from grabberd import __version__
 from grabberd.acquisition import LossCause, Outcome, Rebase, Signal
+from grabberd.api.rendering import RenderedRoute
 from grabberd.documents.states import DeviceState, Rung
 from grabberd.reconstruction.accuracy.field_order import Order
 from grabberd.reconstruction.coverage.verdict import CoverageVerdict
@@ -25,7 +26,7 @@ from grabberd.service.faults.fault_board import OWN_CAUSES
 from grabberd.service.instrument import Instrument
 from grabberd.service.service import Service
 
-router = APIRouter(tags=["system"])
+router = APIRouter(tags=["system"], route_class=RenderedRoute)
 
 Samples = Iterable[tuple[tuple[str, ...], float]]
 """Label values and the number they belong to."""

@@ -11,6 +11,7 @@ from grabberd.acquisition.clock import iso_utc
 from grabberd.api.etags import is_known
 from grabberd.api.guard.authentication import Authenticator
 from grabberd.api.guard.refusals import Refusal
+from grabberd.api.rendering import RenderedRoute
 from grabberd.api.routes.sessions import session_document
 from grabberd.documents.named_types import JsonObject
 from grabberd.errors import NotFound
@@ -21,7 +22,7 @@ from grabberd.web import POLICY, Files, StaticFile, language_of, render
 FOREVER = "public, max-age=31536000, immutable"
 """Allowed because the address contains the version."""
 
-router = APIRouter(tags=["system"], include_in_schema=False)
+router = APIRouter(tags=["system"], include_in_schema=False, route_class=RenderedRoute)
 
 
 @router.get("/")

@@ -4,11 +4,12 @@ from fastapi import APIRouter, Request, Response, status
 
 from grabberd.api.guard.authentication import COOKIE, Credentials, IdentityOf
 from grabberd.api.guard.front import Front
+from grabberd.api.rendering import RenderedRoute
 from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf
 from grabberd.documents.access import SessionDocument
 from grabberd.service.access import SESSION_LIFE, Identity
 
-router = APIRouter(prefix="/session", tags=["session"], responses=PROBLEMS)
+router = APIRouter(prefix="/session", tags=["session"], responses=PROBLEMS, route_class=RenderedRoute)
 
 
 @router.post(

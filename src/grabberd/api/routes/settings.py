@@ -2,12 +2,13 @@
 
 from fastapi import APIRouter
 
+from grabberd.api.rendering import RenderedRoute
 from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf
 from grabberd.documents.named_types import JsonObject
 from grabberd.documents.requests import SettingsRequest
 from grabberd.documents.settings import SettingsDocument
 
-router = APIRouter(tags=["settings"])
+router = APIRouter(tags=["settings"], route_class=RenderedRoute)
 
 
 @router.get("/settings", summary="Get the settings")

@@ -9,12 +9,13 @@ from grabberd import __version__
 from grabberd.api.docs.docs_page import POLICY, page
 from grabberd.api.problems import problem
 from grabberd.api.reading.readings import reads
+from grabberd.api.rendering import RenderedRoute
 from grabberd.api.routes.dependencies import BUSY, ServiceOf
 from grabberd.documents.problems import Problem
 from grabberd.documents.state import HealthDocument, StateDocument
 from grabberd.service.diagnostics import bundle, daemon_parts
 
-router = APIRouter(tags=["system"])
+router = APIRouter(tags=["system"], route_class=RenderedRoute)
 
 ZIP = "application/zip"
 
