@@ -34,7 +34,7 @@ def test_the_readme_is_short() -> None:
 
 
 def test_help_comes_before_anything_that_computes_is_loaded() -> None:
-    heavy = {"numpy", "cv2", "scipy", "fastapi"}
+    heavy = {"numpy", "cv2", "scipy", "fastapi", "pydantic", "yaml"}
     code = f"import sys, grabberd.cli.app; print(sorted({heavy} & set(sys.modules)))"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout == "[]\n"

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from grabberd.bounded_documents import LARGEST_TABLE, read_text
 from grabberd.cli.options import JsonOption, console, follow_link, print_json, progress_bar, warn
 from grabberd.errors import ExtraMissing, InputError
 
@@ -106,6 +105,8 @@ def _report(out: Path, made: "AnalysisOutput") -> list[Path]:
 
 
 def _text(path: Path) -> str:
+    from grabberd.bounded_documents import LARGEST_TABLE, read_text  # noqa: PLC0415
+
     try:
         return read_text(path, LARGEST_TABLE)
     except (OSError, ValueError) as error:

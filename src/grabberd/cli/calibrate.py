@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
-from pydantic import ValidationError
 from rich.markup import escape
 from rich.table import Table
 
@@ -21,10 +20,10 @@ from grabberd.cli.options import (
     print_json,
     progress_bar,
 )
-from grabberd.config import RigConfig
 from grabberd.errors import InputError, StorageError
 
 if TYPE_CHECKING:
+    from grabberd.config import RigConfig
     from grabberd.documents.calibration_acceptance import CalibrationAcceptance
     from grabberd.documents.calibration_reports import CalibrationReport
     from grabberd.documents.requests import CalibrationOptions
@@ -140,6 +139,8 @@ def _length(text: str | None) -> dict[str, Any] | None:
 
 
 def _options(**given: Any) -> "CalibrationOptions":
+    from pydantic import ValidationError  # noqa: PLC0415
+
     from grabberd.documents.requests import CalibrationOptions  # noqa: PLC0415
 
     try:
@@ -163,7 +164,7 @@ def _calibrated(
     calibration_frame: Path,
     options: "CalibrationOptions",
     note: str,
-    rig: RigConfig | None,
+    rig: "RigConfig | None",
     identifications: Path | None,
     previous: Path | None,
 ) -> "CalibrationOutput":

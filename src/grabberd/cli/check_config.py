@@ -6,7 +6,6 @@ from typing import Annotated
 import typer
 
 from grabberd.cli.options import JsonOption, print_result
-from grabberd.config import load_config
 
 
 def check_config(
@@ -16,6 +15,7 @@ def check_config(
 
     Example: grabberd check-config /etc/grabberd/grabberd.yaml
     """
+    from grabberd.config import load_config  # noqa: PLC0415
     from grabberd.service.mqtt.publisher_setup import check_mqtt  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
 

@@ -5,14 +5,16 @@ import signal
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from grabberd.config import Config, DeviceConfig, default_config_file, load_config
 from grabberd.errors import ConfigError, Problem, StorageError
+
+if TYPE_CHECKING:  # pydantic takes longer to import than the help does to show
+    from grabberd.config import Config, DeviceConfig
 
 ConfigOption = Annotated[
     Path | None,
@@ -60,24 +62,28 @@ def follow_link(path: Path | None) -> Path | None:
     return path.resolve() if path is not None and path.is_symlink() else path
 
 
-def load(config: Path | None) -> Config:
+def load(config: Path | None) -> "Config":
     """Load the configuration named on the command line, or the simulated grabber's."""
+    from grabberd.config import default_config_file, load_config  # noqa: PLC0415
+
     return load_config(config or default_config_file())
 
 
-def only_device(config: Config, name: str | None, file: Path | None) -> str:
+def only_device(config: "Config", name: str | None, file: Path | None) -> str:
     """Name of the chosen device: the one named, or the only one."""
     if name is None and len(config.devices) == 1:
         return next(iter(config.devices))
     if name in config.devices:
         assert name is not None
         return name
+    from grabberd.config import default_config_file  # noqa: PLC0415
+
     known = ", ".join(config.devices)
     problem = f"no device {name!r}; known: {known}" if name else f"several devices; choose one of: {known}"
     raise ConfigError([Problem(str(file or default_config_file()), "devices", problem)])
 
 
-def with_device(config: Config, file: Path | None, device: str | None) -> Config:
+def with_device(config: "Config", file: Path | None, device: str | None) -> "Config":
     """Reduce the configuration to the chosen device; replay:PATH replaces the configured driver."""
     driver, colon, path = (device or "").partition(":")
     name = only_device(config, None if colon else device, file)

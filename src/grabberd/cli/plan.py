@@ -8,9 +8,9 @@ import typer
 from rich.table import Table
 
 from grabberd.cli.options import ConfigOption, JsonOption, console, load, only_device, print_json
-from grabberd.config import DeviceConfig, RigConfig, shipped_configs
 
 if TYPE_CHECKING:
+    from grabberd.config import DeviceConfig, RigConfig
     from grabberd.geometry import NominalRig, Rig
     from grabberd.processes.plan import Plan, PlannedPlace, PlanSettings
     from grabberd.reconstruction import ObjectModel
@@ -55,6 +55,7 @@ def plan(  # noqa: PLR0913, PLR0917 - options of a command
 
     Example: grabberd plan --config configs/fake.yaml --bits 8
     """
+    from grabberd.config import shipped_configs  # noqa: PLC0415
     from grabberd.geometry import Rig  # noqa: PLC0415
     from grabberd.processes import plan as planning  # noqa: PLC0415
 
@@ -98,7 +99,7 @@ def _calibrated(file: Path) -> "Rig":
     return Rig.of(Calibration.from_document(read_documents(file, None)["calibration"]))
 
 
-def _nominal(rig: RigConfig) -> "NominalRig":
+def _nominal(rig: "RigConfig") -> "NominalRig":
     from grabberd.geometry import NominalRig  # noqa: PLC0415
 
     left, right = ((view.first_column, view.end_column) for view in (rig.views.left, rig.views.right))
@@ -108,7 +109,7 @@ def _nominal(rig: RigConfig) -> "NominalRig":
 
 
 def _settings(
-    device: DeviceConfig,
+    device: "DeviceConfig",
     model: "ObjectModel",
     bits: int | None,
     lines: str | None,

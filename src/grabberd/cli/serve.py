@@ -9,7 +9,6 @@ import typer
 
 from grabberd.cli import EX_IOERR, complain
 from grabberd.cli.options import ConfigOption, load
-from grabberd.config import default_config_file
 from grabberd.errors import StorageError
 
 SWITCH_INTERVAL_S = 0.001
@@ -32,6 +31,7 @@ def serve(
     """
     from grabberd.api import create_app, serving, sockets  # noqa: PLC0415
     from grabberd.api.guard.front import Front  # noqa: PLC0415
+    from grabberd.config import default_config_file  # noqa: PLC0415
     from grabberd.service.faults.descriptors import affordable_connections, raise_limit  # noqa: PLC0415
     from grabberd.service.heartbeat import Heartbeat  # noqa: PLC0415
     from grabberd.service.journal import set_up_logging  # noqa: PLC0415
