@@ -31,7 +31,7 @@ from grabberd.service.device.worker import FairLock
 from grabberd.service.faults.fault_board import FaultBoard
 from grabberd.service.faults.state_keeper import StateKeeper
 from grabberd.service.instrument import Instrument
-from grabberd.service.jobs.calibration import Calibrator, calibrate_file
+from grabberd.service.jobs.calibration_job import Calibrator, calibrate_capture
 from grabberd.service.jobs.runner import JobRunner
 from grabberd.service.live.device_document import device_document
 from grabberd.service.liveness import Liveness
@@ -90,7 +90,7 @@ class Service:
         queue_s: float = 10.0,
         disk: DiskGuard | None = None,
         retention: Policy | None = None,
-        calibrator: Calibrator = calibrate_file,
+        calibrator: Calibrator = calibrate_capture,
     ) -> None:
         self._clock = clock or SystemClock()
         self._disk = disk or DiskGuard()

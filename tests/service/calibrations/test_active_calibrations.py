@@ -15,7 +15,7 @@ from grabberd.documents.requests import CalibrationOptions
 from grabberd.errors import CalibrationMismatch, CaptureRunning, Conflict, InputError, NotFound
 from grabberd.service.calibrations.calibration_frames import calibration_frame_document
 from grabberd.service.capture.capture_request import CaptureRequest
-from grabberd.service.jobs.calibration import CalibrationJob
+from grabberd.service.jobs.calibration_job import CalibrationJob
 from grabberd.service.jobs.measurement import MeasurementJob
 from grabberd.service.jobs.runner import JobState
 from grabberd.service.service import Service

@@ -14,7 +14,7 @@ from grabberd.acquisition import Ledger
 from grabberd.documents.requests import CalibrationOptions
 from grabberd.documents.results import CalibrationResult
 from grabberd.errors import Conflict, ExtraMissing, MeasurementError
-from grabberd.service.jobs.calibration import CalibrationJob
+from grabberd.service.jobs.calibration_job import CalibrationJob
 from grabberd.storage import CaptureMeta, CaptureWriter
 from grabberd.storage.state.calibration_store import CalibrationStore
 

@@ -10,7 +10,8 @@ from running import running, sealed
 from grabberd.errors import NotFound, NotReady
 from grabberd.service.calibrations.calibration_frames import calibration_frame_document
 from grabberd.service.capture.capture_request import CaptureRequest
-from grabberd.service.jobs.check import CheckJob, check_file
+from grabberd.service.jobs.check import check_file
+from grabberd.service.jobs.check_job import CheckJob
 from grabberd.service.jobs.runner import JobState
 from grabberd.service.service import Service
 

@@ -41,8 +41,8 @@ from grabberd.service.calibrations.calibration_frames import (
     calibration_frame_document,
     calibration_frame_rows,
 )
-from grabberd.service.jobs.calibration import CalibrationJob
-from grabberd.service.jobs.identification import IdentificationJob
+from grabberd.service.jobs.calibration_job import CalibrationJob
+from grabberd.service.jobs.identification_job import IdentificationJob
 
 router = APIRouter(tags=["calibrations"], responses=PROBLEMS, route_class=OnceRoute)
 

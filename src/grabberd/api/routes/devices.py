@@ -23,7 +23,7 @@ from grabberd.documents.points import NewestPoints
 from grabberd.documents.problems import NotReadyProblem
 from grabberd.documents.requests import CheckRequest
 from grabberd.service.archive.analysis_documents import pulsation_document
-from grabberd.service.jobs.check import CheckJob
+from grabberd.service.jobs.check_job import CheckJob
 from grabberd.service.live.live_document import newest_points, object_document
 from grabberd.service.live.newest_field import light_document
 from grabberd.service.readiness import lacks_of

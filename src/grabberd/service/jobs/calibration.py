@@ -1,11 +1,10 @@
-"""Calibrates both virtual cameras from a capture of the calibration frame, and reports how it went."""
+"""Calibration of both virtual cameras from a capture of the calibration frame, and the report on it."""
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Protocol
 
 from pydantic import ValidationError
 
@@ -16,8 +15,7 @@ from grabberd.config import RigConfig
 from grabberd.documents.calibration_reports import CalibrationReport
 from grabberd.documents.named_types import JsonObject
 from grabberd.documents.requests import CalibrationOptions, CertifiedLength
-from grabberd.documents.results import CalibrationResult
-from grabberd.errors import ExtraMissing, InputError
+from grabberd.errors import InputError
 from grabberd.geometry import PARAMETERS, Calibration, NominalRig
 from grabberd.processes.calibration.acceptance.verdict import AcceptanceInputs, judge
 from grabberd.processes.calibration.calibrate import calibrate
@@ -29,10 +27,8 @@ from grabberd.service.calibrations.calibration_frames import (
     calibration_frame_model,
 )
 from grabberd.service.jobs.progress import Progress, counted, portion
-from grabberd.service.jobs.runner import JobSpec
 from grabberd.service.setup import location_settings, settings_of_capture
 from grabberd.storage import CaptureReader
-from grabberd.storage.state.calibration_store import CalibrationRecord, CalibrationStore
 
 _LOCATED = 0.8
 """Share of the work that location is; the adjustment cannot tell how far it is."""
@@ -44,86 +40,6 @@ class CalibrationOutput:
 
     calibration: Calibration
     report: CalibrationReport
-
-
-class Calibrator(Protocol):
-    """A function at module level that calibrates from a capture, such as `calibrate_file`."""
-
-    def __call__(
-        self,
-        progress: Progress,
-        *,
-        path: Path,
-        calibration_frame: JsonObject,
-        options: CalibrationOptions,
-        note: str | None,
-        previous: JsonObject | None,
-    ) -> CalibrationOutput:
-        """Calibrates; nothing is written."""
-        ...
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CalibrationJob(JobSpec):
-    """Calibrates from a capture, draws the report and stores all of it at once, or nothing.
-
-    Attributes:
-        path: Path of the capture; this, the calibration frame and the options as `calibrate_file` takes them.
-        store: Folder of the `CalibrationStore`.
-        device: Name of the device the calibration will belong to.
-        note: Free text, kept with the calibration.
-        calibrator: Function that calibrates.
-        previous: Document of the calibration that the device measures with; None if it has none.
-    """
-
-    kind = "calibrate"
-    path: Path
-    calibration_frame: JsonObject
-    options: CalibrationOptions
-    store: Path
-    device: str
-    calibrator: Calibrator
-    note: str = ""
-    previous: JsonObject | None = None
-
-    def run(self, progress: Progress) -> CalibrationResult:
-        """Calibrates and stores.
-
-        Raises:
-            Conflict: The id is taken.
-            GrabberdError: The calibrator refuses the capture.
-        """
-        made = self.calibrator(
-            progress,
-            path=self.path,
-            calibration_frame=self.calibration_frame,
-            options=self.options,
-            note=self.note or None,
-            previous=self.previous,
-        )
-        report = made.report.model_dump(mode="json", by_alias=True)
-        page, record = _drawn(
-            report, CalibrationRecord(self.device, "capture", note=self.note, capture=self.subject)
-        )
-        record = replace(record, stored_utc=iso_utc(SystemClock().utc_now()))
-        store = CalibrationStore(self.store)
-        stored = store.add(made.calibration.to_document(), record, report=report, page=page)
-        return CalibrationResult(calibration=stored.id)
-
-
-def _drawn(report: JsonObject, record: CalibrationRecord) -> tuple[str | None, CalibrationRecord]:
-    """Draws the report as a page; where that fails, the record says why.
-
-    A bug in a picture must not cost the calibration.
-    """
-    try:
-        from grabberd.reports import calibration_html  # noqa: PLC0415 - the daemon never draws
-
-        return calibration_html(report), record
-    except ExtraMissing as error:
-        return None, replace(record, missing_extra=error.extra)
-    except Exception as error:
-        return None, replace(record, page_problem=f"{type(error).__name__}: {error}")
 
 
 def calibrate_file(

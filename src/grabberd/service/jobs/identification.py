@@ -1,7 +1,7 @@
 """Finds out which targets of the calibration frame a capture shows, before anybody calibrates from it."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -24,7 +24,6 @@ from grabberd.reconstruction import ObjectModel
 from grabberd.service.calibrations.calibration_frames import calibration_frame_model
 from grabberd.service.jobs.calibration import nominal_rig, recorded_rig
 from grabberd.service.jobs.progress import Progress, counted, portion
-from grabberd.service.jobs.runner import JobSpec
 from grabberd.service.setup import location_settings, settings_of_capture
 from grabberd.storage import CaptureReader
 
@@ -37,43 +36,35 @@ _LOCATED = 0.9
 """Share of the work that is location."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class IdentificationJob(JobSpec):
-    """Finds the targets of a calibration frame in a sealed capture of it."""
+def identify_file(progress: Progress, path: Path, calibration_frame: JsonObject) -> IdentificationResult:
+    """Identifies the targets in fields from the whole length of a sealed capture.
 
-    kind = "identify"
-    path: Path
-    calibration_frame: JsonObject
-
-    def run(self, progress: Progress) -> IdentificationResult:
-        """Identifies the targets in fields from the whole length of the capture.
-
-        Raises:
-            InputError: The calibration frame or the rig is invalid.
-            CaptureFileError: The file cannot be read.
-            MeasurementError: The capture has no fields.
-        """
-        model = calibration_frame_model(self.calibration_frame)
-        with CaptureReader(self.path) as reader:
-            fields = list(_spread(reader))
-            seen = identify(
-                counted(fields, len(fields), portion(progress, 0.0, _LOCATED)),
-                nominal_rig(recorded_rig(reader)),
-                model,
-                replace(location_settings(settings_of_capture(reader.meta.config)), method=QUICKEST),
-            )
-            capture = reader.meta.id
-        sides = zip(VIEWS, seen.images, seen.target, strict=True)
-        refusal = seen.refusal
-        return IdentificationResult(
-            capture=capture,
-            calibration_frame=model.name,
-            of=len(model),
-            picture=_picture(fields, seen.moved),
-            views={name: _view(images, target, model) for name, images, target in sides},
-            moved=seen.moved,
-            problem=JobProblem(message=refusal.message, hint=refusal.hint) if refusal else None,
+    Raises:
+        InputError: The calibration frame or the rig is invalid.
+        CaptureFileError: The file cannot be read.
+        MeasurementError: The capture has no fields.
+    """
+    model = calibration_frame_model(calibration_frame)
+    with CaptureReader(path) as reader:
+        fields = list(_spread(reader))
+        seen = identify(
+            counted(fields, len(fields), portion(progress, 0.0, _LOCATED)),
+            nominal_rig(recorded_rig(reader)),
+            model,
+            replace(location_settings(settings_of_capture(reader.meta.config)), method=QUICKEST),
         )
+        capture = reader.meta.id
+    sides = zip(VIEWS, seen.images, seen.target, strict=True)
+    refusal = seen.refusal
+    return IdentificationResult(
+        capture=capture,
+        calibration_frame=model.name,
+        of=len(model),
+        picture=_picture(fields, seen.moved),
+        views={name: _view(images, target, model) for name, images, target in sides},
+        moved=seen.moved,
+        problem=JobProblem(message=refusal.message, hint=refusal.hint) if refusal else None,
+    )
 
 
 def _spread(reader: CaptureReader) -> Iterator[NumberedField]:
