@@ -12,8 +12,8 @@ from starlette.testclient import WebSocketDenialResponse
 from starlette.types import Message
 
 from api.gates import Gated, is_problem
+from grabberd.api.guard.bodies import LARGEST_AT_ONCE, SHORT_BYTES, Bodies, LimitedBody
 from grabberd.api.guard.front import Front
-from grabberd.api.guard.gate import LARGEST_AT_ONCE, SHORT_BYTES, Bodies, LimitedBody
 from grabberd.api.guard.refusals import Refusal, answer_refusal
 from grabberd.api.guard.stream_limit import OneStream, Streams
 from grabberd.config import HttpLimits

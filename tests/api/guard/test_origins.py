@@ -7,7 +7,7 @@ from starlette.types import Scope
 
 from api.gates import Gated, is_problem
 from grabberd.api.guard.front import Front
-from grabberd.api.guard.gate import check_host
+from grabberd.api.guard.origins import check_host
 from grabberd.api.guard.refusals import Refusal
 from grabberd.config import HttpConfig
 from grabberd.documents.roles import Role
