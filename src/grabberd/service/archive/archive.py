@@ -5,7 +5,6 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from functools import lru_cache
 from pathlib import Path
 
 from grabberd.documents.captures import CaptureDocument
@@ -18,6 +17,7 @@ from grabberd.errors import (
     ReadingGivenUp,
     StorageError,
 )
+from grabberd.service.archive.descriptions import Descriptions
 from grabberd.service.archive.index_keeper import IndexKeeper
 from grabberd.service.capture.capture_documents import (
     armed_document,
@@ -34,18 +34,12 @@ from grabberd.storage.capture.crash_recovery import reason_of
 from grabberd.storage.capture.plain_names import plainly_named
 from grabberd.storage.capture.schema import DAMAGED, PART, SUFFIX, part_path
 from grabberd.storage.disk import storage_errors
-from grabberd.storage.patience import CURRENT, Patience, check_patience, within
+from grabberd.storage.patience import Patience, within
 from grabberd.storage.state.annotation_store import Annotation
 from grabberd.storage.state.capture_index import Unusable
 from grabberd.storage.state.index_entries import IndexEntry
 
 log = logging.getLogger(__name__)
-DESCRIBED = 4096
-"""Number of captures whose descriptions are cached."""
-DESCRIBED_S = 25.0
-"""Time to describe one capture: less than a request for a list has, so that no file takes all of it."""
-TOO_SLOW_FOR_S = 600.0
-"""Time for which a file that took longer than that is not tried again."""
 AWAY = (Cause.CAPTURES_MISSING, Cause.CAPTURES_REPLACED)
 RECOVERED_S = 600.0
 """Time to seal all that a crash left, for which the daemon's start waits: the ledger of a long capture has to
@@ -95,9 +89,7 @@ class Archive:
         self._armed = armed
         self._annotation = annotation
         self.annotations = annotations
-        # Cached until the file changes: the ledger of a long capture takes a while to read.
-        self._describe = lru_cache(DESCRIBED)(lambda path, mtime_ns: describe(path))
-        self._too_slow: dict[tuple[Path, int], float] = {}
+        self._descriptions = Descriptions(describe)
 
     def open(self) -> None:
         """Locks the folder, seals what a crash left, and brings the index up to date.
@@ -251,32 +243,11 @@ class Archive:
             self._check_there(entry)
             return damaged_document(entry, path, entry.reason)
         try:
-            described = self._described(path, _changed_ns(path))
+            described = self._descriptions.of(path)
         except (CaptureFileError, StorageError) as error:
             self._check_there(entry)
             return damaged_document(entry, path, error.message)
         return described.model_copy(update={"id": entry.id})
-
-    def _described(self, path: Path, changed_ns: int) -> CaptureDocument:
-        """The description of a file, which may not hold up those who ask for others.
-
-        Raises:
-            CaptureFileError: It is damaged.
-            StorageError: It takes longer than `DESCRIBED_S`.
-            ReadingGivenUp: Nobody waits for it any longer.
-        """
-        key = (path, changed_ns)
-        if self._too_slow.get(key, 0.0) > time.monotonic():
-            raise _too_slow(path)
-        try:
-            with within(Patience(time.monotonic() + DESCRIBED_S, outer=CURRENT.get())):
-                return self._describe(path, changed_ns)
-        except ReadingGivenUp as error:
-            check_patience(path.name)
-            if len(self._too_slow) >= DESCRIBED:
-                self._too_slow.clear()
-            self._too_slow[key] = time.monotonic() + TOO_SLOW_FOR_S
-            raise _too_slow(path) from error
 
     def _file_of(self, capture_id: str) -> Path:
         entry = self.index.get(capture_id)
@@ -299,19 +270,6 @@ class Archive:
         raise NotFound(
             f"the file of capture {entry.id} is gone", "it was removed by hand, and is no longer listed"
         )
-
-
-def _too_slow(path: Path) -> StorageError:
-    return StorageError(
-        f"describing {path.name} takes longer than {DESCRIBED_S:g} s",
-        "it is tried again after ten minutes; to see the others sooner, move it elsewhere",
-    )
-
-
-def _changed_ns(path: Path) -> int:
-    with storage_errors(path), suppress(FileNotFoundError):
-        return path.lstat().st_mtime_ns
-    return 0
 
 
 def _recovered(part: Path) -> bool:
