@@ -1,5 +1,6 @@
 """Analysis of a capture of the simulated grabber, from its file."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -7,9 +8,11 @@ import pytest
 
 from grabberd.acquisition import Outcome
 from grabberd.acquisition.ring import Slot
+from grabberd.documents.named_types import JsonObject
+from grabberd.errors import InputError
 from grabberd.service.jobs.analysis import analyse_file
 from grabberd.storage import CaptureWriter
-from processes.fake_scene import take_scene
+from processes.fake_scene import Scene, take_scene
 from storage.captures import ledger_of, meta
 from storage.milkings import object_document
 
@@ -31,10 +34,28 @@ VACUUM = {name: {"kpa": 42.0, "sigma_kpa": 0.3} for name in ("pulsation", "liner
 INPUTS = {"reference": "nominal", "material": MATERIAL, "vacuum": VACUUM, "sought_kpa": 5.0}
 
 
+UNREADABLE: dict[str, JsonObject | None] = {
+    "calibration": {"schema": "grabberd/calibration/9", "id": "rig"},
+    "object": {"targets": []},
+    "settings": {"method": "by eye"},
+}
+"""Documents of a run that this version cannot read."""
+
+
 @pytest.fixture(scope="module")
 def opened(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three fields of the open liner, of whose six columns both views see four."""
-    scene = take_scene(40)
+    return _sealed(tmp_path_factory.mktemp("opened") / "opened.grab.part")
+
+
+@cache
+def _scene() -> Scene:
+    return take_scene(40)
+
+
+def _sealed(path: Path, **stored: JsonObject | None) -> Path:
+    """The open liner's capture, with other documents stored with its run."""
+    scene = _scene()
     measured = scene.measured(8, "field")
     # An open liner hides more of its outermost columns than a closed one.
     opened = sorted(one.n for one in sorted(measured, key=lambda one: len(one.points))[:3])
@@ -42,8 +63,8 @@ def opened(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "calibration": scene.setup.calibration.to_document(),
         "object": object_document(scene.setup.object_model),
         "settings": {"line_jitter_px": scene.setup.line_jitter_px},
+        **stored,
     }
-    path = tmp_path_factory.mktemp("opened") / "opened.grab.part"
     writer = CaptureWriter.create(path, meta(bits=8))
     writer.begin_run(1, "live", "2026-03-01T09:30:00.000Z", "0.1.0", made_with)
     fields = [one for one in scene.packed(8, "field") if one.n in opened]
@@ -73,3 +94,39 @@ def test_without_what_a_pressure_needs_the_fields_are_not_located_again(
     monkeypatch.setattr("grabberd.processes.single_views.single_view_images", None)
     made = analyse_file(lambda share: None, path=opened, inputs={"reference": "nominal"})
     assert all(state.pressure is None for state in made.analysis.states)
+
+
+@pytest.mark.parametrize("document", ["calibration", "settings"])
+def test_a_run_made_with_what_cannot_be_read_is_analysed_by_its_points(tmp_path: Path, document: str) -> None:
+    path = _sealed(tmp_path / "opened.grab.part", **{document: UNREADABLE[document]})
+    analysis = analyse_file(lambda share: None, path=path, inputs=INPUTS).analysis
+    for field, state in zip(analysis.fields, analysis.states, strict=True):
+        assert state.pressure is not None
+        of_points = np.isin(analysis.grid.target, field.timed.points.target)
+        assert not state.pressure.supported[~of_points].any()
+        assert state.pressure.supported[of_points].all()
+    (problem,) = [one for one in analysis.problems if "run 1" in one]
+    assert str(path) in problem
+    assert document in problem
+    assert f"grabberd measure {path} --calibration" in problem
+
+
+def test_a_burst_made_with_what_cannot_be_read_does_not_end_the_analysis(
+    tmp_path: Path, opened: Path
+) -> None:
+    burst = _sealed(tmp_path / "burst.grab.part", calibration=UNREADABLE["calibration"])
+    analysis = analyse_file(lambda share: None, path=opened, bursts=[burst], inputs=INPUTS).analysis
+    outermost = np.isin(analysis.grid.column, (0, analysis.grid.column.max()))
+    for state in analysis.states:
+        assert state.pressure is not None
+        assert state.pressure.supported[outermost].all()
+    (problem,) = [one for one in analysis.problems if "run 1" in one]
+    assert str(burst) in problem
+
+
+def test_a_run_whose_object_model_cannot_be_read_is_refused_by_name(tmp_path: Path) -> None:
+    path = _sealed(tmp_path / "opened.grab.part", object=UNREADABLE["object"])
+    with pytest.raises(InputError, match="run 1 of ") as refused:
+        analyse_file(lambda share: None, path=path, inputs=INPUTS)
+    assert str(path) in refused.value.message
+    assert f"grabberd measure {path} --calibration" in refused.value.hint

@@ -9,24 +9,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from grabberd import __version__
-from grabberd.acquisition import Ledger
 from grabberd.acquisition.clock import SystemClock, iso_utc
 from grabberd.documents.analyses import AnalysisRecord
 from grabberd.documents.named_types import JsonObject
 from grabberd.documents.pressure_method import PRESSURE_METHOD
 from grabberd.documents.results import AnalysisResult
-from grabberd.errors import ExtraMissing, InputError, NotReady
-from grabberd.geometry import Calibration, Rig
-from grabberd.reconstruction import ObjectModel
+from grabberd.errors import ExtraMissing, InputError
 from grabberd.service.jobs.progress import Progress, portion
 from grabberd.service.jobs.runner import JobSpec
-from grabberd.service.setup import measure_setup
-from grabberd.storage import CaptureReader
 from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.analysis_store import DOCUMENT, PAGE, RECORD, AnalysisStore
 
 if TYPE_CHECKING:
-    from grabberd.processes.analysis.analyse import Analysis, FieldPoints
+    from grabberd.processes.analysis.analyse import Analysis
     from grabberd.processes.analysis.tables import AnalysisTables
 
 SOURCE = "the HTTP request"
@@ -41,16 +36,6 @@ class AnalysisOutput:
 
     analysis: "Analysis"
     tables: "AnalysisTables"
-    about: JsonObject
-
-
-@dataclass(frozen=True, slots=True)
-class _Source:
-    """Points, object model, calibration and origin of one capture."""
-
-    fields: "list[FieldPoints]"
-    model: ObjectModel
-    calibration: JsonObject | None
     about: JsonObject
 
 
@@ -116,23 +101,26 @@ def analyse_file(
     Raises:
         CaptureFileError, NotFound: A capture or run does not exist.
         NotReady: A capture was measured without an object model.
-        InputError: An input does not suit this capture.
+        InputError: An input does not suit this capture, or its object model cannot be read.
         AnalysisError: The points make no surface.
     """
     from grabberd.analysis import Grid
     from grabberd.processes.analysis.analyse import analyse
     from grabberd.processes.analysis.inputs import read_inputs
     from grabberd.processes.analysis.tables import tables
+    from grabberd.service.jobs.analysis_source import check_same_model, common_rig, read_source
 
     # Only the wall's equilibrium can use the rays of a single view.
     single = "material" in inputs and "vacuum" in inputs
-    captures = [_read(path, run, single), *(_read(burst, None, single) for burst in bursts)]
-    _check_same_model(captures)
+    captures = [read_source(path, run, single), *(read_source(burst, None, single) for burst in bursts)]
+    check_same_model(captures)
     grid = Grid.of(captures[0].model)
     read = read_inputs(_with_log(inputs, vacuum_log), grid)
     progress(0.0)
     fields = [capture.fields for capture in captures]
-    analysis = analyse(fields, grid, read, lambda done, of: progress(done / max(of, 1)), _rig(captures))
+    of_reading = tuple(capture.problem for capture in captures if capture.problem)
+    analysis = analyse(fields, grid, read, lambda done, of: progress(done / max(of, 1)), common_rig(captures))
+    analysis = replace(analysis, problems=of_reading + analysis.problems)
     about = {
         **captures[0].about,
         "created_utc": iso_utc(SystemClock().utc_now()),
@@ -175,84 +163,6 @@ def _write(path: Path, text: str) -> Path:
     from grabberd.storage.export.read_back import text_check
 
     return write_checked(path, [text.encode()], text_check(text))
-
-
-def _read(path: Path, run: int | None, single: bool) -> _Source:
-    """Reads a capture; if `single`, with the images of targets that one view alone sees."""
-    from grabberd.analysis import TimedPoints
-    from grabberd.processes.analysis.analyse import FieldPoints
-    from grabberd.processes.single_views import single_view_images
-
-    with CaptureReader(path) as reader:
-        info = reader.run(run)
-        reader.check_unchanged(runs=(info.run,))
-        if not info.made_with.get("object"):
-            raise NotReady(
-                f"run {info.run} of {path} was measured without an object model",
-                f"re-measure it with one: grabberd measure {path} --calibration … --object …",
-            )
-        first_ns = reader.first_time_ns or 0
-        timed = {n: (time_ns, points) for n, time_ns, points in reader.timed_points(info.run)}
-        if single and info.made_with.get("calibration"):
-            setup = measure_setup(info.made_with, info.made_with.get("settings") or {})
-            points_of = {n: points for n, (_, points) in timed.items()}
-            for n, images in single_view_images(reader.received(), points_of, setup):
-                timed[n] = timed[n][0], replace(points_of[n], single=images)
-        fields = [
-            FieldPoints(n, TimedPoints((time_ns - first_ns) / 1e9, points))
-            for n, (time_ns, points) in timed.items()
-        ]
-        model = ObjectModel.from_document(info.made_with["object"])
-        return _Source(fields, model, info.made_with.get("calibration"), _origin(reader, info.run))
-
-
-def _rig(captures: Sequence[_Source]) -> Rig | None:
-    """The rig that saw all captures; None if they were measured with several calibrations, or without."""
-    documents = [capture.calibration for capture in captures]
-    if not documents[0] or any(other != documents[0] for other in documents[1:]):
-        return None
-    return Rig.of(Calibration.from_document(documents[0]))
-
-
-def _origin(reader: CaptureReader, run: int) -> JsonObject:
-    meta, info = reader.meta, reader.run(run)
-    return {
-        "id": meta.id,
-        "captured_utc": meta.created_utc,
-        "device": meta.device.get("name"),
-        "run": info.run,
-        "run_created_utc": info.created_utc,
-        "run_version": info.version,
-        "calibration": (info.made_with.get("calibration") or {}).get("id"),
-        "object": info.made_with["object"].get("name"),
-        "bits": meta.bits,
-        "site": meta.site,
-        "labels": meta.labels,
-        "note": meta.note,
-        "ledger": _ledger(reader.ledger),
-    }
-
-
-def _ledger(ledger: Ledger) -> JsonObject:
-    lacking = [{**entry._asdict(), "outcome": str(entry.outcome)} for entry in ledger.entries]
-    return {"total": ledger.total, "received": ledger.received, "lacking": lacking}
-
-
-def _check_same_model(captures: Sequence[_Source]) -> None:
-    """Refuses bursts of another object model: they are combined target by target.
-
-    Raises:
-        InputError: A burst was measured with another one.
-    """
-    first = captures[0]
-    for other in captures[1:]:
-        same = first.model.target.tolist() == other.model.target.tolist()
-        if not same or abs(first.model.xyz_mm - other.model.xyz_mm).max() > 0:
-            raise InputError(
-                f"burst {other.about['id']} was measured with another object model,"
-                f" {other.about['object']}, than {first.about['id']}",
-                "measure both with the same object file",
-            )
 
 
 def _with_log(inputs: JsonObject, vacuum_log: str | None) -> JsonObject:
