@@ -26,6 +26,7 @@ from tests.bench import (
     page,
     pressure_accuracy,
     pressure_cost,
+    pressure_empty,
     pressure_robustness,
     reprocess,
     requests,
@@ -61,6 +62,9 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "core": {
         "From a field to its points": core.table,
         "Over the number of targets": core_numbers.table,
+    },
+    "empty": {
+        "An empty liner taken for one on a teat": pressure_empty.table,
     },
     "location": {
         "Pointing of all locators on the same fields, px": location.table,

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from tests.analysis.walls import SolvedLiner, with_noise
 
 from grabberd.analysis import ChamberVacuum, PressureMap, PressureModel
-from grabberd.analysis.load.load_fit import MISFIT_ALARM
 from grabberd.errors import AnalysisError
 from grabberd.geometry import Rig
 from grabberd.reconstruction import Points
@@ -81,7 +80,8 @@ class Judged(NamedTuple):
     Attributes:
         error_kpa, sigma_kpa: (N,) of the contact pressure at the targets.
         mean_error_kpa, mean_sigma_kpa: of their mean.
-        refused: true if points and wall contradict each other, or there is no equilibrium.
+        refused: true if no target has a pressure: points and wall contradict each other, there is no
+            equilibrium, or the liner presses itself alone.
     """
 
     error_kpa: Array
@@ -95,8 +95,7 @@ class Judged(NamedTuple):
         """A map of all targets beside the truth."""
         error = one.contact_kpa.value - true_kpa
         mean_sigma_kpa = float(one.mean_kpa.sigma)
-        refused = one.misfit > MISFIT_ALARM
-        return cls(error, one.contact_kpa.sigma, float(error.mean()), mean_sigma_kpa, refused)
+        return cls(error, one.contact_kpa.sigma, float(error.mean()), mean_sigma_kpa, not one.usable.any())
 
     @classmethod
     def refusal(cls, count: int) -> "Judged":

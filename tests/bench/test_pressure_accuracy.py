@@ -8,6 +8,7 @@ from grabberd.analysis import ChamberVacuum
 from .middle_accuracy import case as middles
 from .pressure_accuracy import CYCLE, FIELD, FOUR, PHASE, case
 from .pressure_case import Figures, Given, Judged, refused_text
+from .pressure_empty import table as empty_liners
 from .pressure_robustness import JUDGED, REFERENCES, SEEN, Aside, SolvedLiner, asides, maps
 
 
@@ -74,3 +75,8 @@ def test_equilibrium_and_smooth_surface_are_compared_in_the_same_states():
     ]
     wall, smooth = (np.abs(one.error[~one.inner, 3]).mean() for one in found[:2])
     assert wall < 0.2 * smooth
+
+
+def test_an_empty_liner_and_one_on_a_teat_are_counted_apart():
+    (row,) = empty_liners(("wide-empty", "wide-round"), (25.0,)).splitlines()[-1:]
+    assert row == "| 25 | 100 % | none | 0 % |"

@@ -5,6 +5,7 @@ import pytest
 
 from analysis.walls import EIGHT_BITS_MM, as_points, outermost_alone, rig, solved, solved_six
 from grabberd.analysis import ChamberVacuum, PressureModel, Zone
+from grabberd.analysis.load.compression.closed_liner import teat_heights
 from grabberd.errors import AnalysisError
 
 SOUGHT_KPA = 50.0
@@ -94,6 +95,34 @@ def test_points_that_no_load_explains_are_refused():
         match="none of 72 places has its pressure determined: the wall in equilibrium contradicts",
     ):
         found.determined()
+
+
+@pytest.mark.parametrize("design", ["wide", "tapered"])
+def test_an_empty_liner_that_has_closed_gives_no_pressure_on_a_teat(design):
+    liner = solved(f"{design}-empty")
+    found = model(liner.name).map(liner.points(20.0, 0), SEEN, vacuum(20.0))
+    assert set(found.reason) == {
+        "opposite walls meet wherever the liner presses: it presses itself, there is no teat in it"
+    }
+    assert np.isnan(found.mean_kpa.value)
+    with pytest.raises(AnalysisError, match="there is no teat in the closed liner"):
+        teat_heights(found.profile)
+
+
+@pytest.mark.parametrize("teat", ["round", "blunt", "pointed"])
+@pytest.mark.parametrize("outer_kpa", [14.0, 40.0])
+def test_a_liner_on_a_teat_is_not_taken_for_an_empty_one(teat, outer_kpa):
+    liner = solved(f"tapered-{teat}")
+    found = model(liner.name).map(liner.points(outer_kpa, 0), SEEN, vacuum(outer_kpa))
+    assert found.usable.all()
+
+
+def test_an_empty_liner_that_has_not_closed_presses_next_to_nothing():
+    """The load's prior is never quite 0."""
+    liner = solved("tapered-empty")
+    found = model(liner.name).map(liner.points(11.0, 0), SEEN, vacuum(11.0))
+    assert found.usable.all()
+    assert found.mean_kpa.value < 1.0
 
 
 def test_a_vacuum_that_is_badly_known_makes_sigma_larger():

@@ -63,7 +63,8 @@ class PressureMap(NamedTuple):
         unseen_kpa: (N,) `contact_kpa` less what it would be if the unseen half were free; None where it is.
         supported: (N,) True for targets that are supported by data.
         reason: (N,) reason why a target has no pressure of its own; empty if it has one.
-        profile: the load over height, x in the object's frame; None if there is no pressure.
+        profile: the load over height, x in the object's frame; None if the wall's equilibrium says nothing
+            of it. Of an empty liner it is what opposite walls press each other with.
         middle: the wall's middle surface in this state; None if points and wall contradict each other.
     """
 

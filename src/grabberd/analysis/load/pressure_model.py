@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
+from grabberd.analysis.load.compression.closed_liner import is_empty
 from grabberd.analysis.load.compression.load_profile import LoadProfile, Sections, profile_heights
 from grabberd.analysis.load.load_fit import MISFIT_ALARM, Posterior, posterior
 from grabberd.analysis.load.load_prior import Difference, LoadPrior, TubePrior
@@ -39,6 +40,7 @@ wall is hardly flat for longer."""
 _MEAN_SHARE = 0.06
 """Share by which a mean errs beyond its covariance: what a prior that is one for all teats makes of each."""
 _FAR = "no targets near enough"
+_EMPTY = "opposite walls meet wherever the liner presses: it presses itself, there is no teat in it"
 
 
 class SettledWall(NamedTuple):
@@ -153,8 +155,11 @@ class PressureModel:
         free = settled.free
         unseen_kpa = value - free.contact_kpa(free.model.targets)[0] if free else None
         refusal = _refusal(found.j, speed_mm_per_s)
+        profile = None if refusal else self._profile(found)
+        if profile is not None and is_empty(profile):
+            refusal = _EMPTY
         reasons = self._reasons(contact, within) if not refusal else (refusal,) * len(within)
-        mean, profile = _mean(value, covariance, within, reasons), None if refusal else self._profile(found)
+        mean = _mean(value, covariance, within, reasons)
         # Inertia is a load like any other, so the shape of a fast wall is no worse for it.
         middle = None if settled.contradicted else self._middle.of(found)
         return PressureMap(contact, mean, above, found.j, unseen_kpa, within, reasons, profile, middle)

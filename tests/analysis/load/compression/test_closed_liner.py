@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from analysis.load.profiles import SIGMA_N_PER_MM, TEAT_END_MM, X_MM, closed
-from grabberd.analysis.load.compression.closed_liner import mean_profile, phase_weights, teat_heights
+from grabberd.analysis.load.compression.closed_liner import (
+    is_empty,
+    mean_profile,
+    phase_weights,
+    teat_heights,
+)
 from grabberd.errors import AnalysisError
 
 
@@ -49,6 +54,15 @@ def test_the_teat_s_end_is_on_the_side_where_opposite_walls_meet(upside_down):
 def test_an_empty_liner_has_no_teat():
     with pytest.raises(AnalysisError, match="walls that are pressed meet each other"):
         teat_heights(closed(empty=True))
+
+
+def test_a_liner_that_presses_itself_alone_is_empty():
+    assert is_empty(closed(empty=True))
+
+
+@pytest.mark.parametrize("shape", [{}, {"below": False}, {"pressed": False}, {"scale": 0.05}])
+def test_a_liner_that_presses_a_teat_or_nothing_is_not_called_empty(shape):
+    assert not is_empty(closed(**shape))
 
 
 def test_an_open_liner_presses_nothing():

@@ -86,8 +86,7 @@ def teat_heights(profile: LoadProfile) -> TeatHeights:
         AnalysisError: no teat is pressed.
     """
     load, gap = profile.load_n_per_mm.estimate, profile.gap_mm
-    pressed = load.value > CERTAIN * load.sigma
-    apart = gap.value - CERTAIN * gap.sigma > LEAST_GAP_MM
+    pressed, apart = _pressed(profile), _held_apart(profile)
     runs = [
         run for run in _runs(pressed & apart, ~apart) if np.ptp(profile.x_mm[list(run)]) >= SHORTEST_TEAT_MM
     ]
@@ -109,6 +108,24 @@ def teat_heights(profile: LoadProfile) -> TeatHeights:
         return TeatHeights(teat, None, reason)
     end, beyond = (last, last + 1) if nearest > last else (first, first - 1)
     return TeatHeights(teat, _end_mm(profile, end, beyond), "")
+
+
+def is_empty(profile: LoadProfile) -> bool:
+    """True if the wall presses, but only where opposite walls meet: then it presses itself, and no teat."""
+    pressed = _pressed(profile)
+    return bool(pressed.any() and not (pressed & _held_apart(profile)).any())
+
+
+def _pressed(profile: LoadProfile) -> NDArray[np.bool_]:
+    load = profile.load_n_per_mm.estimate
+    pressed: NDArray[np.bool_] = load.value > CERTAIN * load.sigma
+    return pressed
+
+
+def _held_apart(profile: LoadProfile) -> NDArray[np.bool_]:
+    gap = profile.gap_mm
+    apart: NDArray[np.bool_] = gap.value - CERTAIN * gap.sigma > LEAST_GAP_MM
+    return apart
 
 
 def _runs(yes: NDArray[np.bool_], broken: NDArray[np.bool_]) -> list[tuple[int, int]]:
