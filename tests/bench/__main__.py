@@ -27,6 +27,7 @@ from tests.bench import (
     pressure_accuracy,
     pressure_cost,
     pressure_empty,
+    pressure_ramp,
     pressure_robustness,
     reprocess,
     requests,
@@ -64,6 +65,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "Over the number of targets": core_numbers.table,
     },
     "empty": {
+        "A ramp with the empty liner, and what it is worth": pressure_ramp.table,
         "An empty liner taken for one on a teat": pressure_empty.table,
     },
     "location": {

@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
-from grabberd.analysis import ChamberVacuum
+from grabberd.analysis import ChamberVacuum, Collapse, LinerValues
+from grabberd.analysis.estimate import Estimate
 
 from .middle_accuracy import case as middles
 from .pressure_accuracy import CYCLE, FIELD, FOUR, PHASE, case
 from .pressure_case import Figures, Given, Judged, refused_text
 from .pressure_empty import table as empty_liners
+from .pressure_ramp import Ramped, value_rows, worth_rows
 from .pressure_robustness import JUDGED, REFERENCES, SEEN, Aside, SolvedLiner, asides, maps
 
 
@@ -80,3 +82,12 @@ def test_equilibrium_and_smooth_surface_are_compared_in_the_same_states():
 def test_an_empty_liner_and_one_on_a_teat_are_counted_apart():
     (row,) = empty_liners(("wide-empty", "wide-round"), (25.0,)).splitlines()[-1:]
     assert row == "| 25 | 100 % | none | 0 % |"
+
+
+def test_a_ramp_is_judged_by_the_bending_stiffness_and_by_the_mean_on_a_teat():
+    values = LinerValues(3.0, 2.5, 60.0, 1e-4 * np.eye(3), (0,), Estimate(np.ones(1), np.ones(1)), 1.0, ("",))
+    touch = Collapse(Estimate(np.array(9.0), np.array(0.1)), Estimate(np.array(8.0), np.array(0.2)))
+    ramped = Ramped("thin", np.array([0.02, -0.01, 0.05]), values, touch, {"without": [1.0, -2.0]})
+    (values_row,), (worth_row,) = (list(rows([ramped]))[2:] for rows in (value_rows, worth_rows))
+    assert values_row.startswith("| thin | -1.0 / 3.2 | +2.0 / 1.0 | -1.0 / 1.0 | +5.0 / 1.0 | +")
+    assert worth_row == "| thin | +1.0, -2.0 |"
