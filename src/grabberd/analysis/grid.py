@@ -84,14 +84,15 @@ class Grid:
         Raises:
             AnalysisError: an id is missing from the object model.
         """
-        unknown = np.setdiff1d(target, self.target)
-        if len(unknown):
-            names = ", ".join(map(str, unknown[:10]))
+        index = np.searchsorted(self.target, target)
+        known = self.target[np.minimum(index, len(self.target) - 1)] == target
+        if not known.all():
+            names = ", ".join(map(str, np.unique(target[~known])[:10]))
             raise AnalysisError(
                 f"the points have targets that the object model does not: {names}",
                 "analyse the capture with the object model that it was measured with",
             )
-        return np.searchsorted(self.target, target)
+        return index
 
     def pairs(self) -> NDArray[np.intp]:
         """(K, 2) indices of the targets next to each other along a row or a column, each pair once."""

@@ -25,6 +25,7 @@ from grabberd.analysis import (
     symmetry_plane,
     volume_mm3,
 )
+from grabberd.analysis.surface.sections import sections
 from grabberd.errors import AnalysisError
 
 RADIUS_MM = 13.75
@@ -125,3 +126,13 @@ def test_holes_under_the_outline_are_told():
     hole = np.isin(grid().row, (8, 9)) & np.isin(grid().column, (2, 3))
     told = section(fit_surface(grid(), field.select(~hole)), 0.0).within
     assert 0.2 < told.mean() < 0.8
+
+
+def test_sections_taken_together_are_those_taken_one_by_one(open_liner):
+    heights = [-20.0, 900.0, 5.0]
+    together, missed = sections(open_liner, heights, PLANE)
+    assert len(missed) == 1
+    for one, x_mm in zip(together, (-20.0, 5.0), strict=True):
+        alone = section(open_liner, x_mm, PLANE)
+        for name in ("length_mm", "chord_mm", "distance_mm", "area_mm2"):
+            assert np.allclose(getattr(one, name), getattr(alone, name), rtol=1e-9)

@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from grabberd.analysis.wall.material import Material, Zone, lacking, pre_stretch, varied, wall_at
+from grabberd.analysis.wall.material import (
+    Material,
+    Zone,
+    lacking,
+    neo_hookean_stretch,
+    pre_stretch,
+    varied,
+    wall_at,
+)
 from grabberd.errors import AnalysisError, InputError
 
 RUBBER = {
@@ -66,6 +74,12 @@ def test_the_mounting_force_stretches_the_wall_until_it_carries_it():
     assert 1e3 * tension == pytest.approx(1e3 * 60 / (2 * np.pi * 12.5))
     assert across == pytest.approx(along**-0.5)
     assert pre_stretch(rubber(F0_n=0.0)) == pytest.approx((1.0, 1.0))
+
+
+@pytest.mark.parametrize("load", [-0.5, 0.0, 1e-9, 0.3, 5.0, 1e3])
+def test_a_bar_of_rubber_stretches_until_it_carries_its_load(load):
+    stretch = neo_hookean_stretch(load)
+    assert stretch**2 - 1 / stretch == pytest.approx(load, rel=1e-12, abs=1e-14)
 
 
 def test_in_the_linear_law_it_stretches_by_force_over_stiffness():

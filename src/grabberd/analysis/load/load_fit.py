@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 from scipy.linalg import LinAlgError, blas, cho_factor, cho_solve, lapack
 
 from grabberd.analysis.estimate import Joint
@@ -142,7 +141,6 @@ class Posterior:
     parameters: Array
     j: float
     sights: Sights
-    _directions: sparse.csr_matrix
     _factor: tuple[Array, bool]
     _weighted: Array
 
@@ -192,17 +190,17 @@ class Posterior:
         """(3 T, 3 T) of the targets' places, the model's error and the part shared by all states included."""
         prior = self.response.covariance_mm2(self.difference) + shared_mm2
         prior[np.diag_indices_from(prior)] += self.model.prior.model_mm(self.difference.kpa) ** 2
-        return self._left(prior, (self._directions @ prior).T)
+        return self._left(prior, self.sights.of_places(prior))
 
     @cached_property
     def outlying(self) -> Array:
         """(T,) χ² of each target's distance from where all others say it is; 0 for one that was not seen."""
         inverse, _ = lapack.dpotri(self._factor[0], lower=True)
         distance = np.zeros(len(self.linear.places_mm))
-        seen, count = np.unique(self.sights.target, return_counts=True)
-        order = np.split(np.argsort(self.sights.target, kind="stable"), np.cumsum(count)[:-1])
+        order = np.argsort(self.sights.target, kind="stable")
+        seen, first, count = np.unique(self.sights.target[order], return_index=True, return_counts=True)
         for components in np.unique(count):
-            rows = np.stack([one for one in order if len(one) == components])
+            rows = order[first[count == components, np.newaxis] + np.arange(components)]
             low, high = np.sort(
                 np.stack(np.broadcast_arrays(rows[:, :, np.newaxis], rows[:, np.newaxis])), axis=0
             )
@@ -237,7 +235,7 @@ class Posterior:
         g = basis.matrices[0] @ model.field(self.parameters, 0)
         unit, variance = _unit_covariance(model, basis, 0), float(model.variances(self.difference)[0])
         prior = variance * np.diagonal(unit)
-        whitened = self._whitened(variance * (self.response.at_points(basis, 0) @ self._directions.T))
+        whitened = self._whitened(variance * self.sights.of_places(self.response.at_points(basis, 0)))
         # Rounding must not leave a place that is very well known with no σ at all.
         sigma = np.sqrt(np.maximum(prior - (whitened * whitened).sum(axis=0), 1e-6 * prior))
         pressure, _ = model.prior.contact_mpa(g)
@@ -253,7 +251,7 @@ class Posterior:
 
     def sigma(self, followers: Followers) -> Array:
         """(Q,) σ of quantities of the wall that was linearised."""
-        whitened = self._whitened(followers.cross.sum(self.model, self.difference) @ self._directions.T)
+        whitened = self._whitened(self.sights.of_places(followers.cross.sum(self.model, self.difference)))
         prior = followers.variance.sum(self.model, self.difference)
         # Rounding must not leave what is very well known with no σ at all.
         left = np.maximum(prior - (whitened * whitened).sum(axis=0), 1e-9 * prior)
@@ -268,13 +266,13 @@ class Posterior:
     def tube_values(self) -> tuple[Array, Array]:
         """Changes of ln E, ln t, ln F₀, and the pressure difference in MPa (4,); covariance (4, 4)."""
         part, factors = self.model.of_tube, self.model.variances(self.difference)
-        seen = (factors[part, np.newaxis] * self.response.spread[part]) @ self._directions.T
+        seen = self.sights.of_places(factors[part, np.newaxis] * self.response.spread[part])
         covariance = self._left(self.model.tube_covariance(self.difference), seen)
         return self.model.tube_values(self.parameters), covariance
 
     def _field_covariance(self, basis: Basis, index: int) -> Array:
         variance = self.model.variances(self.difference)[index * self.model.half.grid.count]
-        seen = variance * (self.response.at_points(basis, index) @ self._directions.T)
+        seen = variance * self.sights.of_places(self.response.at_points(basis, index))
         return self._left(variance * _unit_covariance(self.model, basis, index), seen)
 
     def _left(self, prior: Array, seen: Array) -> Array:
@@ -306,8 +304,8 @@ def posterior(response: Response, sights: Sights, difference: Difference) -> Pos
         AnalysisError: the wall is about to buckle.
     """
     model, linear = response.model, response.linear
-    directions = sights.directions(len(linear.places_mm))
-    covariance = directions @ (directions @ response.covariance_mm2(difference)).T + sights.covariance
+    covariance = sights.of_places(sights.of_places(response.covariance_mm2(difference)).T)
+    covariance += sights.covariance
     of_model = sights.unit_variance() * model.prior.model_mm(difference.kpa) ** 2
     try:
         covariance[np.diag_indices_from(covariance)] += of_model
@@ -319,11 +317,12 @@ def posterior(response: Response, sights: Sights, difference: Difference) -> Pos
         ) from error
     mean = model.mean(difference)
     expected = linear.places_mm.ravel() - linear.by_parameters @ (linear.state.parameters - mean)
-    innovation = sights.value - directions @ expected
+    innovation = sights.value - sights.of_places(expected[np.newaxis])[0]
     weighted = cho_solve(factor, innovation)
     j = float(innovation @ weighted) / len(sights)
-    parameters = mean + model.variances(difference) * (response.spread @ (directions.T @ weighted))
-    return Posterior(response, difference, parameters, j, sights, directions, factor, weighted)
+    pull = sights.directions(len(linear.places_mm)).T @ weighted
+    parameters = mean + model.variances(difference) * (response.spread @ pull)
+    return Posterior(response, difference, parameters, j, sights, factor, weighted)
 
 
 def fit_load(

@@ -70,6 +70,6 @@ class LoadSeries:
         return fit_load(self.model, sights, difference, found.moved())[0]
 
     def _nearest(self, sights: Sights) -> Response:
-        directions = sights.directions(len(self._known[0].linear.places_mm))
-        away = [np.abs(sights.value - directions @ one.linear.places_mm.ravel()).max() for one in self._known]
+        places_mm = np.stack([one.linear.places_mm.ravel() for one in self._known])
+        away = np.abs(sights.value - sights.of_places(places_mm)).max(axis=1)
         return self._known[int(np.argmin(away))]

@@ -62,8 +62,10 @@ class OuterFace:
         """(N, 3) points X, each with σ."""
         values, members = self.lattice.splines(u_mm, v_mm, 1)
         by_targets = (values @ self.lattice.by_targets[members])[:, 0]
-        by_axes = [np.kron(by_targets, axis) for axis in self.lattice.axes.T]
-        variances = [((one @ self.target_covariance_mm2) * one).sum(axis=1) for one in by_axes]
+        count = by_targets.shape[1]
+        covariance = self.target_covariance_mm2.reshape(count, 3, count, 3)
+        each = [np.tensordot(covariance @ axis, axis, (1, 0)) for axis in self.lattice.axes.T]
+        variances = [((by_targets @ one) * by_targets).sum(axis=1) for one in each]
         variance = np.stack(variances, axis=1)
         places = (values @ self.control_mm[members])[:, 0]
         return Estimate(places, np.sqrt(np.maximum(variance, 0.0)))
@@ -125,10 +127,9 @@ class FaceLattice:
     def face(self, found: Posterior, supported: NDArray[np.bool_], problems: tuple[str, ...]) -> OuterFace:
         """The face of a wall that was fitted to its targets."""
         mounting, model = self._mounting, found.model
-        half = model.half.of(model.tube(found.parameters))
-        places_mm = (
-            mounting.frame.origin_mm + self._places.places_mm(half, found.control) @ mounting.frame.axes
-        )
+        tube = model.tube(found.parameters)
+        in_frame = self._places.places_mm(model.half, found.control, tube)
+        places_mm = mounting.frame.origin_mm + in_frame @ mounting.frame.axes
         covariance = found.places_covariance(mounting.shared_mm2)
         misfit = float(found.outlying.sum()) / len(found.sights)
         return OuterFace(self, self._spline @ places_mm, covariance, supported, misfit, problems)
@@ -139,17 +140,21 @@ class FaceLattice:
         Returns:
             (N, count, 16), and (N, 16) numbers of their control points.
         """
-        return _splines(self._grid, u_mm.tobytes(), v_mm.tobytes(), count)
+        values, members = _splines(self._grid, u_mm.tobytes(), v_mm.tobytes())
+        return values[:, :count], members
 
 
 @lru_cache(maxsize=32)
-def _splines(grid: SplineGrid, u_mm: bytes, v_mm: bytes, count: int) -> tuple[Array, Indices]:
-    """Splines as in `FaceLattice`; kept, because areas and targets ask for the same places at every field."""
+def _splines(grid: SplineGrid, u_mm: bytes, v_mm: bytes) -> tuple[Array, Indices]:
+    """Splines as in `FaceLattice`; kept, because areas and targets ask for the same places at every field.
+
+    All derivatives: what asks for a place's tangents asks for its covariance next.
+    """
     u, v = np.frombuffer(u_mm), np.frombuffer(v_mm)
     along, around = grid.along.local(u), grid.around.local(v)
-    parts = ((0, 0), (1, 0), (0, 1))[:count]
+    parts = ((0, 0), (1, 0), (0, 1))
     values = [along[a][:, :, np.newaxis] * around[b][:, np.newaxis] for a, b in parts]
-    return np.stack(values, axis=1).reshape(len(u), count, -1), grid.members(v, u)
+    return np.stack(values, axis=1).reshape(len(u), len(parts), -1), grid.members(v, u)
 
 
 def _smooth(domain: Domain, targets: tuple[Array, Array], nodes: tuple[Array, Array]) -> Array:

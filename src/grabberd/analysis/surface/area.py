@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
+from grabberd.analysis.gauss import gauss_rule
 from grabberd.analysis.surface.face import Face
 from grabberd.analysis.surface.jets import index
 
@@ -41,7 +42,7 @@ def surface_area(surface: Face) -> Area:
 
 
 def _nodes(start: float, pitch: float, knots: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    node, weight = np.polynomial.legendre.leggauss(_NODES)
+    node, weight = gauss_rule(_NODES)
     half = pitch / 2
     starts = start + half * np.arange(2 * (knots - 1))
     return (starts[:, np.newaxis] + half * (node + 1) / 2).ravel(), np.tile(half / 2 * weight, len(starts))

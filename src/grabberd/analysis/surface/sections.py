@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
+from grabberd.analysis.gauss import gauss_rule
 from grabberd.analysis.grid import Grid
 from grabberd.analysis.surface.face import Face
 from grabberd.analysis.surface.jets import index
@@ -104,11 +105,15 @@ def sections(
     if not len(x_mm):
         return (), ()
     cuts = _cuts(surface, np.array(x_mm, np.float64))
-    found = tuple(_section(surface, cut, plane) for cut in cuts.each() if cut.reached)
+    measured = [_measured(surface, cut, plane) if cut.reached else {} for cut in cuts.each()]
+    estimates = _estimates(surface, cuts, measured)
+    found = tuple(
+        _section(surface, cut, each) for cut, each in zip(cuts.each(), estimates, strict=True) if cut.reached
+    )
     return found, tuple(_missed(x) for x in cuts.x_mm[~cuts.reached])
 
 
-def _section(surface: Face, cut: "_Cuts", plane: Plane | None) -> Section:
+def _measured(surface: Face, cut: "_Cuts", plane: Plane | None) -> dict[str, Measured]:
     measured = {"length_mm": length(cut.outline_mm), "chord_mm": chord(cut.outline_mm)}
     if plane is not None:
         measured |= {
@@ -118,10 +123,13 @@ def _section(surface: Face, cut: "_Cuts", plane: Plane | None) -> Section:
     # Ends within one and a half pitches of each other: the targets go all the way round.
     if measured["chord_mm"].value < 1.5 * surface.domain.v_pitch_mm:
         measured |= {"least_width_mm": least_width(cut.outline_mm), "opposite_mm": opposite(cut.outline_mm)}
-    values = dict.fromkeys(("distance_mm", "area_mm2", "least_width_mm", "opposite_mm"))
-    estimates = values | _estimates(surface, cut, measured)
+    return measured
+
+
+def _section(surface: Face, cut: "_Cuts", estimates: dict[str, Estimate]) -> Section:
+    values = dict.fromkeys(("distance_mm", "area_mm2", "least_width_mm", "opposite_mm")) | estimates
     within = surface.within(cut.u_mm, cut.v_mm)
-    return Section(float(cut.x_mm), cut.outline_mm, cut.v_mm, within, **estimates)  # type: ignore[arg-type]
+    return Section(float(cut.x_mm), cut.outline_mm, cut.v_mm, within, **values)  # type: ignore[arg-type]
 
 
 def volume_mm3(surface: Face, x_mm: tuple[float, float], plane: Plane) -> Estimate:
@@ -133,7 +141,7 @@ def volume_mm3(surface: Face, x_mm: tuple[float, float], plane: Plane) -> Estima
     low, high = sorted(x_mm)
     # A Gauss node per row of targets, which is as fine as the surface can vary, and a few more.
     count = 4 + round((high - low) / surface.domain.u_pitch_mm)
-    nodes, weights = np.polynomial.legendre.leggauss(count)
+    nodes, weights = gauss_rule(count)
     cuts = _cuts(surface, (low + high) / 2 + (high - low) / 2 * nodes)
     if not cuts.reached.all():
         raise AnalysisError(_missed(cuts.x_mm[~cuts.reached][0]), _HINT)
@@ -190,13 +198,25 @@ def _missed(x_mm: float) -> str:
     return f"there is no section at x = {x_mm:g} mm: the targets do not reach there"
 
 
-def _estimates(surface: Face, cut: _Cuts, measured: dict[str, Measured]) -> dict[str, Estimate]:
-    slopes = np.stack([_at_height(one.slopes, cut.along) for one in measured.values()])
-    variance = np.diag(surface.covariance(slopes[:, :, np.newaxis], cut.u_mm, cut.v_mm))
-    return {
-        name: Estimate(one.value, np.sqrt(square))
-        for (name, one), square in zip(measured.items(), variance, strict=True)
-    }
+def _estimates(
+    surface: Face, cuts: _Cuts, measured: Sequence[dict[str, Measured]]
+) -> list[dict[str, Estimate]]:
+    """Give σ to the measures at all heights at once, which asks for the same places only once."""
+    heights, places = cuts.u_mm.shape
+    owner = [height for height, each in enumerate(measured) for _ in each]
+    slopes = np.zeros((len(owner), heights, places, 1, 3))
+    for row, (height, one) in enumerate(zip(owner, _all(measured), strict=True)):
+        slopes[row, height, :, 0] = _at_height(one.slopes, cuts.along[height])
+    if not owner:
+        return [{} for _ in measured]
+    flat = slopes.reshape(len(owner), heights * places, 1, 3)
+    sigma = iter(np.sqrt(np.diag(surface.covariance(flat, cuts.u_mm.ravel(), cuts.v_mm.ravel()))))
+    return [{name: Estimate(one.value, next(sigma)) for name, one in each.items()} for each in measured]
+
+
+def _all(measured: Sequence[dict[str, Measured]]) -> Iterator[Measured]:
+    for each in measured:
+        yield from each.values()
 
 
 def _at_height(slopes: NDArray[np.float64], along: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -18,6 +18,7 @@ from scipy import sparse
 
 from grabberd.analysis.wall.block_band import Factors
 from grabberd.analysis.wall.cuts import Cuts
+from grabberd.analysis.wall.material import neo_hookean_stretch
 from grabberd.analysis.wall.rows import NEAR, Rows
 from grabberd.analysis.wall.rubber import RubberWall
 from grabberd.analysis.wall.shell import UNKNOWNS, Geometry, Load, Shell
@@ -74,10 +75,7 @@ class MountedTube:
         Neo-Hookean: F₀ = µ (λ² − 1/λ) A, where A is the mounted section.
         """
         section_mm2 = 2 * np.pi * self.radius_mm * self.thickness_mm
-        load = 3 * self.pretension_n / (self.young_mpa * section_mm2)
-        roots = np.roots([1.0, 0.0, -load, -1.0])
-        # The cubic has one positive root, and it is the largest.
-        return float(roots[np.isreal(roots)].real.max())
+        return neo_hookean_stretch(3 * self.pretension_n / (self.young_mpa * section_mm2))
 
     def changed(self, young: float, thickness: float, pretension: float) -> "MountedTube":
         """The tube with its modulus, thickness and pretension times e to the given powers."""

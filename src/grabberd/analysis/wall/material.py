@@ -232,6 +232,18 @@ def pre_stretch(material: Material) -> tuple[float, float]:
     load = material.F0_n / (2 * np.pi * material.radius_mm * material.E_mpa * material.wall_mm)
     if material.law == "linear":
         return 1 + load, 1 - material.poisson * load
-    roots = np.roots([1.0, 0.0, -3 * load, -1.0])
-    along = float(roots.real[np.abs(roots.imag) < 1e-9].max())
+    along = neo_hookean_stretch(3 * load)
     return along, along**-0.5
+
+
+def neo_hookean_stretch(load: float) -> float:
+    """λ with λ² − 1/λ = load, of a bar that is free to narrow; the load is divided by its section and by µ.
+
+    The section is that of the stretched bar: λ³ − load λ = 1.
+    """
+    # From beyond the root, where the cubic is convex, Newton's method comes down to it.
+    stretch, last = max(1.0, 1.0 + load), np.inf
+    while stretch < last:
+        last = stretch
+        stretch -= (stretch**3 - load * stretch - 1) / (3 * stretch**2 - load)
+    return last

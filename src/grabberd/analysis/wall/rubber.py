@@ -20,6 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.analysis.gauss import gauss_rule
+
 Array = NDArray[np.float64]
 
 LAYERS = 5
@@ -178,7 +180,7 @@ class _Rest:
     @classmethod
     def of(cls, before: Invariants, thickness_mm: Array) -> "_Rest":
         unstressed = before.forms
-        local, weights = np.polynomial.legendre.leggauss(LAYERS)
+        local, weights = gauss_rule(LAYERS)
         zeta = np.multiply.outer(local, thickness_mm / 2)
         volumes = np.multiply.outer(weights, thickness_mm / 2) * before.area(zeta)
         flat, bent = before.metric_shares(zeta)

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.interpolate import BSpline
 
+from grabberd.analysis.gauss import gauss_rule
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
@@ -56,7 +58,7 @@ class SplineAxis:
 
     def gauss(self, points: int) -> tuple[Array, Array]:
         """(Q,) positions and weights of the quadrature with that many points per interval."""
-        local, weights = np.polynomial.legendre.leggauss(points)
+        local, weights = gauss_rule(points)
         breaks = np.unique(self.knots)
         half = np.diff(breaks)[:, np.newaxis] / 2
         middle = (breaks[:-1] + breaks[1:])[:, np.newaxis] / 2

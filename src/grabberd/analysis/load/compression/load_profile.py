@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate, Joint
+from grabberd.analysis.gauss import gauss_rule
 from grabberd.analysis.load.load_fit import Posterior
 from grabberd.analysis.load.wall_model import WallModel
 from grabberd.analysis.wall.shell import Geometry, inner_area
@@ -77,39 +78,39 @@ class Sections:
         heights, grid = len(x_mm), model.half.grid
         self._x_mm, self._weights_mm, self._seen = x_mm, weights, seen
         self._basis = grid.basis(np.tile(s_mm, heights), np.repeat(x_mm, len(s_mm)))
-        self._crest = grid.basis(np.zeros(heights), x_mm)
+        # Beside them the crest, where the gap is read: one geometry serves both.
+        self._with_crest = grid.basis(
+            np.concatenate([np.tile(s_mm, heights), np.zeros(heights)]),
+            np.concatenate([np.repeat(x_mm, len(s_mm)), x_mm]),
+        )
 
     def profile(self, found: Posterior) -> LoadProfile:
         """The load over height in one state of the wall."""
         control, count = found.control, len(self._x_mm)
         by_section = (count, len(self._weights_mm))
-        length = self._basis.of(control[:, 0], 2).reshape(by_section) @ self._weights_mm
+        geometry = Geometry.of(self._with_crest, control)
+        forms, sections = geometry.forms(), slice(count * len(self._weights_mm))
+        tube = found.model.tube(found.parameters)
+        depth_mm = found.model.half.wall(self._with_crest, tube).layer(forms, -0.5).depth_mm
+        length = geometry.tangents[1, sections, 0].reshape(by_section) @ self._weights_mm
         length = length / self._weights_mm.sum()
-        geometry = Geometry.of(self._basis, control)
-        forms = geometry.forms()
-        inner = found.model.half.wall(self._basis, found.model.tube(found.parameters)).layer(forms, -0.5)
         # How much of the inner face looks along the view, by the area of the mounted wall's middle.
-        facing = geometry.area * inner_area(forms, inner.depth_mm) * geometry.normal[:, 2]
+        facing = (geometry.area * inner_area(forms, depth_mm) * geometry.normal[:, 2])[sections]
         force = _N_PER_KPA_MM2 * self._weights_mm * facing.reshape(by_section) / length[:, np.newaxis]
         mean = np.broadcast_to(self._weights_mm * self._seen, by_section) / (self._weights_mm @ self._seen)
         sums = found.contact_sums(self._basis, np.stack([mean, force], axis=1))
         compression, load = (_part(sums, slice(start, None, 2)) for start in (0, 1))
-        return LoadProfile(self._x_mm, compression, load, length, self._gap_mm(found, control))
-
-    def _gap_mm(self, found: Posterior, control: Array) -> Estimate:
-        tube = found.model.tube(found.parameters)
-        geometry = Geometry.of(self._crest, control)
-        inner = found.model.half.wall(self._crest, tube).layer(geometry.forms(), -0.5)
-        place_mm = self._crest.of(control[:, 2]) + inner.depth_mm * geometry.director()[:, 2]
+        inner_mm = self._with_crest.of(control[:, 2]) + depth_mm * geometry.director()[:, 2]
         relative = float(np.sqrt(found.tube_values()[1][1, 1]))
         # The targets are on the outer face, so the inner one is off by the whole error of the thickness.
-        return Estimate(2 * place_mm, np.full(len(place_mm), 2 * tube.thickness_mm * relative))
+        gap_mm = Estimate(2 * inner_mm[sections.stop :], np.full(count, 2 * tube.thickness_mm * relative))
+        return LoadProfile(self._x_mm, compression, load, length, gap_mm)
 
 
 def _rule(borders_mm: tuple[float, ...]) -> tuple[Array, Array, Array]:
     """Points of quadrature (S,) over three panels, their weights, and 1 for those in the middle one."""
     counts = (_FLANK_POINTS, _SEEN_POINTS, _FLANK_POINTS)
-    rules = [np.polynomial.legendre.leggauss(count) for count in counts]
+    rules = [gauss_rule(count) for count in counts]
     half = np.diff(borders_mm) / 2
     middle = np.array(borders_mm[:-1]) + half
     places = [m + h * local for (local, _), m, h in zip(rules, middle, half, strict=True)]

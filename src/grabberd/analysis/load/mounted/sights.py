@@ -57,8 +57,7 @@ class Sights:
 
     def shared(self, places_mm2: Array) -> "Sights":
         """The sights with a covariance (3 T, 3 T) of the places that all of a capture's share added."""
-        directions = self.directions(len(places_mm2) // 3)
-        return replace(self, covariance=self.covariance + directions @ (directions @ places_mm2).T)
+        return replace(self, covariance=self.covariance + self.of_places(self.of_places(places_mm2).T))
 
     def of_both_views(self) -> "Sights":
         """The sights of targets that were triangulated."""
@@ -84,6 +83,16 @@ class Sights:
         """(M,) variance of each component where every place has one of 1 mm² in all directions."""
         variance: Array = np.einsum("mi,mi->m", self.direction, self.direction)
         return variance
+
+    def of_places(self, columns: Array) -> Array:
+        """(N, M) products of rows with T targets' places (N, 3 T) with the sights' directions; a copy."""
+        axis = np.abs(self.direction).argmax(axis=1)
+        # Along the axes, as where both views see all of a field's targets, they only have to be picked.
+        if np.count_nonzero(self.direction) == len(self) and (self.direction.max(axis=1) == 1.0).all():
+            picked: Array = columns.take(_OF_A_POINT * self.target + axis, axis=1)
+            return picked
+        products: Array = columns @ self.directions(columns.shape[1] // _OF_A_POINT).T
+        return products
 
     def directions(self, targets: int) -> sparse.csr_matrix:
         """(M, 3 T) the sights as combinations of all T targets' places."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from grabberd.analysis.wall.half_tube import HalfTube
+from grabberd.analysis.wall.half_tube import HalfTube, MountedTube
 from grabberd.analysis.wall.rubber import RubberWall
 from grabberd.analysis.wall.shell import Geometry
 
@@ -41,9 +41,10 @@ class TargetPlaces:
         self.basis = half.grid.basis(targets.s_mm, targets.x_mm)
         self._thickness_mm = targets.thickness_mm
 
-    def places_mm(self, half: HalfTube, control: Array) -> Array:
-        """(T, 3) targets of a wall with control values (K, 4)."""
-        return self._seen(control, Geometry.of(self.basis, control), half.wall(self.basis, half.tube))
+    def places_mm(self, half: HalfTube, control: Array, tube: MountedTube | None = None) -> Array:
+        """(T, 3) targets of a wall with control values (K, 4), of the half's tube or of another one."""
+        wall = half.wall(self.basis, tube or half.tube)
+        return self._seen(control, Geometry.of(self.basis, control), wall)
 
     def by_control(self, half: HalfTube, control: Array) -> sparse.csr_matrix:
         """(3 T, 4 K) derivatives of the targets by the control values."""
