@@ -4,11 +4,12 @@ import numpy as np
 
 from grabberd.acquisition.checks.content_check import ContentCheck
 from grabberd.acquisition.device import GrabbedField
-from grabberd.field import Field
+from grabberd.field import Field, Packing
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.world import World
 
 ROWS, COLUMNS = 288, 720
+AS_IT_IS = Packing(8, doubled=False, threshold=0)
 
 
 def camera(count, **options):
@@ -33,7 +34,7 @@ def grabbed(luma, n):
 def looked_at(lumas, check=None):
     """What a check found of each of them."""
     check = check or ContentCheck()
-    return [check.look(grabbed(luma, n)) for n, luma in enumerate(lumas)]
+    return [check.take(grabbed(luma, n), AS_IT_IS)[0] for n, luma in enumerate(lumas)]
 
 
 def damages(lumas):

@@ -14,10 +14,12 @@ from grabberd.field.field import (
     NumberedField,
     PackedField,
     double_lines,
+    map_level,
     quantise,
     split_frame,
     unpack,
 )
+from grabberd.field.packing import KernelPacking, Packing, pack
 
 __all__ = [
     "BIT_DEPTHS",
@@ -25,9 +27,13 @@ __all__ = [
     "LARGEST_SIDE_PX",
     "TOP",
     "Field",
+    "KernelPacking",
     "NumberedField",
     "PackedField",
+    "Packing",
     "double_lines",
+    "map_level",
+    "pack",
     "quantise",
     "split_frame",
     "unpack",

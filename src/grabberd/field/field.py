@@ -177,8 +177,12 @@ def quantise(field: Field, bits: int, threshold: int | NDArray[np.uint8]) -> Pac
             f"a threshold map of shape {threshold.shape} does not fit a field of {field.luma.shape} "
             f"at {bits} bits"
         )
-    median = int(np.median(threshold[::MEDIAN_EVERY, ::MEDIAN_EVERY]))
-    return _packed(field, bits, threshold, median)
+    return _packed(field, bits, threshold, map_level(threshold))
+
+
+def map_level(by_pixel: NDArray[np.uint8]) -> int:
+    """Compute the level of a threshold map (rows, columns): the median of a part of its pixels."""
+    return int(np.median(by_pixel[::MEDIAN_EVERY, ::MEDIAN_EVERY]))
 
 
 def _packed(field: Field, bits: int, threshold: int | NDArray[np.uint8], level: int) -> PackedField:

@@ -8,8 +8,8 @@ from importlib import import_module
 from typing import Any, Protocol, cast
 
 Buffer = Any
-"""Anything with contiguous memory: an array, a ctypes structure, bytes."""
-LAYOUT = 4
+"""Anything with contiguous memory: an array, a ctypes structure, bytes; `lines` in any strides."""
+LAYOUT = 5
 """Version of functions and structures (module.c); a kernel with another one is left over from an older
 build."""
 DONE, NO_MEMORY, REFUSED, MORE_ROOM, NO_TABLE, NO_FULLNESS = range(6)
@@ -42,6 +42,23 @@ class Kernel(Protocol):
 
     def agree(self, world: Buffer, /, *arguments: Buffer) -> int:
         """Check that targets agree with one another, and compute the positions of all."""
+
+    def pack(self, lines: Buffer, how: tuple[int, ...], by_pixel: Buffer, out: Buffer, /) -> object:
+        """Double, quantise and pack the lines of a field."""
+
+    def take(
+        self,
+        lines: Buffer,
+        how: tuple[int, ...],
+        by_pixel: Buffer,
+        out: Buffer,
+        /,
+        *look: Buffer | int,
+    ) -> tuple[int, int, int]:
+        """Copy a field out of its buffer, look at its content, and pack it."""
+
+    def shifted(self, sums: Buffer, earlier: Buffer, rows: int, columns: int, /) -> bool:
+        """Check whether rows of a field may be shifted sideways."""
 
     def wall_forces(
         self, values: Buffer, rest: Buffer, shear_mpa: float, resistance: Buffer, units: Buffer, /

@@ -1,7 +1,5 @@
 /* The kernel as a Python module, by the limited API: buffers in, buffers filled. Every length is checked here. */
-#define PY_SSIZE_T_CLEAN
-#define Py_LIMITED_API 0x030B0000
-#include <Python.h>
+#include "module_python.h"
 
 #include "module.h"
 
@@ -9,7 +7,7 @@ static bool holds(const Py_buffer *buffer, int64_t count, size_t size) {
     return count >= 0 && (uint64_t)buffer->len / size >= (uint64_t)count;
 }
 
-static PyObject *refused(const char *what) {
+PyObject *refused(const char *what) {
     PyErr_Format(PyExc_ValueError, "the compiled kernel was given %s", what);
     return NULL;
 }
@@ -213,12 +211,15 @@ static PyMethodDef FUNCTIONS[] = {{"locate", locate, METH_VARARGS, "Blobs of a p
                                   {"whole", whole_of, METH_VARARGS, "Blobs that lie in a view as a whole."},
                                   {"near", near_of, METH_VARARGS, "Targets near where they must be, and their points."},
                                   {"agree", agree, METH_VARARGS, "Whether targets agree, and where all of them are."},
+                                  {"pack", pack_of, METH_VARARGS, "A field, doubled, quantised and packed."},
+                                  {"take", take_of, METH_VARARGS, "A field, copied, looked at and packed."},
+                                  {"shifted", shifted_of, METH_VARARGS, "Whether rows of a field may be shifted."},
                                   {"wall_forces", forces_of, METH_VARARGS, "Resistance of a thick wall, and work of unit loads."},
                                   {"wall_stiffness", stiffness_of, METH_VARARGS, "Stiffness of a loaded thick wall."},
                                   {NULL, NULL, 0, NULL}};
 
 /* Changed with every function and structure that Python sees (kernel.LAYOUT). */
-enum { LAYOUT = 4 };
+enum { LAYOUT = 5 };
 
 static int fill(PyObject *module) { return PyModule_AddIntConstant(module, "LAYOUT", LAYOUT); }
 

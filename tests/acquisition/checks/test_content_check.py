@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.pictures import camera, damages, grabbed, looked_at, noise, without_a_packet
+from acquisition.pictures import AS_IT_IS, camera, damages, grabbed, looked_at, noise, without_a_packet
 from grabberd.acquisition.checks.content_check import Content, ContentCheck
 
 GOOD = Content()
@@ -32,7 +32,7 @@ def test_the_layout_of_the_drivers_buffer_does_not_matter(liner, layout):
     for n, luma in enumerate(replaced(liner, 20, without_a_packet(liner[20], 150, 40))):
         view = buffer[n % 2 :: 2, :720] if layout == "woven" else buffer[n % 2 :: 2, ::2]
         view[:] = luma
-        found.append(check.look(grabbed(view, n)).damage is not None)
+        found.append(check.take(grabbed(view, n), AS_IT_IS)[0].damage is not None)
         buffer[:] = 0
     assert [n for n, damaged in enumerate(found) if damaged] == [20]
 
@@ -81,16 +81,16 @@ def test_no_picture_is_the_streams_state_only_after_a_tenth_of_a_second(liner):
     check = ContentCheck()
     state = []
     for n, luma in enumerate([*liner[:2], *[FLAT] * 6, liner[8]]):
-        check.look(grabbed(luma, n))
+        check.take(grabbed(luma, n), AS_IT_IS)
         state.append(check.no_picture is not None)
     assert state == [False] * 6 + [True] * 2 + [False]
 
 
 def test_fields_of_another_size_begin_anew():
     check = ContentCheck()
-    assert check.look(grabbed(noise(1), 0)) == GOOD
-    assert check.look(grabbed(noise(1)[:240, :640], 1)) == GOOD
-    assert check.look(grabbed(noise(1)[:240, :640], 2)).damage == "repeated"
+    assert check.take(grabbed(noise(1), 0), AS_IT_IS)[0] == GOOD
+    assert check.take(grabbed(noise(1)[:240, :640], 1), AS_IT_IS)[0] == GOOD
+    assert check.take(grabbed(noise(1)[:240, :640], 2), AS_IT_IS)[0].damage == "repeated"
 
 
 @settings(max_examples=60)

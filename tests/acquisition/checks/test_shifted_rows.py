@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from acquisition.pictures import camera, damages, grabbed, without_a_packet
+from acquisition.pictures import AS_IT_IS, camera, damages, grabbed, without_a_packet
 from grabberd.acquisition.checks.content_check import ContentCheck
 
 TARGETS = slice(60, 240)
@@ -82,6 +82,6 @@ def test_neither_is_a_whole_picture_that_is_pushed_aside(liner):
 
 def test_after_a_gap_there_is_nothing_to_compare_with(liner):
     check = ContentCheck()
-    check.look(grabbed(liner[0], 0))
+    check.take(grabbed(liner[0], 0), AS_IT_IS)
     late = grabbed(without_a_packet(liner[1], 144, 40), 1)
-    assert check.look(late._replace(time_ns=late.time_ns + 100_000_000)).damage is None
+    assert check.take(late._replace(time_ns=late.time_ns + 100_000_000), AS_IT_IS)[0].damage is None

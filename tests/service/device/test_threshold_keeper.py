@@ -223,17 +223,12 @@ def test_a_map_fits_the_lines_of_the_ring_and_tells_its_median() -> None:
         packed = double_lines(field) if configured.lines == "doubled" else field
         assert by_pixel is not None
         assert by_pixel.shape == packed.luma.shape
-        threshold = one.in_force.of(packed, 1)
-        assert threshold is by_pixel
-        assert quantise(packed, 1, threshold).threshold == pytest.approx(one.in_force.level, abs=1)
+        assert quantise(packed, 1, by_pixel).threshold == one.in_force.level
+        assert one.in_force.level == pytest.approx(np.median(by_pixel), abs=1)
 
 
-def test_grey_and_other_lines_have_the_maps_median() -> None:
-    one, field = keeper(map=True), picture()
-    doubled = looked(one, field, ring())
-    assert doubled.of(double_lines(field), 8) == doubled.level
-    assert doubled.of(field, 1) == doubled.level
-    assert looked(one, field, ring(8, "field")).by_pixel is None
+def test_grey_has_one_threshold_for_all_pixels() -> None:
+    assert looked(keeper(map=True), picture(), ring(8, "field")).by_pixel is None
 
 
 def test_another_rule_is_in_force_from_the_next_look_on() -> None:

@@ -7,15 +7,19 @@ above it.
 """
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import cv2
 import numpy as np
-import scipy.fft
 from numpy.typing import NDArray
 
+from grabberd.kernel import KERNEL, Kernel
+
 Rows = NDArray[np.uint8]
-Profiles = NDArray[np.float32]
+Sums = NDArray[np.int32]
+Reals = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Number = TypeVar("Number", np.float32, np.float64)
 
 _BLOCK_ROWS = 12
 _BIN_COLUMNS = 4
@@ -42,15 +46,22 @@ class Shift(NamedTuple):
     columns: int
 
 
-def profiles(rows: Rows) -> Profiles:
-    """Compute (blocks, bins) means of 12 rows by 4 columns, less each block's mean."""
-    size = (max(1, rows.shape[1] // _BIN_COLUMNS), _blocks(rows))
-    means = cv2.resize(rows, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-    means -= means.mean(axis=1, keepdims=True)
-    return means
+def sums_shape(rows: int, columns: int) -> tuple[int, int]:
+    """Shape of `block_sums` of a field."""
+    return rows // _BLOCK_ROWS, columns // _BIN_COLUMNS
 
 
-def find_shift(rows: Rows, before: Rows, now: Profiles, then: Profiles) -> Shift | None:
+def block_sums(rows: Rows, out: Sums) -> None:
+    """Sum blocks of 12 rows in bins of 4 columns; the last block has the remaining rows as well."""
+    blocks, bins = out.shape
+    if out.size:
+        columns = np.add.reduceat(rows, np.arange(blocks) * _BLOCK_ROWS, axis=0, dtype=np.int32)
+        out[:] = sum(columns[:, k : _BIN_COLUMNS * bins : _BIN_COLUMNS] for k in range(_BIN_COLUMNS))
+
+
+def find_shift(
+    rows: Rows, before: Rows, now: Sums, then: Sums, kernel: Kernel | None = KERNEL
+) -> Shift | None:
     """Find the shift of a field relative to one a few hundredths of a second older, or None.
 
     A shift can be found only if there is contrast both above and below it. Shifts under 8 columns are taken
@@ -59,10 +70,13 @@ def find_shift(rows: Rows, before: Rows, now: Profiles, then: Profiles) -> Shift
     Args:
         rows: (rows, columns) grey values.
         before: Grey values of the earlier field.
-        now: `profiles` of `rows`.
-        then: `profiles` of `before`.
+        now: `block_sums` of `rows`.
+        then: `block_sums` of `before`.
+        kernel: The compiled kernel, which dismisses most fields, or None for numpy.
     """
-    coarse = _coarse_shift(now, then)
+    if kernel is not None and not kernel.shifted(now, then, *rows.shape):
+        return None
+    coarse = _coarse_shift(now, then, len(rows)) if now.size else None
     if coarse is None:
         return None
     columns = _fine_columns(rows, before, coarse)
@@ -78,16 +92,58 @@ class _Coarse(NamedTuple):
     columns: int
 
 
-def _coarse_shift(now: Profiles, then: Profiles) -> _Coarse | None:
-    """The first block and the shift that fit best, if the evidence suffices."""
-    power = np.sqrt((now * now).sum(axis=1) * (then * then).sum(axis=1))
+class _Contrast(NamedTuple):
+    """Contrast of the blocks' means, (blocks,), and how much of it stands where it stood before."""
+
+    power: Reals
+    unshifted: Reals
+
+
+def _contrast(now: Sums, then: Sums, rows: int) -> _Contrast:
+    bins = now.shape[1]
+    scale: Reals = 1.0 / (bins * (_BIN_COLUMNS * _heights(len(now), rows)) ** 2)
+    power = np.sqrt(_product(now, now) * _product(then, then)) * scale
+    return _Contrast(power, _product(now, then) * scale)
+
+
+def _heights(blocks: int, rows: int) -> NDArray[np.int64]:
+    """(blocks,) number of rows of each block."""
+    heights = np.full(blocks, _BLOCK_ROWS)
+    heights[-1] = rows - (blocks - 1) * _BLOCK_ROWS
+    return heights
+
+
+def _product(one: Sums, other: Sums) -> Reals:
+    """(blocks,) scalar products without the means, times the number of bins: exact."""
+    own, others = one.astype(np.int64), other.astype(np.int64)
+    products = one.shape[1] * (own * others).sum(axis=1) - own.sum(axis=1) * others.sum(axis=1)
+    exact: Reals = products.astype(np.float64)
+    return exact
+
+
+def candidates(now: Sums, then: Sums, rows: int) -> NDArray[np.intp]:
+    """Find blocks with contrast above that has not moved, and contrast below that has."""
+    power, unshifted = _contrast(now, then, rows)
     if power.max() < _LEAST_SIGMA**2 * now.shape[1]:
-        return None
-    unshifted = (now * then).sum(axis=1)
-    blocks = _candidates(power, unshifted)
+        return np.empty(0, np.intp)
+    below, unshifted_below = _from_below(power), _from_below(unshifted)
+    above, unshifted_above = below[0] - below, unshifted_below[0] - unshifted_below
+    found = (
+        (np.minimum(below, above) >= _LEAST_SHARE * below[0])
+        & (unshifted_above >= _LEAST_LIKENESS * above)
+        & (below - unshifted_below >= _LEAST_COARSE_GAIN * below)
+    )
+    return np.flatnonzero(found)
+
+
+def _coarse_shift(now: Sums, then: Sums, rows: int) -> _Coarse | None:
+    """The first block and the shift that fit best, if the evidence suffices."""
+    blocks = candidates(now, then, rows)
     if not blocks.size:
         return None
-    gain = _from_below(_correlated(now, then))[blocks] - _from_below(unshifted)[blocks, np.newaxis]
+    power, unshifted = _contrast(now, then, rows)
+    correlated = _correlated(*(_profiles(sums, rows) for sums in (now, then)))
+    gain = _from_below(correlated)[blocks] - _from_below(unshifted)[blocks, np.newaxis]
     # Less than two bins to either side, round the end of the line: that much may be motion.
     gain[:, :_LEAST_BINS] = gain[:, 1 - _LEAST_BINS :] = 0
     best, bins = np.unravel_index(int(gain.argmax()), gain.shape)
@@ -96,22 +152,17 @@ def _coarse_shift(now: Profiles, then: Profiles) -> _Coarse | None:
     return _Coarse(block, int(bins) * _BIN_COLUMNS) if telling else None
 
 
-def _candidates(power: Profiles, unshifted: Profiles) -> NDArray[np.intp]:
-    """Blocks with contrast above that has not moved, and contrast below that has."""
-    below, unshifted_below = _from_below(power), _from_below(unshifted)
-    above, unshifted_above = below[0] - below, unshifted_below[0] - unshifted_below
-    candidates = (
-        (np.minimum(below, above) >= _LEAST_SHARE * below[0])
-        & (unshifted_above >= _LEAST_LIKENESS * above)
-        & (below - unshifted_below >= _LEAST_COARSE_GAIN * below)
-    )
-    return np.flatnonzero(candidates)
+def _profiles(sums: Sums, rows: int) -> Reals:
+    """(blocks, bins) means, less each block's mean."""
+    means = sums / (_BIN_COLUMNS * _heights(len(sums), rows))[:, np.newaxis]
+    centred: Reals = means - means.mean(axis=1, keepdims=True)
+    return centred
 
 
-def _correlated(now: Profiles, then: Profiles) -> Profiles:
+def _correlated(now: Reals, then: Reals) -> Reals:
     """(blocks, bins): product of each block with the earlier one shifted right by that many bins."""
-    spectrum = scipy.fft.rfft(now) * np.conj(scipy.fft.rfft(then))
-    correlated: Profiles = scipy.fft.irfft(spectrum, now.shape[1])
+    spectrum = np.fft.rfft(now) * np.conj(np.fft.rfft(then))
+    correlated: Reals = np.fft.irfft(spectrum, now.shape[1])
     return correlated
 
 
@@ -127,21 +178,21 @@ def _fine_columns(rows: Rows, before: Rows, coarse: _Coarse) -> int | None:
     return shifted if fits else None
 
 
-def _smooth(rows: Rows) -> Profiles:
+def _smooth(rows: Rows) -> Singles:
     """(blocks, columns) running means of 12 rows by 4 columns, wrapping round the end of the line."""
     means = cv2.resize(rows, (rows.shape[1], _blocks(rows)), interpolation=cv2.INTER_AREA).astype(np.float32)
     means -= means.mean(axis=1, keepdims=True)
-    smooth: Profiles = sum((np.roll(means, k, axis=1) for k in range(1, _BIN_COLUMNS)), start=means)
+    smooth: Singles = sum((np.roll(means, k, axis=1) for k in range(1, _BIN_COLUMNS)), start=means)
     return smooth
 
 
-def _likeness(now: Profiles, then: Profiles, shift: int) -> float:
+def _likeness(now: Singles, then: Singles, shift: int) -> float:
     return float(np.vdot(now, np.roll(then, shift, axis=1)))
 
 
-def _from_below(values: Profiles) -> Profiles:
-    """Sums from each block to the last."""
-    sums: Profiles = np.cumsum(values[::-1], axis=0)[::-1]
+def _from_below(values: NDArray[Number]) -> NDArray[Number]:
+    """Sums from each block, or row, to the last."""
+    sums: NDArray[Number] = np.cumsum(values[::-1], axis=0)[::-1]
     return sums
 
 
@@ -155,7 +206,7 @@ def _first_row(rows: Rows, before: Rows, coarse: _Coarse, columns: int) -> int:
     return first + int(np.argmax(_from_below(gain)))
 
 
-def _centred(rows: Rows) -> Profiles:
+def _centred(rows: Rows) -> Singles:
     grey = rows.astype(np.float32)
     grey -= grey.mean(axis=1, keepdims=True)
     return grey

@@ -21,7 +21,7 @@ from grabberd.acquisition import (
     StreamInfo,
 )
 from grabberd.config import DeviceConfig
-from grabberd.field import Field, NumberedField, PackedField, double_lines, quantise
+from grabberd.field import NumberedField, PackedField, Packing, pack
 from grabberd.service.device.threshold_keeper import NewestField, ThresholdKeeper
 
 ARRIVALS = 4096
@@ -145,14 +145,10 @@ class FieldPipeline:
         """
         assert self._numbering is not None, "opened() comes first"
         self.interruption = None
-        content = self._content.look(grabbed) if self._content else Content()
         # Read once: a capture's start may exchange the ring while this field is packed for the old one.
         ring = self.ring
         self.newest.offer(grabbed.field, ring)
-        has_picture = signal is not Signal.ABSENT and content.no_picture is None
-        if has_picture:
-            self.thresholds.show(grabbed.field, ring)
-        packed = self._packed(grabbed.field, ring)
+        content, packed = self._packed(grabbed, signal, ring)
         self._unnumbered.append(_Unnumbered(packed, grabbed.sequence, now_ns, ring))
         if standstill is not None:
             self._numbering.stood_still(standstill.time_ns, standstill.reason)
@@ -185,11 +181,21 @@ class FieldPipeline:
         old, self.ring = self.ring, Ring(self._slots, bits, lines)
         old.close()
 
-    def _packed(self, field: Field, ring: Ring) -> PackedField:
+    def _packed(self, grabbed: GrabbedField, signal: Signal, ring: Ring) -> tuple[Content, PackedField]:
+        """Looks at a live field while packing it; a recording's is shown first, to choose a threshold by."""
+        if self._content is not None:
+            content, packed = self._content.take(grabbed, self._packing(ring))
+            if signal is not Signal.ABSENT and content.no_picture is None:
+                self.thresholds.show(grabbed.field, ring)
+            return content, packed
+        if signal is not Signal.ABSENT:
+            self.thresholds.show(grabbed.field, ring)
+        return Content(), pack(grabbed.field, self._packing(ring))
+
+    def _packing(self, ring: Ring) -> Packing:
         # Missing lines are interpolated on the grey field, before the threshold (paper 3.3).
-        if ring.lines == "doubled":
-            field = double_lines(field, self._interpolation)
-        return quantise(field, ring.bits, self.thresholds.in_force.of(field, ring.bits))
+        level, by_pixel = self.thresholds.for_next_field()
+        return Packing(ring.bits, ring.lines == "doubled", level, by_pixel, self._interpolation)
 
 
 def _default_lines(bits: int) -> str:

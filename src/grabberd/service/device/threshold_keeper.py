@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from grabberd.acquisition import Ring
 from grabberd.config import DeviceConfig
 from grabberd.errors import MeasurementError
-from grabberd.field import Field
+from grabberd.field import Field, map_level
 from grabberd.measurement import ThresholdRule
 from grabberd.processes.thresholds import field_threshold, field_threshold_map
 
@@ -97,12 +97,6 @@ class Threshold(NamedTuple):
     level: int
     by_pixel: NDArray[np.uint8] | None = None
 
-    def of(self, field: Field, bits: int) -> int | NDArray[np.uint8]:
-        """The threshold that a field is quantised with: by pixel at 1 bit, if it has the same lines."""
-        if self.by_pixel is None or bits != 1 or self.by_pixel.shape != field.luma.shape:
-            return self.level
-        return self.by_pixel
-
 
 class ThresholdKeeper:
     """Chooses a threshold about once a second by a copy of the newest field, in a thread of its own.
@@ -158,11 +152,15 @@ class ThresholdKeeper:
         """Notes that the capture thread has opened a live device, or a recording."""
         self._live = live
 
+    def for_next_field(self) -> Threshold:
+        """The threshold for the field that the capture thread packs next."""
+        self._packing_next.set()
+        return self.in_force
+
     def show(self, field: Field, ring: Ring) -> None:
-        """Shows a field that the capture thread is about to pack for this ring."""
+        """Shows a field with a picture; a recording's before it is packed for this ring."""
         if self._fixed:
             return
-        self._packing_next.set()
         if self._live or not self.held:
             self._newest.offer(field, ring)
         if not self._live and self._chosen_for is not ring:
@@ -234,7 +232,7 @@ class ThresholdKeeper:
         if not (self._by_pixel and ring.bits == 1):
             return Threshold(field_threshold(field, self._rule, ring.bits, doubled=doubled))
         by_pixel = field_threshold_map(field, self._rule, doubled=doubled)
-        return Threshold(int(np.median(by_pixel)), by_pixel)
+        return Threshold(map_level(by_pixel), by_pixel)
 
 
 def _rule(config: DeviceConfig) -> ThresholdRule:
