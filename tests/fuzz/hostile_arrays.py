@@ -51,7 +51,7 @@ def run(folder: Path, seed: int, calls: int = CALLS) -> tuple[int, str]:
 def call(random: Random, kernel: Any) -> None:
     """One call of one function, which may refuse."""
     with suppress(ValueError, OverflowError):  # refused
-        random.choice((_locate, _grey, _grey, _whole, _wall))(random, kernel)
+        random.choice((_locate, _grey, _grey, _whole, _wall, _pack, _take, _take, _shifted))(random, kernel)
 
 
 def _whole_number(random: Random, near: int) -> int:
@@ -106,6 +106,73 @@ def _grey(random: Random, kernel: Any) -> None:
         real[random.randrange(5)] = random.choice(REALS)
     wanted = GreySettings(*real, random.randrange(2), random.randrange(2), edge, len(EDGE))
     kernel.locate_grey(data, tuple(size), wanted, np.empty(9 * random.choice((0, 1, 200, 5000))))
+
+
+def _lines(random: Random) -> np.ndarray[Any, Any]:
+    """Rows of bytes in any strides; sometimes they are none."""
+    rows, columns, step = random.randint(1, 70), random.randint(1, 200), random.choice((1, 1, 2, 2, 3, 4))
+    buffer = np.frombuffer(random.randbytes(2 * rows * step * columns), np.uint8)
+    buffer = buffer & random.choice((1, 255, 255)) if random.random() < 0.5 else buffer
+    lines = buffer.reshape(2 * rows, step * columns)[random.randrange(2) :: 2, random.randrange(step) :: step]
+    lines = lines[:: random.choice((1, 1, -1)), :: random.choice((1, 1, -1))]
+    return lines if random.random() < 0.95 else random.choice((lines[0], lines[None], lines.astype(np.int16)))
+
+
+def _how(random: Random) -> list[int]:
+    how = [
+        random.choice((1, 1, 2, 3, 4, 5, 6, 8)),
+        random.randrange(2),
+        random.randrange(2),
+        random.randrange(2),
+    ]
+    how.append(random.choice((-1, 0, 60, 254, 255, 256)))
+    if random.random() < 0.2:
+        how[random.randrange(5)] = random.choice(EXTREMES)
+    return how
+
+
+def _packed(random: Random, lines: np.ndarray[Any, Any], how: list[int]) -> tuple[bytes, bytearray]:
+    """A threshold map, or none, and memory for the packed field; their lengths may be wrong."""
+    rows, columns = lines.shape[-2:] if lines.ndim > 1 else (1, lines.shape[0])
+    rows *= 1 + bool(how[1])
+    planes, stride = (1, columns) if how[0] == 8 else (min(max(how[0], 0), 9), -(-columns // 8))
+    by_pixel = random.randbytes(rows * columns) if how[0] == 1 and random.random() < 0.4 else b""
+    return by_pixel, bytearray(_length(random, planes * rows * stride))
+
+
+def _length(random: Random, right: int) -> int:
+    return max(0, right + random.choice((0, 0, 0, 0, 0, 0, 1, -1)))
+
+
+def _pack(random: Random, kernel: Any) -> None:
+    lines, how = _lines(random), _how(random)
+    kernel.pack(lines, tuple(how), *_packed(random, lines, how))
+
+
+def _take(random: Random, kernel: Any) -> None:
+    lines, how = _lines(random), _how(random)
+    rows, columns = lines.shape[-2:] if lines.ndim > 1 else (1, lines.shape[0])
+    words = -(-columns // 8)
+    copy = np.zeros(_length(random, rows * words), np.uint64)
+    good = np.zeros(random.choice((0, len(copy), rows * words)), np.uint64)
+    size = 8 * _length(random, words + 74 * rows)
+    memory = np.frombuffer(bytearray(random.choice((random.randbytes, bytes))(size)), np.uint64)
+    sums = np.zeros(_length(random, (rows // 12) * (columns // 4)), np.int32)
+    place = random.choice((0, 63, 64, -1, random.randrange(64)))
+    packed = _packed(random, lines, how)
+    for _ in range(random.randint(1, 3)):
+        kernel.take(lines, tuple(how), *packed, copy, good, memory, place, sums)
+        place = (place + 1) % 64
+
+
+def _shifted(random: Random, kernel: Any) -> None:
+    rows, columns = random.randint(0, 80), random.randint(0, 80)
+    count = (rows // 12) * (columns // 4)
+    now, then = (np.frombuffer(random.randbytes(4 * _length(random, count)), np.int32) for _ in range(2))
+    size = [rows, columns]
+    if random.random() < 0.3:
+        size[random.randrange(2)] = random.choice(EXTREMES)
+    kernel.shifted(now, then, *size)
 
 
 def _numbers(random: Random, count: int) -> np.ndarray[Any, Any]:

@@ -3,7 +3,9 @@
 import numpy as np
 
 from geometry.rigs import calibration
-from grabberd.field import PackedField
+from grabberd.acquisition import ContentCheck, GrabbedField
+from grabberd.field import BIT_DEPTHS, Field, PackedField, Packing, pack
+from grabberd.field.field import INTERPOLATIONS
 from grabberd.geometry import Rig
 from grabberd.kernel import load
 from grabberd.measurement import LocationSettings
@@ -12,6 +14,7 @@ from grabberd.measurement.compiled.grey_location import measure_grey, takes_grey
 from grabberd.measurement.locators.locator import GREY
 from grabberd.reconstruction import ImageNoise, ViewBlobs
 from grabberd.reconstruction.correspondence.correspondence import Correspondence
+from kernel.layouts import LAYOUTS
 from reconstruction.liners import model
 from reconstruction.many import grid
 
@@ -70,6 +73,17 @@ def wild_blobs(rng, count):
 
 def main():
     rng = np.random.default_rng(8)
+    locate(rng)
+    for size in ((1, 1), (2, 3), (9, 8), (31, 67), (64, 130)):
+        take_in(rng, size)
+    for one in (model(), grid(520)):
+        look_for(rng, one)
+    for count in (0, 1, 7):
+        bend(rng, count)
+    print("no harm")
+
+
+def locate(rng):
     for number, packed in enumerate(pictures(rng)):
         # Tables for locales of every size take numpy's time; their number is kept small.
         for method, greatest_px in (
@@ -80,11 +94,22 @@ def main():
         for wanted in grey_settings(rng):
             if takes_grey(packed, wanted):
                 measure_grey(KERNEL, packed, wanted)
-    for one in (model(), grid(520)):
-        look_for(rng, one)
-    for count in (0, 1, 7):
-        bend(rng, count)
-    print("no harm")
+
+
+def take_in(rng, size):
+    """A stream of noise that comes again, in rows of every layout, with buffers that end where it ends."""
+    fields = [rng.integers(0, rng.choice([2, 256]), size, np.uint8) for _ in range(3)]
+    for layout in LAYOUTS:
+        check = ContentCheck(KERNEL)
+        for n, bits in enumerate(2 * BIT_DEPTHS):
+            luma = layout(np.roll(fields[n % 3], rng.integers(0, 2), axis=1))
+            doubled = bool(n % 3) and size[0] > 1
+            shape = (size[0] * (1 + doubled), size[1])
+            by_pixel = rng.integers(0, 256, shape, np.uint8) if n % 2 else None
+            packing = Packing(bits, doubled, int(rng.choice([-5, 60, 999])), by_pixel, INTERPOLATIONS[n % 2])
+            grabbed = GrabbedField(Field.intact(luma, n % 2), n * 20_000_000, n, None)
+            check.take(grabbed, packing)
+            pack(grabbed.field, packing, KERNEL)
 
 
 def bend(rng, count):

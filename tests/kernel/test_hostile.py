@@ -93,6 +93,89 @@ def test_arrays_that_are_too_short_are_refused():
         KERNEL.wall_stiffness(values, rest, 1.0, 0.0, np.zeros(1), np.zeros((2, 24, 24)))
 
 
+PACKED = (1, 0, 0, 0, 60)
+"""1 bit, intact, not smoothed, top, threshold 60."""
+
+
+@needs_kernel
+@pytest.mark.parametrize(
+    ("how", "map_bytes", "out_bytes"),
+    [
+        ((1, 0, 0, 0, 60), 0, 17),
+        ((1, 1, 0, 0, 60), 0, 16),
+        ((2, 0, 0, 0, 60), 0, 16),
+        ((8, 0, 0, 0, 60), 0, 16),
+        ((7, 0, 0, 0, 60), 0, 112),
+        ((0, 0, 0, 0, 60), 0, 16),
+        ((-1, 0, 0, 0, 60), 0, 16),
+        ((1, 0, 0, 2, 60), 0, 16),
+        ((1, 0, 0, 0, 60), 71, 16),
+        ((1, 1, 0, 0, 60), 72, 32),
+        ((2, 0, 0, 0, 60), 72, 32),
+    ],
+)
+def test_a_packed_field_that_does_not_fit_its_lines_is_refused(how, map_bytes, out_bytes):
+    lines = np.zeros((8, 9), np.uint8)
+    KERNEL.pack(lines, PACKED, bytes(72), bytearray(16))
+    with pytest.raises(ValueError, match="do not belong together"):
+        KERNEL.pack(lines, how, bytes(map_bytes), bytearray(out_bytes))
+
+
+@needs_kernel
+@pytest.mark.parametrize(
+    "lines",
+    [
+        np.zeros(72, np.uint8),
+        np.zeros((8, 3, 3), np.uint8),
+        np.zeros((8, 9), np.uint16),
+        np.zeros((0, 9), np.uint8),
+        np.zeros((8, 0), np.uint8),
+        np.broadcast_to(np.zeros(1, np.uint8), (8, 8193)),
+        bytes(72),
+    ],
+)
+def test_lines_that_are_no_rows_of_bytes_are_refused(lines):
+    with pytest.raises(ValueError, match="no rows of bytes"):
+        KERNEL.pack(lines, PACKED, b"", bytearray(16))
+
+
+@needs_kernel
+def test_a_single_line_is_not_doubled():
+    with pytest.raises(ValueError, match="do not belong together"):
+        KERNEL.pack(np.zeros((1, 9), np.uint8), (1, 1, 0, 0, 60), b"", bytearray(4))
+
+
+@needs_kernel
+@pytest.mark.parametrize(
+    "wrong", [{"copy": 7}, {"good": 7}, {"memory": 7}, {"sums": 1}, {"place": -1}, {"place": 64}]
+)
+def test_a_memory_that_does_not_fit_its_lines_is_refused(wrong):
+    def take(copy=16, good=16, memory=594, place=63, sums=0):
+        arrays = [np.zeros(count, np.uint64) for count in (copy, good, memory)]
+        KERNEL.take(
+            np.zeros((8, 9), np.uint8),
+            PACKED,
+            b"",
+            bytearray(16),
+            *arrays,
+            place,
+            np.zeros(sums, np.int32),
+        )
+
+    take()
+    with pytest.raises(ValueError, match="do not belong together"):
+        take(**wrong)
+
+
+@needs_kernel
+@pytest.mark.parametrize("size", [(24, 8), (0, 8), (24, -8), (1 << 40, 8)])
+def test_sums_of_another_size_are_refused(size):
+    sums = np.zeros((2, 3), np.int32)
+    assert KERNEL.shifted(sums, sums, 24, 12) is False
+    with pytest.raises(ValueError, match="do not belong together"):
+        KERNEL.shifted(sums, sums, *size)
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_under_sanitisers_random_and_hostile_pictures_do_no_harm(tmp_path):

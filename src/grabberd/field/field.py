@@ -82,11 +82,10 @@ def double_lines(field: Field, interpolation: str = "linear") -> Field:
     Raises:
         ValueError: The interpolation is not one of `INTERPOLATIONS`.
     """
-    if interpolation not in INTERPOLATIONS:
-        raise ValueError(f"unknown interpolation {interpolation!r}; choose from {', '.join(INTERPOLATIONS)}")
+    smooths = smooths_lines(interpolation)
     if field.y_step == 1:
         return field
-    luma = field.luma if interpolation == "linear" else _smoothed(field.luma)
+    luma = _smoothed(field.luma) if smooths else field.luma
     rows, columns = luma.shape
     doubled = np.empty((2 * rows, columns), np.uint8)
     doubled[field.parity :: 2] = luma
@@ -95,6 +94,17 @@ def double_lines(field: Field, interpolation: str = "linear") -> Field:
     doubled[1 + field.parity : 2 * rows - 1 + field.parity : 2] = between
     doubled[-1 if field.parity == 0 else 0] = luma[-1 if field.parity == 0 else 0]
     return Field(doubled, field.parity, y0=0, y_step=1)
+
+
+def smooths_lines(interpolation: str) -> bool:
+    """True if an interpolation smooths every line along x as well.
+
+    Raises:
+        ValueError: The interpolation is not one of `INTERPOLATIONS`.
+    """
+    if interpolation not in INTERPOLATIONS:
+        raise ValueError(f"unknown interpolation {interpolation!r}; choose from {', '.join(INTERPOLATIONS)}")
+    return interpolation != "linear"
 
 
 def _smoothed(luma: NDArray[np.uint8]) -> NDArray[np.uint8]:

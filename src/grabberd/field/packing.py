@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.field.field import INTERPOLATIONS, Field, PackedField, double_lines, packed_shape, quantise
+from grabberd.field.field import Field, PackedField, double_lines, packed_shape, quantise, smooths_lines
 from grabberd.kernel import KERNEL, Kernel
 
 NO_MAP: NDArray[np.uint8] = np.empty(0, np.uint8)
@@ -64,7 +64,7 @@ class KernelPacking(NamedTuple):
         data = np.empty(packed_shape(rows, columns, packing.bits), np.uint8)
         y0, y_step = (0, 1) if doubles else (field.y0, field.y_step)
         packed = PackedField(data, packing.bits, columns, field.parity, y0, y_step, packing.threshold)
-        smooths = INTERPOLATIONS.index(packing.interpolation)
+        smooths = int(smooths_lines(packing.interpolation))
         how = packing.bits, int(doubles), smooths, field.parity, packing.threshold
         by_pixel = packing.map_for((rows, columns))
         return cls(how, NO_MAP if by_pixel is None else np.ascontiguousarray(by_pixel), packed)

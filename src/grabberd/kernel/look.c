@@ -105,7 +105,7 @@ static bool find_old(const Lines *lines, const Look *look, bool *old) {
 /* Pixel groups of a row by which its match means something. */
 static int64_t evidence_of(const Lines *lines, const Look *look, const Notes *notes, int64_t row) {
     int64_t least = notes->contrast[row];
-    for (int64_t k = 0; k < LEARNED; k++) least = at_most(look->learned[k * lines->rows + row], least);
+    for (int64_t k = 0; k < LEARNED; k++) least = within(look->learned[k * lines->rows + row], 0, least);
     return least;
 }
 

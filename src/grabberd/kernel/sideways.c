@@ -3,6 +3,9 @@
 
 static const double LEAST_SIGMA = 2.0, LEAST_SHARE = 0.02, LEAST_LIKENESS = 0.6, LEAST_COARSE_GAIN = 0.05;
 
+/* A sum of grey values over the highest block, of less than 24 rows, needs no more: so no product overflows. */
+enum { SUM_BITS = 0x7fff };
+
 typedef struct {
     int64_t now, then, now_now, then_then, now_then;
 } Products;
@@ -10,7 +13,7 @@ typedef struct {
 WIDE static void multiply(const int32_t *restrict now, const int32_t *restrict then, int64_t bins, Products *of) {
     Products sum = {0};
     for (int64_t i = 0; i < bins; i++) {
-        int64_t one = now[i], other = then[i];
+        int64_t one = now[i] & SUM_BITS, other = then[i] & SUM_BITS;
         sum.now += one, sum.then += other;
         sum.now_now += one * one, sum.then_then += other * other, sum.now_then += one * other;
     }
