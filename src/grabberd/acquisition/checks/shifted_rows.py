@@ -54,9 +54,13 @@ def sums_shape(rows: int, columns: int) -> tuple[int, int]:
 def block_sums(rows: Rows, out: Sums) -> None:
     """Sum blocks of 12 rows in bins of 4 columns; the last block has the remaining rows as well."""
     blocks, bins = out.shape
-    if out.size:
-        columns = np.add.reduceat(rows, np.arange(blocks) * _BLOCK_ROWS, axis=0, dtype=np.int32)
-        out[:] = sum(columns[:, k : _BIN_COLUMNS * bins : _BIN_COLUMNS] for k in range(_BIN_COLUMNS))
+    if not out.size:
+        return
+    columns = np.empty((blocks, rows.shape[1]), np.float32)
+    for block, height in enumerate(_heights(blocks, len(rows))):
+        first = block * _BLOCK_ROWS
+        cv2.reduce(rows[first : first + height], 0, cv2.REDUCE_SUM, columns[block : block + 1], cv2.CV_32F)
+    out[:] = sum(columns[:, k : _BIN_COLUMNS * bins : _BIN_COLUMNS] for k in range(_BIN_COLUMNS))
 
 
 def find_shift(
@@ -102,8 +106,9 @@ class _Contrast(NamedTuple):
 def _contrast(now: Sums, then: Sums, rows: int) -> _Contrast:
     bins = now.shape[1]
     scale: Reals = 1.0 / (bins * (_BIN_COLUMNS * _heights(len(now), rows)) ** 2)
-    power = np.sqrt(_product(now, now) * _product(then, then)) * scale
-    return _Contrast(power, _product(now, then) * scale)
+    one, other = now.astype(np.float64), then.astype(np.float64)
+    power = np.sqrt(_product(one, one) * _product(other, other)) * scale
+    return _Contrast(power, _product(one, other) * scale)
 
 
 def _heights(blocks: int, rows: int) -> NDArray[np.int64]:
@@ -113,12 +118,10 @@ def _heights(blocks: int, rows: int) -> NDArray[np.int64]:
     return heights
 
 
-def _product(one: Sums, other: Sums) -> Reals:
-    """(blocks,) scalar products without the means, times the number of bins: exact."""
-    own, others = one.astype(np.int64), other.astype(np.int64)
-    products = one.shape[1] * (own * others).sum(axis=1) - own.sum(axis=1) * others.sum(axis=1)
-    exact: Reals = products.astype(np.float64)
-    return exact
+def _product(one: Reals, other: Reals) -> Reals:
+    """(blocks,) scalar products without the means, times the number of bins: exact, as all are whole numbers."""
+    product: Reals = one.shape[1] * np.einsum("ij,ij->i", one, other) - one.sum(axis=1) * other.sum(axis=1)
+    return product
 
 
 def candidates(now: Sums, then: Sums, rows: int) -> NDArray[np.intp]:
