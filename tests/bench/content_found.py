@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from grabberd.acquisition.checks.content_check import Content, ContentCheck
 from grabberd.acquisition.device import GrabbedField
-from grabberd.field import Field
+from grabberd.field import Field, Packing
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.world import World
 
@@ -23,6 +23,8 @@ EVERY = 8
 SHIFTS_PX = (8, 12, 16, 25, 26, 40, 100, 180, 360, 500, 700)
 FIRST_ROWS = (60, 144, 200, 240)
 STALE_ROWS = (1, 5, 20, 100)
+PACKING = Packing(1, doubled=False, threshold=60)
+"""What is found does not depend on it."""
 
 SCENES: Mapping[str, tuple[Mapping[str, Any], float]] = {
     "liner, 2 % noise": ({}, 0),
@@ -85,7 +87,7 @@ def _seen(options: Mapping[str, Any], clip_sigmas: float) -> Iterator[Luma]:
 def _looked_at(lumas: list[Luma]) -> Iterator[Content]:
     check = ContentCheck()
     for n, luma in enumerate(lumas):
-        yield check.look(GrabbedField(Field.intact(luma, n % 2), n * 20_000_000, n, None))
+        yield check.take(GrabbedField(Field.intact(luma, n % 2), n * 20_000_000, n, None), PACKING)[0]
 
 
 def _shifts_found(lumas: list[Luma], columns: int, row: int) -> tuple[int, int, int]:

@@ -157,19 +157,21 @@ def _take(random: Random, kernel: Any) -> None:
     good = np.zeros(random.choice((0, len(copy), rows * words)), np.uint64)
     size = 8 * _length(random, words + 74 * rows)
     memory = np.frombuffer(bytearray(random.choice((random.randbytes, bytes))(size)), np.uint64)
-    sums = np.zeros(_length(random, (rows // 12) * (columns // 4)), np.int32)
+    means = np.zeros(_length(random, (rows // 12) * (columns // 4)), np.int16)
     place = random.choice((0, 63, 64, -1, random.randrange(64)))
     packed = _packed(random, lines, how)
     for _ in range(random.randint(1, 3)):
-        kernel.take(lines, tuple(how), *packed, copy, good, memory, place, sums)
+        kernel.take(lines, tuple(how), *packed, copy, good, memory, place, means)
         place = (place + 1) % 64
 
 
 def _shifted(random: Random, kernel: Any) -> None:
-    rows, columns = random.randint(0, 80), random.randint(0, 80)
-    count = (rows // 12) * (columns // 4)
-    now, then = (np.frombuffer(random.randbytes(4 * _length(random, count)), np.int32) for _ in range(2))
-    size = [rows, columns]
+    size = [random.randint(0, 30), random.randint(0, 200)]
+    highest = random.choice((1, 255, 255, 255, 256, 1 << 15))
+    now, then = (
+        np.array([random.randrange(highest) for _ in range(_length(random, size[0] * size[1]))], np.int16)
+        for _ in range(2)
+    )
     if random.random() < 0.3:
         size[random.randrange(2)] = random.choice(EXTREMES)
     kernel.shifted(now, then, *size)

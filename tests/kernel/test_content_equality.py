@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from acquisition.pictures import camera, grabbed, noise, without_a_packet
 from grabberd.acquisition.checks.content_check import ContentCheck
-from grabberd.acquisition.checks.shifted_rows import block_sums, candidates, sums_shape
+from grabberd.acquisition.checks.shifted_rows import coarse_shift, profiles, profiles_shape
 from grabberd.field import Packing
 from grabberd.kernel import KERNEL
 from kernel.layouts import LAYOUTS, yuyv
@@ -128,7 +128,7 @@ def test_of_where_rows_may_be_shifted(seed, size, row, columns, noise_levels):
     before = picture(rng, "blots", *size).astype(np.uint8)
     now = np.clip(before + rng.integers(0, noise_levels, size), 0, 255).astype(np.uint8)
     now[row:] = np.roll(now[row:], columns, axis=1)
-    sums = [np.zeros(sums_shape(*size), np.int32) for _ in range(2)]
-    for luma, out in zip((now, before), sums, strict=True):
-        block_sums(luma, out)
-    assert KERNEL.shifted(*sums, *size) == bool(candidates(*sums, size[0]).size)
+    means = [np.zeros(profiles_shape(*size), np.int16) for _ in range(2)]
+    for luma, out in zip((now, before), means, strict=True):
+        profiles(luma, out)
+    assert KERNEL.shifted(*means, *means[0].shape) == (coarse_shift(*means) or (-1, 0))

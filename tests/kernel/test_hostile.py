@@ -147,10 +147,10 @@ def test_a_single_line_is_not_doubled():
 
 @needs_kernel
 @pytest.mark.parametrize(
-    "wrong", [{"copy": 7}, {"good": 7}, {"memory": 7}, {"sums": 1}, {"place": -1}, {"place": 64}]
+    "wrong", [{"copy": 7}, {"good": 7}, {"memory": 7}, {"means": 1}, {"place": -1}, {"place": 64}]
 )
 def test_a_memory_that_does_not_fit_its_lines_is_refused(wrong):
-    def take(copy=16, good=16, memory=594, place=63, sums=0):
+    def take(copy=16, good=16, memory=594, place=63, means=0):
         arrays = [np.zeros(count, np.uint64) for count in (copy, good, memory)]
         KERNEL.take(
             np.zeros((8, 9), np.uint8),
@@ -159,7 +159,7 @@ def test_a_memory_that_does_not_fit_its_lines_is_refused(wrong):
             bytearray(16),
             *arrays,
             place,
-            np.zeros(sums, np.int32),
+            np.zeros(means, np.int16),
         )
 
     take()
@@ -168,12 +168,20 @@ def test_a_memory_that_does_not_fit_its_lines_is_refused(wrong):
 
 
 @needs_kernel
-@pytest.mark.parametrize("size", [(24, 8), (0, 8), (24, -8), (1 << 40, 8)])
-def test_sums_of_another_size_are_refused(size):
-    sums = np.zeros((2, 3), np.int32)
-    assert KERNEL.shifted(sums, sums, 24, 12) is False
+@pytest.mark.parametrize("size", [(2, 2), (0, 3), (-2, -3), (1 << 40, 3), (2, 1 << 40)])
+def test_profiles_of_another_size_are_refused(size):
+    means = np.zeros((2, 3), np.int16)
+    assert KERNEL.shifted(means, means, 2, 3) == (-1, 0)
     with pytest.raises(ValueError, match="do not belong together"):
-        KERNEL.shifted(sums, sums, *size)
+        KERNEL.shifted(means, means, *size)
+
+
+@needs_kernel
+@pytest.mark.parametrize("value", [-1, 256])
+def test_profiles_that_are_no_grey_values_are_refused(value):
+    means = np.full((2, 3), value, np.int16)
+    with pytest.raises(ValueError, match="do not belong together"):
+        KERNEL.shifted(means, means, 2, 3)
 
 
 @pytest.mark.slow

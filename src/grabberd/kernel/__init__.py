@@ -57,8 +57,8 @@ class Kernel(Protocol):
     ) -> tuple[int, int, int]:
         """Copy a field out of its buffer, look at its content, and pack it."""
 
-    def shifted(self, sums: Buffer, earlier: Buffer, rows: int, columns: int, /) -> bool:
-        """Check whether rows of a field may be shifted sideways."""
+    def shifted(self, means: Buffer, earlier: Buffer, blocks: int, bins: int, /) -> tuple[int, int]:
+        """Find the first block of rows that may be shifted sideways, and by how much."""
 
     def wall_forces(
         self, values: Buffer, rest: Buffer, shear_mpa: float, resistance: Buffer, units: Buffer, /

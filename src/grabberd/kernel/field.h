@@ -36,7 +36,7 @@ typedef struct {
     const int64_t *learned; /* (LEARNED, rows) */
     uint64_t *hashes;       /* (rows,) */
     int64_t *differing;     /* (rows,) */
-    int32_t *sums;          /* (rows / BLOCK_ROWS, columns / BIN_COLUMNS) */
+    int16_t *means;         /* (rows / BLOCK_ROWS, columns / BIN_COLUMNS) */
     int64_t place;          /* of this field among those remembered */
 } Look;
 
@@ -51,6 +51,17 @@ typedef struct {
     int64_t made_up, first, last; /* the first and last stale row, or −1 */
 } Findings;
 
+/* Means of a field's blocks, (blocks, bins), from 0 to 255. */
+typedef struct {
+    const int16_t *means;
+    int64_t blocks, bins;
+} Profiles;
+
+/* The first shifted block, or −1, and by how many bins. */
+typedef struct {
+    int64_t block, bins;
+} Coarse;
+
 int pack_field(const Lines *, const Packing *);
 int take_field(const Lines *, const Packing *, const Look *, Findings *);
 
@@ -59,7 +70,7 @@ void copy_line(const Lines *, int64_t row, uint8_t *to);
 void pack_line(const Lines *, const Packing *, Stages *, int64_t row, const uint8_t *line);
 void look_at_line(const Lines *, const Look *, Notes *, int64_t row);
 Findings conclude(const Lines *, const Look *, Notes *);
-bool may_be_shifted(const int32_t *now, const int32_t *then, int64_t rows, int64_t columns);
+Coarse coarse_shift(const Profiles *now, const Profiles *then);
 
 INLINE int64_t words_of(int64_t columns) { return (columns + WORD - 1) / WORD; }
 INLINE int64_t packed_rows(const Lines *lines, const Packing *packing) { return (packing->doubled ? 2 : 1) * lines->rows; }

@@ -28,9 +28,16 @@ WIDE static void add_to(uint16_t *restrict sums, const uint8_t *restrict line, i
     for (int64_t i = 0; i < columns; i++) sums[i] = (uint16_t)(sums[i] + line[i]);
 }
 
-static void sum_bins(const uint16_t *column_sums, int64_t bins, int32_t *sums) {
+INLINE void means_over(const uint16_t *column_sums, int64_t bins, int32_t count, int16_t *means) {
     for (int64_t i = 0; i < bins; i++, column_sums += BIN_COLUMNS)
-        sums[i] = column_sums[0] + column_sums[1] + column_sums[2] + column_sums[3];
+        means[i] = (int16_t)((column_sums[0] + column_sums[1] + column_sums[2] + column_sums[3] + count / 2) / count);
+}
+
+/* Means of bins over so many rows, rounded half up. */
+WIDE static void write_means(const uint16_t *column_sums, int64_t bins, int64_t rows, int16_t *means) {
+    const int32_t usual = BLOCK_ROWS * BIN_COLUMNS; /* known to the compiler, it needs no division */
+    if (rows == BLOCK_ROWS) means_over(column_sums, bins, usual, means);
+    else means_over(column_sums, bins, (int32_t)rows * BIN_COLUMNS, means);
 }
 
 void look_at_line(const Lines *lines, const Look *look, Notes *notes, int64_t row) {
@@ -42,7 +49,7 @@ void look_at_line(const Lines *lines, const Look *look, Notes *notes, int64_t ro
     int64_t block = (row + 1) / BLOCK_ROWS - 1;
     bool is_whole = block < blocks - 1 ? (row + 1) % BLOCK_ROWS == 0 : row + 1 == lines->rows;
     if (block < 0 || !is_whole) return;
-    sum_bins(notes->column_sums, bins, look->sums + block * bins);
+    write_means(notes->column_sums, bins, row + 1 - block * BLOCK_ROWS, look->means + block * bins);
     memset(notes->column_sums, 0, (size_t)lines->columns * sizeof *notes->column_sums);
 }
 

@@ -213,7 +213,7 @@ static PyMethodDef FUNCTIONS[] = {{"locate", locate, METH_VARARGS, "Blobs of a p
                                   {"agree", agree, METH_VARARGS, "Whether targets agree, and where all of them are."},
                                   {"pack", pack_of, METH_VARARGS, "A field, doubled, quantised and packed."},
                                   {"take", take_of, METH_VARARGS, "A field, copied, looked at and packed."},
-                                  {"shifted", shifted_of, METH_VARARGS, "Whether rows of a field may be shifted."},
+                                  {"shifted", shifted_of, METH_VARARGS, "Where and how far rows of a field may be shifted."},
                                   {"wall_forces", forces_of, METH_VARARGS, "Resistance of a thick wall, and work of unit loads."},
                                   {"wall_stiffness", stiffness_of, METH_VARARGS, "Stiffness of a loaded thick wall."},
                                   {NULL, NULL, 0, NULL}};

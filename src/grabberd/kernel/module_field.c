@@ -55,23 +55,23 @@ PyObject *pack_of(PyObject *self, PyObject *arguments) {
 }
 
 /* Its parts stand in one array (checks.stale_rows). */
-static bool is_look(const Lines *lines, const Py_buffer *copy, const Py_buffer *good, const Py_buffer *memory, const Py_buffer *sums,
+static bool is_look(const Lines *lines, const Py_buffer *copy, const Py_buffer *good, const Py_buffer *memory, const Py_buffer *means,
                     Look *look) {
     int64_t rows = lines->rows, count = words_of(lines->columns), size = (Py_ssize_t)sizeof(uint64_t);
     uint64_t *at = memory->buf;
-    look->words = copy->buf, look->good = good->len ? good->buf : NULL, look->sums = sums->buf, look->weights = at;
+    look->words = copy->buf, look->good = good->len ? good->buf : NULL, look->means = means->buf, look->weights = at;
     look->seen = at + count, look->learned = (int64_t *)(look->seen + REMEMBERED * rows);
     look->hashes = look->seen + (REMEMBERED + LEARNED) * rows, look->differing = (int64_t *)(look->hashes + rows);
     return copy->len == size * rows * count && (!good->len || good->len == copy->len) &&
            memory->len == size * (count + (REMEMBERED + LEARNED + 2) * rows) && look->place >= 0 && look->place < REMEMBERED &&
-           sums->len == (Py_ssize_t)sizeof(int32_t) * (rows / BLOCK_ROWS) * (lines->columns / BIN_COLUMNS);
+           means->len == (Py_ssize_t)sizeof(int16_t) * (rows / BLOCK_ROWS) * (lines->columns / BIN_COLUMNS);
 }
 
-/* take(lines, (bits, doubled, smoothed, parity, threshold), map or nothing, out, copy, good one or nothing, memory, place, sums)
-   → what the grabber draws, first and last stale row; fills `out`, copy, memory and sums */
+/* take(lines, (bits, doubled, smoothed, parity, threshold), map or nothing, out, copy, good one or nothing, memory, place, means)
+   → what the grabber draws, first and last stale row; fills `out`, copy, memory and means */
 PyObject *take_of(PyObject *self, PyObject *arguments) {
     PyObject *object;
-    Py_buffer view, map, out, copy, good, memory, sums;
+    Py_buffer view, map, out, copy, good, memory, means;
     Lines lines;
     Packing packing = {0};
     Look look = {0};
@@ -80,32 +80,45 @@ PyObject *take_of(PyObject *self, PyObject *arguments) {
     int status = REFUSED;
     (void)self;
     if (!PyArg_ParseTuple(arguments, "O(LLLLL)y*w*w*y*w*Lw*", &object, &packing.bits, &packing.doubled, &packing.smoothed,
-                          &packing.parity, &packing.threshold, &map, &out, &copy, &good, &memory, &place, &sums))
+                          &packing.parity, &packing.threshold, &map, &out, &copy, &good, &memory, &place, &means))
         return NULL;
     look.place = place;
     bool sound = are_lines(object, &view, &lines);
-    if (sound && is_packing(&lines, &packing, &map, &out) && is_look(&lines, &copy, &good, &memory, &sums, &look)) {
+    if (sound && is_packing(&lines, &packing, &map, &out) && is_look(&lines, &copy, &good, &memory, &means, &look)) {
         Py_BEGIN_ALLOW_THREADS
         status = take_field(&lines, &packing, &look, &findings);
         Py_END_ALLOW_THREADS
     }
     if (sound) PyBuffer_Release(&view);
-    Py_buffer *all[] = {&map, &out, &copy, &good, &memory, &sums};
+    Py_buffer *all[] = {&map, &out, &copy, &good, &memory, &means};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) PyBuffer_Release(all[i]);
     return sound ? done(status, &findings) : NULL;
 }
 
-/* shifted(sums, earlier sums, rows, columns) → whether rows may be shifted */
+static bool are_profiles(const Py_buffer *buffer, long long blocks, long long bins, Profiles *profiles) {
+    *profiles = (Profiles){buffer->buf, blocks, bins};
+    if (blocks < 0 || blocks > LONGEST_SIDE / BLOCK_ROWS || bins < 0 || bins > LONGEST_SIDE / BIN_COLUMNS) return false;
+    if (buffer->len != (Py_ssize_t)sizeof(int16_t) * blocks * bins) return false;
+    for (int64_t i = 0; i < blocks * bins; i++)
+        if (profiles->means[i] & ~UINT8_MAX) return false;
+    return true;
+}
+
+/* shifted(means, earlier means, blocks, bins) → the first shifted block, or −1, and by how many bins to the right */
 PyObject *shifted_of(PyObject *self, PyObject *arguments) {
-    Py_buffer now, then;
-    long long rows, columns;
-    int found = -1;
+    Py_buffer one, other;
+    Profiles now, then;
+    Coarse coarse = {-1, 0};
+    long long blocks, bins;
     (void)self;
-    if (!PyArg_ParseTuple(arguments, "y*y*LL", &now, &then, &rows, &columns)) return NULL;
-    if (rows > 0 && rows <= LONGEST_SIDE && columns > 0 && columns <= LONGEST_SIDE && now.len == then.len &&
-        now.len == (Py_ssize_t)sizeof(int32_t) * (rows / BLOCK_ROWS) * (columns / BIN_COLUMNS))
-        found = may_be_shifted(now.buf, then.buf, rows, columns);
-    PyBuffer_Release(&now);
-    PyBuffer_Release(&then);
-    return found < 0 ? refused("arrays that do not belong together") : PyBool_FromLong(found);
+    if (!PyArg_ParseTuple(arguments, "y*y*LL", &one, &other, &blocks, &bins)) return NULL;
+    bool sound = are_profiles(&one, blocks, bins, &now) && are_profiles(&other, blocks, bins, &then);
+    if (sound) {
+        Py_BEGIN_ALLOW_THREADS
+        coarse = coarse_shift(&now, &then);
+        Py_END_ALLOW_THREADS
+    }
+    PyBuffer_Release(&one);
+    PyBuffer_Release(&other);
+    return sound ? Py_BuildValue("LL", (long long)coarse.block, (long long)coarse.bins) : refused("arrays that do not belong together");
 }

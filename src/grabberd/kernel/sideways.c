@@ -1,57 +1,71 @@
-/* Whether rows may be shifted sideways, by the sums of small blocks (as checks.shifted_rows). */
+/* Whether, where and how far rows are shifted sideways, by the means of small blocks (as checks.shifted_rows). All sums
+   are of whole numbers, so their order is of no importance. */
 #include "field.h"
 
+enum { LEAST_BINS = 2, MOST_BLOCKS = LONGEST_SIDE / BLOCK_ROWS, MOST_BINS = LONGEST_SIDE / BIN_COLUMNS };
 static const double LEAST_SIGMA = 2.0, LEAST_SHARE = 0.02, LEAST_LIKENESS = 0.6, LEAST_COARSE_GAIN = 0.05;
 
-/* A sum of grey values over the highest block, of less than 24 rows, needs no more: so no product overflows. */
-enum { SUM_BITS = 0x7fff };
-
-typedef struct {
-    int64_t now, then, now_now, then_then, now_then;
-} Products;
-
-WIDE static void multiply(const int32_t *restrict now, const int32_t *restrict then, int64_t bins, Products *of) {
-    Products sum = {0};
-    for (int64_t i = 0; i < bins; i++) {
-        int64_t one = now[i] & SUM_BITS, other = then[i] & SUM_BITS;
-        sum.now += one, sum.then += other;
-        sum.now_now += one * one, sum.then_then += other * other, sum.now_then += one * other;
-    }
-    *of = sum;
+WIDE static int32_t product_of(const int16_t *one, const int16_t *other, int64_t count) {
+    int32_t sum = 0;
+    for (int64_t i = 0; i < count; i++) sum += one[i] * other[i];
+    return sum;
 }
 
-/* Contrast of each block's means, and how much of it is where it was; sums from each block to the last. */
+WIDE static int32_t sum_of_bins(const int16_t *values, int64_t count) {
+    int32_t sum = 0;
+    for (int64_t i = 0; i < count; i++) sum += values[i];
+    return sum;
+}
+
+/* From a block to the last: contrast, and how much of it is where it was. */
 typedef struct {
     double power, unshifted;
-} Block;
+} Below;
 
-static double sum_blocks(const int32_t *now, const int32_t *then, int64_t rows, int64_t bins, Block *below) {
-    int64_t blocks = rows / BLOCK_ROWS;
+static double sum_blocks(const Profiles *now, const Profiles *then, Below *below) {
+    int64_t bins = now->bins;
     double most = 0;
-    Block sum = {0, 0};
-    for (int64_t b = blocks - 1; b >= 0; b--) {
-        int64_t high = b == blocks - 1 ? rows - b * BLOCK_ROWS : BLOCK_ROWS;
-        double scale = 1.0 / (double)(bins * (BIN_COLUMNS * high) * (BIN_COLUMNS * high));
-        Products of;
-        multiply(now + b * bins, then + b * bins, bins, &of);
-        double own = (double)(bins * of.now_now - of.now * of.now), other = (double)(bins * of.then_then - of.then * of.then);
-        double power = sqrt(own * other) * scale;
+    Below sum = {0, 0};
+    for (int64_t b = now->blocks - 1; b >= 0; b--) {
+        const int16_t *one = now->means + b * bins, *other = then->means + b * bins;
+        int64_t total = sum_of_bins(one, bins), earlier = sum_of_bins(other, bins);
+        double own = (double)(bins * product_of(one, one, bins) - total * total);
+        double power = sqrt(own * (double)(bins * product_of(other, other, bins) - earlier * earlier));
         most = larger(power, most);
-        sum.power += power, sum.unshifted += (double)(bins * of.now_then - of.now * of.then) * scale;
+        sum.power += power, sum.unshifted += (double)(bins * product_of(one, other, bins) - total * earlier);
         below[b] = sum;
     }
     return most;
 }
 
-bool may_be_shifted(const int32_t *now, const int32_t *then, int64_t rows, int64_t columns) {
-    int64_t blocks = rows / BLOCK_ROWS, bins = columns / BIN_COLUMNS;
-    Block below[LONGEST_SIDE / BLOCK_ROWS];
-    if (sum_blocks(now, then, rows, bins, below) < LEAST_SIGMA * LEAST_SIGMA * (double)bins) return false;
-    for (int64_t b = 0; b < blocks; b++) {
-        double above = below[0].power - below[b].power, unshifted_above = below[0].unshifted - below[b].unshifted;
-        if (smaller(below[b].power, above) >= LEAST_SHARE * below[0].power && unshifted_above >= LEAST_LIKENESS * above &&
-            below[b].power - below[b].unshifted >= LEAST_COARSE_GAIN * below[b].power)
-            return true;
+/* Whether there is contrast above that has not moved, and contrast below that has. */
+static bool is_candidate(const Below *below, int64_t b) {
+    double above = below[0].power - below[b].power, unshifted_above = below[0].unshifted - below[b].unshifted;
+    return smaller(below[b].power, above) >= LEAST_SHARE * below[0].power && unshifted_above >= LEAST_LIKENESS * above &&
+           below[b].power - below[b].unshifted >= LEAST_COARSE_GAIN * below[b].power;
+}
+
+/* Adds a block's products with the earlier one shifted right by each number of bins, less the unshifted one. */
+static void add_gains(const int16_t *now, const int16_t *then, int64_t bins, int64_t *gains) {
+    int16_t twice[2 * MOST_BINS];
+    memcpy(twice, then, (size_t)bins * sizeof *then);
+    memcpy(twice + bins, then, (size_t)bins * sizeof *then);
+    int32_t unshifted = product_of(now, then, bins);
+    for (int64_t shift = LEAST_BINS; shift <= bins - LEAST_BINS; shift++)
+        gains[shift] += product_of(now, twice + bins - shift, bins) - unshifted;
+}
+
+Coarse coarse_shift(const Profiles *now, const Profiles *then) {
+    int64_t bins = now->bins, first = 0, gains[MOST_BINS] = {0}, most = 0;
+    Below below[MOST_BLOCKS];
+    Coarse best = {-1, 0}, none = {-1, 0};
+    if (!now->blocks || sum_blocks(now, then, below) < LEAST_SIGMA * LEAST_SIGMA * (double)bins * (double)bins) return none;
+    while (first < now->blocks && !is_candidate(below, first)) first++;
+    for (int64_t b = now->blocks - 1; b >= first; b--) {
+        add_gains(now->means + b * bins, then->means + b * bins, bins, gains);
+        if (!is_candidate(below, b)) continue;
+        for (int64_t shift = bins - LEAST_BINS; shift >= LEAST_BINS; shift--)
+            if (gains[shift] >= most && gains[shift] > 0) most = gains[shift], best = (Coarse){b, shift};
     }
-    return false;
+    return best.block >= 0 && (double)(bins * most) >= LEAST_COARSE_GAIN * below[best.block].power ? best : none;
 }

@@ -1,4 +1,4 @@
-"""Our side: the whole way from packed fields to points, and location alone."""
+"""Our side: the whole way from packed fields to points, location alone, and the way into the ring."""
 
 import time
 from collections.abc import Callable
@@ -6,13 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from tests.bench.peers.buffers import in_buffers
 from tests.bench.peers.given import SETTLED, Given
 
-from grabberd.field import PackedField
+from grabberd.acquisition import ContentCheck, GrabbedField
+from grabberd.field import Field, PackedField, Packing
 from grabberd.measurement import LocationSettings, measure
 from grabberd.processes.measure import measure_fields
 
 Array = NDArray[np.float64]
+PERIOD_NS = 20_000_000
 
 
 class Points(NamedTuple):
@@ -31,6 +34,20 @@ def turn_us(given: Given, way: str) -> list[float]:
     for _ in fields:
         before = time.thread_time_ns()
         next(results)
+        times.append((time.thread_time_ns() - before) / 1000)
+    return times[SETTLED:]
+
+
+def taking_us(given: Given, lines: str) -> list[float]:
+    """Processor time of taking in each settled field, from a driver's buffer to packed bits and findings, as
+    the capture thread does it.
+    """
+    check, packing, times = ContentCheck(), Packing(1, lines == "doubled", given.level), []
+    views = in_buffers(given.luma, given.parities)
+    for n, (view, parity) in enumerate(zip(views, given.parities, strict=True)):
+        grabbed = GrabbedField(Field.intact(view, parity), n * PERIOD_NS, n, None)
+        before = time.thread_time_ns()
+        check.take(grabbed, packing)
         times.append((time.thread_time_ns() - before) / 1000)
     return times[SETTLED:]
 

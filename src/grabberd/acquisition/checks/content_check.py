@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.acquisition.checks.no_picture import KINDS, no_picture
-from grabberd.acquisition.checks.shifted_rows import Shift, Sums, block_sums, find_shift, sums_shape
+from grabberd.acquisition.checks.shifted_rows import Profiles, Shift, find_shift, profiles, profiles_shape
 from grabberd.acquisition.checks.stale_rows import StaleRows, Words
 from grabberd.acquisition.device import GrabbedField
 from grabberd.field import Field, KernelPacking, PackedField, Packing, pack
@@ -50,7 +50,7 @@ class _Copy(NamedTuple):
 
     words: Words
     rows: NDArray[np.uint8]
-    sums: Sums
+    profiles: Profiles
     time_ns: int
 
 
@@ -109,13 +109,13 @@ class ContentCheck:
             words,
             stale.memory,
             stale.place,
-            copy.sums,
+            copy.profiles,
         )
         return _Look(KINDS[made_up], (first, last) if first >= 0 else None, asked.packed)
 
     def _look_by_numpy(self, field: Field, copy: _Copy, packing: Packing) -> _Look:
         copy.rows[:] = field.luma
-        block_sums(copy.rows, copy.sums)
+        profiles(copy.rows, copy.profiles)
         self._stale.hash(copy.words)
         if (good := self._good.get(field.parity)) is not None:
             self._stale.compare(copy.words, good.words)
@@ -143,8 +143,8 @@ class ContentCheck:
         if self._spare:
             return self._spare.pop()._replace(time_ns=time_ns)
         words = np.zeros((rows, -(-columns // _WORD)), np.uint64)
-        sums = np.zeros(sums_shape(rows, columns), np.int32)
-        return _Copy(words, words.view(np.uint8)[:, :columns], sums, time_ns)
+        means = np.zeros(profiles_shape(rows, columns), np.int16)
+        return _Copy(words, words.view(np.uint8)[:, :columns], means, time_ns)
 
     def _damage(self, copy: _Copy, stale: tuple[int, int] | None, field: Field) -> str | None:
         self._stale.remember()
@@ -183,7 +183,7 @@ class ContentCheck:
     def _shift_to(self, reference: _Copy | None, copy: _Copy) -> Shift | None:
         if reference is None or not self._is_recent(reference, copy):
             return None
-        return find_shift(copy.rows, reference.rows, copy.sums, reference.sums, self._kernel)
+        return find_shift(copy.rows, reference.rows, copy.profiles, reference.profiles, self._kernel)
 
     def _remember(self, copy: _Copy, parity: int, content: Content) -> None:
         """Keep the last field, and the last good one of each parity; buffers of others are used again."""

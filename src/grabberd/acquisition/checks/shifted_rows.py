@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from grabberd.kernel import KERNEL, Kernel
 
 Rows = NDArray[np.uint8]
-Sums = NDArray[np.int32]
+Profiles = NDArray[np.int16]
 Reals = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Number = TypeVar("Number", np.float32, np.float64)
@@ -46,25 +46,32 @@ class Shift(NamedTuple):
     columns: int
 
 
-def sums_shape(rows: int, columns: int) -> tuple[int, int]:
-    """Shape of `block_sums` of a field."""
+def profiles_shape(rows: int, columns: int) -> tuple[int, int]:
+    """Shape of `profiles` of a field."""
     return rows // _BLOCK_ROWS, columns // _BIN_COLUMNS
 
 
-def block_sums(rows: Rows, out: Sums) -> None:
-    """Sum blocks of 12 rows in bins of 4 columns; the last block has the remaining rows as well."""
+def profiles(rows: Rows, out: Profiles) -> None:
+    """Compute means of blocks of 12 rows in bins of 4 columns, rounded half up.
+
+    The last block has the remaining rows as well; remaining columns are left out.
+    """
     blocks, bins = out.shape
     if not out.size:
         return
     columns = np.empty((blocks, rows.shape[1]), np.float32)
-    for block, height in enumerate(_heights(blocks, len(rows))):
+    heights = np.full(blocks, _BLOCK_ROWS)
+    heights[-1] = len(rows) - (blocks - 1) * _BLOCK_ROWS
+    for block, height in enumerate(heights):
         first = block * _BLOCK_ROWS
         cv2.reduce(rows[first : first + height], 0, cv2.REDUCE_SUM, columns[block : block + 1], cv2.CV_32F)
-    out[:] = sum(columns[:, k : _BIN_COLUMNS * bins : _BIN_COLUMNS] for k in range(_BIN_COLUMNS))
+    sums = sum(columns[:, k : _BIN_COLUMNS * bins : _BIN_COLUMNS] for k in range(_BIN_COLUMNS))
+    count = _BIN_COLUMNS * heights[:, np.newaxis]
+    out[:] = (sums + count // 2) // count
 
 
 def find_shift(
-    rows: Rows, before: Rows, now: Sums, then: Sums, kernel: Kernel | None = KERNEL
+    rows: Rows, before: Rows, now: Profiles, then: Profiles, kernel: Kernel | None = KERNEL
 ) -> Shift | None:
     """Find the shift of a field relative to one a few hundredths of a second older, or None.
 
@@ -74,14 +81,12 @@ def find_shift(
     Args:
         rows: (rows, columns) grey values.
         before: Grey values of the earlier field.
-        now: `block_sums` of `rows`.
-        then: `block_sums` of `before`.
-        kernel: The compiled kernel, which dismisses most fields, or None for numpy.
+        now: `profiles` of `rows`.
+        then: `profiles` of `before`.
+        kernel: The compiled kernel, or None for numpy.
     """
-    if kernel is not None and not kernel.shifted(now, then, *rows.shape):
-        return None
-    coarse = _coarse_shift(now, then, len(rows)) if now.size else None
-    if coarse is None:
+    coarse = coarse_shift(now, then) if kernel is None else Coarse(*kernel.shifted(now, then, *now.shape))
+    if coarse is None or coarse.block < 0:
         return None
     columns = _fine_columns(rows, before, coarse)
     if columns is None:
@@ -91,89 +96,69 @@ def find_shift(
     return Shift(row, (columns + half) % (2 * half) - half)
 
 
-class _Coarse(NamedTuple):
+class Coarse(NamedTuple):
+    """The first shifted block, or −1, and the number of bins."""
+
     block: int
-    columns: int
+    bins: int
 
 
-class _Contrast(NamedTuple):
-    """Contrast of the blocks' means, (blocks,), and how much of it stands where it stood before."""
+def coarse_shift(now: Profiles, then: Profiles) -> Coarse | None:
+    """Find the first block and the shift that fit best, if the evidence suffices.
 
-    power: Reals
-    unshifted: Reals
-
-
-def _contrast(now: Sums, then: Sums, rows: int) -> _Contrast:
+    All sums are of whole numbers below 2⁵³, so the kernel finds the same.
+    """
     bins = now.shape[1]
-    scale: Reals = 1.0 / (bins * (_BIN_COLUMNS * _heights(len(now), rows)) ** 2)
+    if not now.size:
+        return None
     one, other = now.astype(np.float64), then.astype(np.float64)
-    power = np.sqrt(_product(one, one) * _product(other, other)) * scale
-    return _Contrast(power, _product(one, other) * scale)
-
-
-def _heights(blocks: int, rows: int) -> NDArray[np.int64]:
-    """(blocks,) number of rows of each block."""
-    heights = np.full(blocks, _BLOCK_ROWS)
-    heights[-1] = rows - (blocks - 1) * _BLOCK_ROWS
-    return heights
+    power = np.sqrt(_product(one, one) * _product(other, other))
+    if power.max() < _LEAST_SIGMA**2 * bins**2:
+        return None
+    below = _from_below(power)
+    candidates = _candidates(below, _from_below(_product(one, other)))
+    if not candidates.size:
+        return None
+    correlated = _correlated(one, other)
+    gain = _from_below(correlated - correlated[:, :1])[candidates]
+    # Less than two bins to either side, round the end of the line: that much may be motion.
+    gain[:, :_LEAST_BINS] = gain[:, 1 - _LEAST_BINS :] = 0
+    best, shift = np.unravel_index(int(gain.argmax()), gain.shape)
+    block = int(candidates[best])
+    telling = bins * gain[best, shift] >= _LEAST_COARSE_GAIN * below[block]
+    return Coarse(block, int(shift)) if telling else None
 
 
 def _product(one: Reals, other: Reals) -> Reals:
-    """(blocks,) scalar products without the means, times the number of bins: exact, as all are whole numbers."""
+    """(blocks,) scalar products without the means, times the number of bins."""
     product: Reals = one.shape[1] * np.einsum("ij,ij->i", one, other) - one.sum(axis=1) * other.sum(axis=1)
     return product
 
 
-def candidates(now: Sums, then: Sums, rows: int) -> NDArray[np.intp]:
-    """Find blocks with contrast above that has not moved, and contrast below that has."""
-    power, unshifted = _contrast(now, then, rows)
-    if power.max() < _LEAST_SIGMA**2 * now.shape[1]:
-        return np.empty(0, np.intp)
-    below, unshifted_below = _from_below(power), _from_below(unshifted)
+def _candidates(below: Reals, unshifted_below: Reals) -> NDArray[np.intp]:
+    """Blocks with contrast above that has not moved, and contrast below that has."""
     above, unshifted_above = below[0] - below, unshifted_below[0] - unshifted_below
-    found = (
+    candidates = (
         (np.minimum(below, above) >= _LEAST_SHARE * below[0])
         & (unshifted_above >= _LEAST_LIKENESS * above)
         & (below - unshifted_below >= _LEAST_COARSE_GAIN * below)
     )
-    return np.flatnonzero(found)
-
-
-def _coarse_shift(now: Sums, then: Sums, rows: int) -> _Coarse | None:
-    """The first block and the shift that fit best, if the evidence suffices."""
-    blocks = candidates(now, then, rows)
-    if not blocks.size:
-        return None
-    power, unshifted = _contrast(now, then, rows)
-    correlated = _correlated(*(_profiles(sums, rows) for sums in (now, then)))
-    gain = _from_below(correlated)[blocks] - _from_below(unshifted)[blocks, np.newaxis]
-    # Less than two bins to either side, round the end of the line: that much may be motion.
-    gain[:, :_LEAST_BINS] = gain[:, 1 - _LEAST_BINS :] = 0
-    best, bins = np.unravel_index(int(gain.argmax()), gain.shape)
-    block = int(blocks[best])
-    telling = gain[best, bins] >= _LEAST_COARSE_GAIN * power[block:].sum()
-    return _Coarse(block, int(bins) * _BIN_COLUMNS) if telling else None
-
-
-def _profiles(sums: Sums, rows: int) -> Reals:
-    """(blocks, bins) means, less each block's mean."""
-    means = sums / (_BIN_COLUMNS * _heights(len(sums), rows))[:, np.newaxis]
-    centred: Reals = means - means.mean(axis=1, keepdims=True)
-    return centred
+    return np.flatnonzero(candidates)
 
 
 def _correlated(now: Reals, then: Reals) -> Reals:
     """(blocks, bins): product of each block with the earlier one shifted right by that many bins."""
     spectrum = np.fft.rfft(now) * np.conj(np.fft.rfft(then))
-    correlated: Reals = np.fft.irfft(spectrum, now.shape[1])
+    correlated: Reals = np.rint(np.fft.irfft(spectrum, now.shape[1]))
     return correlated
 
 
-def _fine_columns(rows: Rows, before: Rows, coarse: _Coarse) -> int | None:
+def _fine_columns(rows: Rows, before: Rows, coarse: Coarse) -> int | None:
     """The shift to the pixel, if it makes the previous field fit well, and much better than motion does."""
     now, then = (_smooth(one)[coarse.block :] for one in (rows, before))
     power = math.sqrt(float(np.vdot(now, now)) * float(np.vdot(then, then)))
-    near = range(coarse.columns - _BIN_COLUMNS, coarse.columns + _BIN_COLUMNS + 1)
+    middle = coarse.bins * _BIN_COLUMNS
+    near = range(middle - _BIN_COLUMNS, middle + _BIN_COLUMNS + 1)
     likeness = {shift: _likeness(now, then, shift) / power for shift in (*near, *_MOTION)}
     shifted = max(near, key=likeness.__getitem__)
     rest, unshifted_rest = 1 - likeness[shifted], 1 - max(likeness[shift] for shift in _MOTION)
@@ -199,7 +184,7 @@ def _from_below(values: NDArray[Number]) -> NDArray[Number]:
     return sums
 
 
-def _first_row(rows: Rows, before: Rows, coarse: _Coarse, columns: int) -> int:
+def _first_row(rows: Rows, before: Rows, coarse: Coarse, columns: int) -> int:
     """First row from which the shift fits better; exact to the row where there is contrast."""
     middle = coarse.block * _BLOCK_ROWS
     first = max(0, middle - _BLOCK_ROWS)
