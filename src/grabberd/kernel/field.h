@@ -43,8 +43,8 @@ typedef struct {
 /* Numbers for each row or column of a field, while it is looked at. */
 typedef struct {
     int64_t *contrast;
+    uint64_t *old; /* 1 where the row is remembered */
     uint16_t *column_sums;
-    bool *old;
 } Notes;
 
 typedef struct {

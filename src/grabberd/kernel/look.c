@@ -96,17 +96,18 @@ static bool is_snow(const Lines *lines, const Look *look) {
     return (double)(count * sums.xy - sums.x * sums.y) < SNOW_CORRELATION * sqrt((double)lower * (double)upper);
 }
 
-WIDE static void mark_equal(const uint64_t *restrict seen, const uint64_t *restrict hashes, int64_t rows, bool *restrict old) {
+/* Of the same width as the hashes, marks take no conversion. */
+WIDE static void mark_equal(const uint64_t *restrict seen, const uint64_t *restrict hashes, int64_t rows, uint64_t *restrict old) {
     for (int64_t row = 0; row < rows; row++) old[row] |= seen[row] == hashes[row];
 }
 
 /* Marks rows that are remembered, remembers these, and tells whether any is. */
-static bool find_old(const Lines *lines, const Look *look, bool *old) {
-    bool any = false;
+static bool find_old(const Lines *lines, const Look *look, uint64_t *old) {
+    uint64_t any = 0;
     for (int64_t k = 0; k < REMEMBERED; k++) mark_equal(look->seen + k * lines->rows, look->hashes, lines->rows, old);
     memcpy(look->seen + look->place * lines->rows, look->hashes, (size_t)lines->rows * sizeof *look->hashes);
     for (int64_t row = 0; row < lines->rows; row++) any |= old[row];
-    return any;
+    return any != 0;
 }
 
 /* Pixel groups of a row by which its match means something. */
@@ -151,7 +152,7 @@ static bool make_notes(Notes *notes, const Lines *lines) {
     size_t rows = (size_t)lines->rows, columns = (size_t)lines->columns;
     notes->contrast = calloc(1, rows * (sizeof *notes->contrast + sizeof *notes->old) + columns * sizeof *notes->column_sums);
     if (!notes->contrast) return false;
-    notes->column_sums = (uint16_t *)(notes->contrast + rows), notes->old = (bool *)(notes->column_sums + columns);
+    notes->old = (uint64_t *)(notes->contrast + rows), notes->column_sums = (uint16_t *)(notes->old + rows);
     return true;
 }
 
