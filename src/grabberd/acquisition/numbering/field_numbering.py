@@ -4,7 +4,6 @@ it.
 
 import math
 from collections import deque
-from dataclasses import replace
 from typing import NamedTuple
 
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal, StreamInfo
@@ -138,9 +137,8 @@ class FieldNumbering:
             The fields that are settled now, the oldest first; none while this one is in doubt.
         """
         absent = NO_SIGNAL if signal is Signal.ABSENT else no_picture
-        pending = self._look(grabbed, now_ns, *outcome_of(absent, grabbed.damage or damage))
-        waited = 0 if in_time else self._longest_wait(pending)
-        pending = replace(pending, no_signal=signal is Signal.ABSENT, in_time=in_time, may_have_waited=waited)
+        outcome = outcome_of(absent, grabbed.damage or damage)
+        pending = self._look(grabbed, now_ns, *outcome, no_signal=signal is Signal.ABSENT, in_time=in_time)
         self._waited = max(self._waited - 1, 0)
         self._interruption = None
         if self._paths is not None:
@@ -180,10 +178,10 @@ class FieldNumbering:
         """True if the oldest field has its number, or has waited for it as long as it may."""
         return self._settling.is_settled(self._pending, paths) or len(self._pending) > self._most_pending
 
-    def _longest_wait(self, pending: Pending) -> int:
+    def _longest_wait(self, arrival: Arrival) -> int:
         """Number of fields for which the first one after an interruption may have waited, by its arrival."""
-        exposed_ns = self._arrivals.exposed_ns(pending.arrival)
-        if not pending.interruption or exposed_ns is None or self._arrivals.tells_of_stamps:
+        exposed_ns = self._arrivals.exposed_ns(arrival)
+        if not self._interruption or exposed_ns is None or self._arrivals.tells_of_stamps:
             return 0
         since_last = self._timing.steps_to(exposed_ns)
         longest = math.inf if since_last is None else since_last - 1
@@ -192,7 +190,14 @@ class FieldNumbering:
         return max(math.ceil(longest), 0) if math.isfinite(longest) else self._buffered
 
     def _look(
-        self, grabbed: GrabbedField, now_ns: int | None, outcome: Outcome, reason: str | None
+        self,
+        grabbed: GrabbedField,
+        now_ns: int | None,
+        outcome: Outcome,
+        reason: str | None,
+        *,
+        no_signal: bool,
+        in_time: bool,
     ) -> Pending:
         parity = grabbed.field.parity
         time_ns, doubt = self._stamps.look(grabbed.time_ns, now_ns, interrupted=bool(self._interruption))
@@ -212,9 +217,9 @@ class FieldNumbering:
             self._sequence is not None and self._sequence.restarted,
             outcome,
             reason,
-            no_signal=False,
-            in_time=True,
-            may_have_waited=0,
+            no_signal,
+            in_time,
+            may_have_waited=0 if in_time else self._longest_wait(arrival),
             interruption=self._interruption,
             standstill=self._standstill if self._waited > 0 else None,
         )
@@ -242,7 +247,7 @@ class FieldNumbering:
             pending = pending.uncertain(uncertain_by)
         else:
             self._learn(pending.arrival, time_ns, paths)
-        return self._numbered(pending, time_ns, lost, doubt)._replace(rebases=rebases)
+        return self._numbered(pending, time_ns, lost, doubt, rebases)
 
     def _evidence(self, pending: Pending, step: Step, doubt: Doubt, paths: Paths) -> Evidence:
         """Evidence about a field's number, besides how it was numbered."""
@@ -283,9 +288,14 @@ class FieldNumbering:
         return (*events, numbers_off(self._n, too_high_by)) if too_high_by else events
 
     def _numbered(
-        self, pending: Pending, time_ns: int, lost: tuple[LedgerEntry, ...], doubt: str | None
+        self,
+        pending: Pending,
+        time_ns: int,
+        lost: tuple[LedgerEntry, ...],
+        doubt: str | None,
+        rebases: tuple[LedgerEvent, ...] = (),
     ) -> Numbered:
         reason = pending.reason
         if pending.outcome is Outcome.RECEIVED and doubt:
             reason = f"time predicted ({doubt})"
-        return Numbered(self._n, time_ns, pending.outcome, reason, lost)
+        return Numbered(self._n, time_ns, pending.outcome, reason, lost, rebases)

@@ -161,6 +161,8 @@ class Paths:
 
     def settled(self, fields: int = 1) -> bool:
         """True if all paths that cannot be excluded begin with the same steps of so many fields."""
+        if len(self._paths) == 1:
+            return True
         best = self.best.steps
         return all(_same(path.steps[i], best[i]) for path in self._possible() for i in range(fields))
 
@@ -170,9 +172,7 @@ class Paths:
         least = self.best.cost
         self._last = first
         self._paths = [
-            path._replace(
-                cost=path.cost - least, steps=path.steps[1:], ahead=path.ahead - path.steps[0].fields
-            )
+            Path(path.cost - least, path.steps[1:], path.ahead - first.fields, path.parity, path.way)
             for path in self._paths
             if _same(path.steps[0], first)
         ]
