@@ -8,7 +8,9 @@ from typing import Any
 
 import pytest
 import typer
+from typer.testing import CliRunner
 
+from grabberd import __version__
 from grabberd.cli.app import app
 
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
@@ -27,6 +29,17 @@ def test_its_help_shows_an_example(name: str) -> None:
     inner = getattr(command, "commands", {"": command}).values()
     for one in inner:
         assert re.search(rf"Example: grabberd {name}\b", one.help or ""), one.name
+
+
+@pytest.mark.parametrize(("kernel", "lines"), [(object(), 1), (None, 2)])
+def test_the_version_says_what_is_slower_without_a_compiled_kernel(
+    kernel: object, lines: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("grabberd.kernel.KERNEL", kernel)
+    said = CliRunner().invoke(app, ["--version"]).stdout.splitlines()
+    assert len(said) == lines
+    assert said[0].startswith(f"grabberd {__version__} (")
+    assert all("no compiled kernel" in line for line in said) == (kernel is None)
 
 
 def test_the_readme_is_short() -> None:

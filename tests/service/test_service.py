@@ -39,6 +39,15 @@ def test_a_second_start_is_refused_with_the_id_of_the_running_one(tmp_path: Path
             service.capture_control.stop(capture_id)
 
 
+def test_without_a_compiled_kernel_the_daemon_says_at_its_start_what_is_slower(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("grabberd.kernel.KERNEL", None)
+    with running(tmp_path):
+        assert "there is no compiled kernel" in caplog.text
+        assert "python3-dev" in caplog.text
+
+
 def test_several_devices_do_not_know_of_one_another(tmp_path: Path) -> None:
     config = configuration({"pace": "free"})
     one = config.devices["simulated"]

@@ -23,7 +23,7 @@ from grabberd.cli.reprocess import reprocess
 from grabberd.cli.serve import serve
 from grabberd.cli.status import status
 from grabberd.cli.trigger import trigger
-from grabberd.kernel import in_use
+from grabberd.kernel import in_use, what_is_slower
 
 app = typer.Typer(
     name="grabberd",
@@ -38,6 +38,8 @@ app = typer.Typer(
 def _print_version(wanted: bool) -> None:
     if wanted:
         typer.echo(f"grabberd {__version__} ({in_use()})")
+        if slower := what_is_slower():
+            typer.echo(slower)
         raise typer.Exit
 
 

@@ -91,6 +91,18 @@ KERNEL = load()
 """None if numpy does the work."""
 
 
+SLOWER = (
+    "there is no compiled kernel: numpy takes fields in at a quarter of its speed, and measures and analyses "
+    "them at a tenth; install gcc, libc6-dev and python3-dev, then grabberd again"
+)
+"""Measured by `make bench` and `make profile`; hatch_build.py says the same when it builds without one."""
+
+
+def what_is_slower() -> str | None:
+    """Say, for people, what the lack of a kernel costs; None if there is one."""
+    return None if KERNEL else SLOWER
+
+
 def in_use() -> str:
     """Describe which implementation is in use, for people."""
     return "compiled kernel" if KERNEL else "numpy, no compiled kernel"

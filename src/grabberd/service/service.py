@@ -13,6 +13,7 @@ from grabberd.documents.named_types import JsonObject
 from grabberd.documents.state import StateDocument, StorageDocument
 from grabberd.errors import StorageError
 from grabberd.geometry import Calibration
+from grabberd.kernel import what_is_slower
 from grabberd.service.access import Access
 from grabberd.service.archive.annotations import CaptureAnnotations
 from grabberd.service.archive.archive import Archive
@@ -192,6 +193,8 @@ class Service:
         self.open_stores()
         self.access.key.make()
         self._started = True
+        if slower := what_is_slower():
+            log.warning("%s", slower)
         self.upkeep.start()
         self.jobs.start()
         self.retention.start()
