@@ -53,7 +53,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "adjustment": {"The bundle adjustment beside scipy.optimize.least_squares": adjustment.table},
     "analysis": {"From points to tension, against the simulated ellipse's truth": analysis.table},
     "content": {
-        "A look at every field: what it costs": content.table,
+        "A field taken in: what it costs": content.table,
         "A look at every field: what it finds": content_found.table,
     },
     "targets": {

@@ -1,4 +1,4 @@
-"""How a field is packed for a ring, and doing it: lines doubled, quantised and packed in one pass.
+"""Packing of fields for a ring: their lines doubled, quantised and packed in one pass.
 
 The compiled kernel does it if the installation has one, else numpy, by `double_lines` and `quantise`, which
 the kernel equals bit for bit.
@@ -18,7 +18,7 @@ NO_MAP: NDArray[np.uint8] = np.empty(0, np.uint8)
 
 
 class Packing(NamedTuple):
-    """How fields are packed.
+    """Bits, lines and threshold that fields are packed with.
 
     Attributes:
         bits: One of `BIT_DEPTHS`.
@@ -43,7 +43,7 @@ class Packing(NamedTuple):
 
 
 class KernelPacking(NamedTuple):
-    """What the kernel needs to pack one field, besides its lines.
+    """Arguments of the kernel for the packing of one field, besides its lines.
 
     Attributes:
         how: Bits, whether to double, whether to smooth, parity, threshold.

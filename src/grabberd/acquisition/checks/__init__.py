@@ -2,5 +2,6 @@
 
 `no_picture` recognises what a chip draws when no camera is connected, `stale_rows` rows left over from an
 earlier field, `shifted_rows` the sideways shift after a lost USB packet; `content_check` runs all three on
-every field. Recordings are not checked: their fields may legitimately repeat.
+every field, in the same pass over its rows that packs it. Recordings are not checked: their fields may
+legitimately repeat.
 """

@@ -55,7 +55,7 @@ class _Copy(NamedTuple):
 
 
 class _Look(NamedTuple):
-    """What one pass over a field's rows gives."""
+    """Result of one pass over a field's rows."""
 
     made_up: str | None
     stale: tuple[int, int] | None

@@ -48,7 +48,7 @@ class StaleRows:
 
     @property
     def place(self) -> int:
-        """Where the next field is remembered."""
+        """Index of the next field among those remembered."""
         return self._fields % REMEMBERED
 
     def hash(self, words: Words) -> None:
