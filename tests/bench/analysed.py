@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from tests.bench.accuracy import Scene
+from tests.processes.closures import wall_phases_of
 
 from grabberd.analysis import Grid, TimedPoints
 from grabberd.processes.accuracy import requantised
@@ -144,21 +145,9 @@ class Analysed:
     @property
     def wall_phases_s(self) -> Array:
         """(4,) a, b, c, d by the exact movement of the targets that are seen, 10 to 90 % of its stroke."""
-        period_s = self.liner.period_s
-        time_s = np.linspace(0, period_s, 4001)
-        open_share = self._open_share(time_s[:-1])
-        turns = [np.flatnonzero(np.diff((open_share > level).astype(int))) for level in (0.1, 0.9)]
-        (a, d), (b, c) = (time_s[one] for one in turns)
-        return np.array([b - a, c - b, d - c, period_s - (d - a)])
-
-    def _open_share(self, time_s: Array) -> Array:
-        """How far the seen targets have gone along their first principal movement; closed at first."""
+        time_s = np.linspace(0, self.liner.period_s, 4001)
         often = self._often_seen
-        places = np.stack([self.targets_mm(round(1e9 * t))[often].ravel() for t in time_s])
-        moved = places - places.mean(axis=0)
-        amount = moved @ np.linalg.svd(moved, full_matrices=False)[2][0]
-        share: Array = (amount - amount[0]) / (amount[np.abs(amount - amount[0]).argmax()] - amount[0])
-        return share
+        return wall_phases_of(time_s, np.stack([self.targets_mm(round(1e9 * t))[often] for t in time_s]))
 
     @property
     def _often_seen(self) -> NDArray[np.bool_]:

@@ -5,16 +5,20 @@ closed is prescribed here, so that the time and stroke of a closure are known, a
 smoother knows the law.
 """
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 import yaml
+from tests.processes.averaging import NOMINAL
+from tests.processes.fake_scene import take_scene
 
 from grabberd.field import Field, NumberedField, quantise
 from grabberd.geometry import Calibration
 from grabberd.processes.accuracy import Investigation, InvestigationSettings, investigate, requantised
-from grabberd.processes.measure import MeasureSetup, measure_fields
+from grabberd.processes.calibration.calibrate import calibrate
+from grabberd.processes.measure import MeasuredField, MeasureSetup, measure_fields
 from grabberd.reconstruction import ObjectModel
 from grabberd.reconstruction.accuracy.ground_truth import Truth
 from grabberd_fake import FakeOptions
@@ -39,12 +43,16 @@ LAWS = {
 
 @dataclass(frozen=True)
 class Closure:
-    """A pulsation: how fast it closes, how far, and what else differs from seed to seed."""
+    """A pulsation: how fast it closes, how far, and what else differs from seed to seed.
+
+    Behind mirrors uneven by so many px (rms), the rig is calibrated; otherwise its calibration is exact.
+    """
 
     seconds: float
     stroke_mm: float
     seed: int
     exposure_ms: float = 1.0
+    uneven_px: float = 0.0
 
     @property
     def shape(self) -> str:
@@ -59,7 +67,7 @@ class Closure:
         """The camera, its noise, and the rig; the liner is open where its object model says."""
         options = {
             "seed": self.seed,
-            "rig": {"seed": self.seed + 1, "mirror_error_px": 0},
+            "rig": {"seed": self.seed + 1, "mirror_error_px": self.uneven_px},
             "picture": {"exposure_ms": self.exposure_ms},
         }
         if self.shape == "ellipse":
@@ -88,6 +96,16 @@ class ClosingScene:
 
     def nominal(self):
         return self._shape.targets(0.0)
+
+    @property
+    def period_s(self):
+        """Length of the cycle."""
+        return self._period_s
+
+    @property
+    def closed_s(self):
+        """A time within its first cycle at which it is closed and at rest."""
+        return (self._start_s + self._closure.seconds + self._open_s) / 2
 
     def share(self, time_ns):
         """How far it has closed, 0 to 1."""
@@ -128,15 +146,18 @@ class Film:
 
     def __init__(self, closure: Closure, periods: float = PERIODS) -> None:
         world = World(closure.options)
-        world.scene = ClosingScene(closure)
+        world.scene = self._scene = ClosingScene(closure)
         count = round(periods / 0.02)
         self.fields = [_grey(world, n) for n in range(count)]
         self._truths = [world.truth(n * FIELD_NS) for n in range(count)]
         known = closure.options
         document = yaml.safe_load(object_document(known))
         if closure.shape == "ellipse":
-            document = _with_places(document, world.scene.nominal().xyz_mm)
-        calibration = Calibration.from_document(calibration_document(known))
+            document = _with_places(document, self._scene.nominal().xyz_mm)
+        if closure.uneven_px:
+            calibration = _calibrated(closure.seed, closure.uneven_px)
+        else:
+            calibration = Calibration.from_document(calibration_document(known))
         self.setup = MeasureSetup(calibration, ObjectModel.from_document(document))
         self._rng = np.random.default_rng((closure.seed, 78))
 
@@ -144,12 +165,22 @@ class Film:
         """The fields without some that are lost at random."""
         return [one for one in self.fields if self._rng.random() >= lost]
 
+    def measured(self, bits: int, fields: Iterable[NumberedField]) -> Iterator[MeasuredField]:
+        """Measure with 1 bit and doubled lines, or with 8 bits."""
+        return measure_fields(requantised(fields, bits, doubled=bits == 1), self.setup)
+
     def investigated(self, bits: int, lost: float = 0.0) -> Investigation:
-        """Measure with 1 bit and doubled lines, or with 8 bits, and compare with the truth."""
+        """Measure, and compare with the truth."""
         fields = self.kept(lost)
-        packed = requantised(fields, bits, doubled=bits == 1)
-        points = ((one.n, one.time_ns, one.points) for one in measure_fields(packed, self.setup))
+        points = ((one.n, one.time_ns, one.points) for one in self.measured(bits, fields))
         return investigate(points, self._truth(fields), InvestigationSettings(bits=bits))
+
+    def wall_phases_s(self, target: np.ndarray) -> np.ndarray:
+        """(4,) true durations of a, b, c, d by the movement of some targets, given by their ids."""
+        time_s = np.linspace(0.0, self._scene.period_s, 4001)
+        chosen = np.isin(self._truths[0].ids, target)
+        at_ns = 1e9 * (self._scene.closed_s + time_s)
+        return wall_phases_of(time_s, np.stack([self._scene.targets(t).xyz_mm[chosen] for t in at_ns]))
 
     def _truth(self, fields):
         truths = [self._truths[one.n] for one in fields]
@@ -159,6 +190,36 @@ class Film:
             xyz_mm=np.concatenate([truth.xyz_mm for truth in truths]),
             expected=np.concatenate([truth.visible_left & truth.visible_right for truth in truths]),
         )
+
+
+def wall_phases_of(time_s: np.ndarray, places_mm: np.ndarray) -> np.ndarray:
+    """Durations of the wall phases a, b, c, d by their definition: from 10 to 90 % of the stroke.
+
+    Args:
+        time_s: (T,) over one cycle that begins with the wall closed; the last time is the first once more.
+        places_mm: (T, N, 3) of the targets.
+    """
+    moved = places_mm.reshape(len(time_s), -1)
+    moved = moved - moved.mean(axis=0)
+    amount = moved @ np.linalg.svd(moved, full_matrices=False)[2][0]
+    share = (amount - amount[0]) / (amount[np.abs(amount - amount[0]).argmax()] - amount[0])
+    turns = [np.flatnonzero(np.diff((share > level).astype(int))) for level in (0.1, 0.9)]
+    (a, d), (b, c) = (time_s[one] for one in turns)
+    return np.array([b - a, c - b, d - c, time_s[-1] - (d - a)])
+
+
+@cache
+def _calibrated(seed, uneven_px, fields=64):
+    """Calibrate the rig of a closure from pictures of the calibration frame behind the same mirrors."""
+    rig = Closure(0.0, 0.0, seed, uneven_px=uneven_px).options.rig
+    frame = take_scene(
+        fields,
+        scene="calibration_frame",
+        seed=seed + 5000,
+        rig={"seed": rig.seed, "mirror_error_px": rig.mirror_error_px},
+    )
+    made = calibrate(frame.packed(8, "field"), NOMINAL, frame.setup.object_model)
+    return made.calibration("closures", "2026-01-01T00:00:00+00:00", "closures", None, {})
 
 
 def _grey(world, n):

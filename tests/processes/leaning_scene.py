@@ -28,7 +28,7 @@ class Mirrors:
     Attributes:
         seed: Seed of everything below.
         uneven_px: Root mean square of the displacements, which vary over 100 to 400 px.
-        dim: Least brightness of a view, in shares of the brightest.
+        dim: Least brightness of a view, in shares of the brightest; 1 where both are at full brightness.
     """
 
     seed: int
@@ -50,6 +50,8 @@ class Mirrors:
 
     def brightness(self, view, xy_px):
         """(N,) brightness of image points in a view, from 0 to 1."""
+        if self.dim >= 1.0:
+            return np.ones(len(xy_px))
         rng = np.random.default_rng((self.seed, 2, view))
         level, slope = rng.uniform(self.dim + 0.15, 0.85), rng.uniform(-1, 1, 2)
         across = (xy_px - ((view + 0.5) * HALF, LINES / 2)) / (HALF / 2, LINES / 2)

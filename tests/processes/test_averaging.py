@@ -41,6 +41,7 @@ class OverRigs(NamedTuple):
 def over_rigs(uneven_px):
     rigs = [calibrated(seed, uneven_px) for seed in SET_ASIDE]
     found = [averaged(*rig, axis, seed) for rig, seed in zip(rigs, SET_ASIDE, strict=True) for axis in AXES]
+    assert not any(one.missed for one in found)
     exact = [at_exact_places(*rig) for rig in rigs]
     return OverRigs(
         root_mean_square(one.single_mm for one in found),
