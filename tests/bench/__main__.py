@@ -18,6 +18,7 @@ from tests.bench import (
     content_found,
     core,
     core_numbers,
+    goals,
     live,
     location,
     location_bits,
@@ -60,6 +61,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "Pointing over the targets' diameter, RMS in x / y, px": location.table_of_diameters,
         "Pointing over the targets' size, 8 bit, .5 % noise, RMS in px": location.table_of_sizes,
     },
+    "goals": {"Goals of accuracy and closures: leaning discs, uneven mirrors": goals.table},
     "core": {
         "From a field to its points": core.table,
         "Over the number of targets": core_numbers.table,

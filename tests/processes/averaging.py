@@ -73,7 +73,7 @@ def averaged(known, mirrors, axis, seed, fields=32, bits=8, doubled=False, **loc
     shape = fields, len(discs.xyz_mm)
     error, own, common = (np.full((*shape, *rest), np.nan) for rest in ((3,), (3, 3), (3, 3)))
     pictures = scene.fields(fields, seed + 500)
-    # The fields of 8 bits are taken as they come: a threshold of their own would change which blobs are whole.
+    # Fields of 8 bits keep the threshold of the scene, which was chosen for the dimmest of its discs.
     pictures = pictures if bits == 8 else requantised(pictures, bits, doubled=doubled)
     for n, one in enumerate(measure_fields(pictures, setup)):
         pointing.append(_off_px(one.blobs, scene.true_px))

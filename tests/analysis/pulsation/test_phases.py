@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from analysis.pulsating import LINER, capture, times
+from analysis.pulsating import FIELD_S, LINER, capture, liner, times
 from drivers.fake.iso_phases import iso_phases_s
 from grabberd.analysis import (
     VacuumLog,
@@ -26,26 +26,49 @@ def log(seconds=8, noise_kpa=0.0, options=LINER, **more):
 
 def movement_phases(options):
     """Wall phases of the exact movement, a field each millisecond."""
-    (movement,) = first_movement([capture(np.arange(0, 1, 0.001), 1e-6, **options)])
+    period_s = liner(**options).period_s
+    (movement,) = first_movement([capture(np.arange(0, period_s, 0.001), 1e-6, **options)])
     value = (movement.value_mm - movement.value_mm.min()) / np.ptp(movement.value_mm)
     passed = [np.interp(level, value[:300], movement.time_s[:300]) for level in (0.1, 0.9)]
-    passed += [np.interp(-level, -value[500:], movement.time_s[500:]) for level in (0.9, 0.1)]
-    return np.diff([*passed, passed[0] + 1])
+    passed += [np.interp(-level, -value[300:], movement.time_s[300:]) for level in (0.9, 0.1)]
+    return np.diff([*passed, passed[0] + period_s])
 
 
 def test_wall_phases_are_those_of_the_exact_movement() -> None:
-    found = wall_phases(fit_pulsation(first_movement([capture(times(200))])))
-    assert_allclose(found.durations_s.value, movement_phases({}), atol=1e-3)
+    found = wall_phases(fit_pulsation(first_movement([capture(times(200), period_s=0.975)])))
+    assert_allclose(found.durations_s.value, movement_phases({"period_s": 0.975}), atol=1e-3)
     assert found.durations_s.value.sum() == pytest.approx(found.period_s.value)
     assert found.ratio.value == pytest.approx(0.5991, abs=1e-3)
     assert (found.durations_s.sigma < 5e-4).all()
-    assert (found.defined_by, found.cycles) == ("wall", 3)
+    assert (found.defined_by, found.cycles) == ("wall", 4)
+
+
+@pytest.mark.parametrize("period_s", [0.96, 0.965, 0.99])
+@pytest.mark.parametrize("closing", [0.02, 0.04, 0.09])
+def test_a_wall_that_closes_within_one_to_five_fields_is_timed_within_its_sigma(closing, period_s) -> None:
+    """Where a cycle is a whole number of fields, .96 s, no capture is long enough: σ has to say so."""
+    options = {"period_s": period_s, "opening": 1.4 * closing, "closing": closing}
+    found = wall_phases(fit_pulsation(first_movement([capture(times(140), **options)]))).durations_s
+    error = found.value - movement_phases(options)
+    assert (np.abs(error) < 2.5 * found.sigma).all()
+    assert (found.sigma < 0.5 * FIELD_S).all()
+
+
+def test_no_wall_phase_is_known_better_than_the_fields_fall_into_it() -> None:
+    """A cycle of a whole number of fields shows the same phases over and over, however long the capture."""
+    whole, between = (
+        wall_phases(fit_pulsation(first_movement([capture(times(300), period_s=period_s)]))).durations_s.sigma
+        for period_s in (1.0, 0.985)
+    )
+    assert (whole > 1e-3).all()
+    assert (between < whole / 3).all()
 
 
 @pytest.mark.slow
 def test_wall_phases_scatter_by_their_sigma() -> None:
     found = [
-        wall_phases(fit_pulsation(first_movement([capture(times(150), 0.08, seed=k)]))) for k in range(8)
+        wall_phases(fit_pulsation(first_movement([capture(times(150), 0.08, seed=k, period_s=0.975)])))
+        for k in range(8)
     ]
     durations = np.array([one.durations_s.value for one in found])
     sigma = np.array([one.durations_s.sigma for one in found]).mean(axis=0)

@@ -25,6 +25,9 @@ _LEAST_SIGMA = 1e-3
 _BAND = 0.8
 """Highest harmonic as a share of the Nyquist frequency of the fields."""
 _FEWEST, _MOST = 4, 30
+_SHARP = 64
+"""Harmonics of all cycles together: they resolve 8 ms of a cycle of a second."""
+_CORNERS = (4.0, 8.0, 16.0, 32.0)
 _PLACES = 200
 _MANY = 400
 
@@ -39,6 +42,7 @@ class Fit:
         waveform: the movement in mm over the phase.
         covariance: (S + 2K + 1,)² covariance of the period, the further runs' phases and the coefficients.
         residual_mm: root mean square of the residuals.
+        misfit_mm: the same per degree of freedom: how badly cycles repeat, however many harmonics there are.
         expected_mm: its expectation from the points' σ.
         evidence: log probability of the movement, up to a constant common to all fits of it.
         shared_period_sigma_s: σ of the period from only that movement that is seen in two cycles or runs.
@@ -49,6 +53,7 @@ class Fit:
     waveform: Waveform
     covariance: Array
     residual_mm: float
+    misfit_mm: float
     expected_mm: float
     evidence: float
     shared_period_sigma_s: float
@@ -64,7 +69,27 @@ def harmonics(period_s: float, step_s: float) -> int:
     return int(np.clip(_BAND * period_s / step_s / 2, _FEWEST, _MOST))
 
 
-def adjust(movements: Sequence[Movement], period_s: float, phases: Array, count: int) -> Fit:
+def sharpened(movements: Sequence[Movement], fit: Fit) -> Fit:
+    """The same movement with the harmonics that its cycles resolve together, and its own corner.
+
+    Fields of different cycles fall between each other. A real liner closes within one or two fields; with the
+    harmonics of one cycle's fields its flanks would be several times as long.
+    """
+    best = adjust(movements, fit.period_s, fit.phases, _SHARP)
+    for corner in _CORNERS:
+        sharper = adjust(movements, fit.period_s, fit.phases, _SHARP, corner)
+        if sharper.evidence <= best.evidence:
+            break
+        best = sharper
+    # Steep flanks would fix the period better than fields do that fall beside them.
+    covariance = best.covariance.copy()
+    covariance[0, 0] = max(covariance[0, 0], fit.covariance[0, 0])
+    return replace(best, covariance=covariance)
+
+
+def adjust(
+    movements: Sequence[Movement], period_s: float, phases: Array, count: int, corner: float = 0.0
+) -> Fit:
     """Least squares over period, phases and `count` harmonics with their prior; σ from the residuals.
 
     Args:
@@ -72,8 +97,9 @@ def adjust(movements: Sequence[Movement], period_s: float, phases: Array, count:
         period_s: starting value of the period.
         phases: (S,) starting values of the phases of each run's first field.
         count: number of harmonics.
+        corner: harmonic up to which the prior expects a jump.
     """
-    problem = _Problem.of(movements, count)
+    problem = _Problem.of(movements, count, corner)
     state = _State(period_s, phases.copy(), np.zeros(2 * count + 1))
     sigma = problem.sigma
     for _ in range(_RESCALED):
@@ -83,7 +109,8 @@ def adjust(movements: Sequence[Movement], period_s: float, phases: Array, count:
         information[np.diag_indices(len(normal))] -= _precision(problem, len(state.phases))
         # The prior takes up some of the coefficients: the trace counts those that the data determine.
         freedom = max(len(left) - float(np.trace(np.linalg.solve(normal, information))), 1.0)
-        sigma = problem.sigma * np.sqrt(max(float(((left / problem.sigma) ** 2).sum()) / freedom, 1e-12))
+        # With more harmonics than the fields determine, residuals say nothing of the noise: σ only grows.
+        sigma = problem.sigma * np.sqrt(max(float(((left / problem.sigma) ** 2).sum()) / freedom, 1.0))
     state, normal = _converged(problem, state, sigma)
     covariance: Array = np.linalg.inv(normal).astype(np.float64)
     runs = len(state.phases)
@@ -95,6 +122,7 @@ def adjust(movements: Sequence[Movement], period_s: float, phases: Array, count:
         ),
         covariance=covariance,
         residual_mm=float(np.sqrt((left**2).mean())),
+        misfit_mm=float(np.sqrt((left**2).sum() / freedom)),
         expected_mm=float(np.sqrt((np.concatenate([run.sigma_mm for run in movements]) ** 2).mean())),
         evidence=_evidence(problem, state),
         shared_period_sigma_s=_shared_sigma_s(problem, state, sigma),
@@ -104,7 +132,7 @@ def adjust(movements: Sequence[Movement], period_s: float, phases: Array, count:
 def _evidence(problem: "_Problem", state: "_State") -> float:
     """Log evidence of the best coefficients by Laplace's approximation, with the points' σ."""
     terms = _terms(problem, state)[0] / problem.sigma[:, None]
-    precision = prior_precision(problem.count, problem.variance)
+    precision = problem.precision
     best = _with_coefficients(problem, state, problem.sigma).coefficients
     left = problem.value / problem.sigma - terms @ best
     room = np.linalg.slogdet(terms.T @ terms + np.diag(precision))[1] - np.log(precision).sum()
@@ -160,7 +188,13 @@ class _Problem:
     middle: float
     variance: float
     count: int
+    corner: float
     step_s: float
+
+    @property
+    def precision(self) -> Array:
+        """Prior precision of the coefficients."""
+        return prior_precision(self.count, self.variance, self.corner)
 
     @property
     def mean(self) -> Array:
@@ -168,7 +202,7 @@ class _Problem:
         return np.concatenate([[self.middle], np.zeros(2 * self.count)])
 
     @classmethod
-    def of(cls, runs: Sequence[Movement], count: int) -> "_Problem":
+    def of(cls, runs: Sequence[Movement], count: int, corner: float) -> "_Problem":
         value = np.concatenate([run.value_mm for run in runs])
         middle, spread = float((value.min() + value.max()) / 2), float(value.std())
         sigma = np.concatenate([run.sigma_mm for run in runs])
@@ -180,6 +214,7 @@ class _Problem:
             middle,
             spread**2,
             count,
+            corner,
             float(np.median(np.concatenate([np.diff(run.time_s) for run in runs]))),
         )
 
@@ -192,7 +227,7 @@ class _State:
 
 
 def _precision(problem: _Problem, runs: int) -> Array:
-    return np.concatenate([np.zeros(runs), prior_precision(problem.count, problem.variance)])
+    return np.concatenate([np.zeros(runs), problem.precision])
 
 
 def _terms(problem: _Problem, state: _State) -> tuple[Array, Array]:
@@ -215,7 +250,7 @@ def _normal(problem: _Problem, state: _State, sigma: Array) -> tuple[Array, Arra
 def _with_coefficients(problem: _Problem, state: _State, sigma: Array) -> _State:
     """The best coefficients of this period and these phases."""
     terms = _terms(problem, state)[0] / sigma[:, None]
-    normal = terms.T @ terms + np.diag(prior_precision(problem.count, problem.variance))
+    normal = terms.T @ terms + np.diag(problem.precision)
     best: Array = np.linalg.solve(normal, terms.T @ (problem.value / sigma)).astype(np.float64)
     return replace(state, coefficients=best)
 

@@ -70,7 +70,7 @@ def phase_average(
     fields = [field for capture in captures for field in capture]
     all_tracks = tracks([field for field, used in zip(fields, inside, strict=True) if used])
     at = np.concatenate([moment.phase for moment in moments])[inside]
-    wanted, harmonics = np.asarray(phase, np.float64), pulsation.waveform.harmonics
+    wanted, harmonics = np.asarray(phase, np.float64), pulsation.field_harmonics
     averages = list(_averages(all_tracks.xyz_mm, all_tracks.covariance_mm2, at, wanted, harmonics))
     good = np.array(sorted(index for average in averages for index in average.place), np.intp)
     if not len(good):

@@ -28,6 +28,8 @@ _SMOOTHED_S = 0.006
 """Width of the running mean: short against the slopes of .1 s, long against a logger's sampling."""
 _NEARLY_ALL = 99.0
 """Percentile that counts as the maximum: a single overshoot does not move the threshold."""
+_CORNER, _STEEP = 0.05, 0.6
+_ANYWHERE = 12**-0.5
 _NO_PHASES = "check the log: its chamber vacuum has to rise and fall by well over 8 kPa, cycle after cycle"
 
 
@@ -55,8 +57,7 @@ class Phases:
 def wall_phases(pulsation: Pulsation) -> Phases:
     """Wall phases of the mean cycle: the wall opens or closes between 10 and 90 % of the stroke.
 
-    σ includes the fields' noise and the σ of the cycle length, but not the rounding of the movement's corners
-    by 50 fields a second: about half a millisecond for slopes of .1 s.
+    σ includes the fields' noise, the σ of the cycle length, and what the movement may do between two fields.
 
     Raises:
         AnalysisError: the movement crosses a threshold more than once per phase.
@@ -72,7 +73,21 @@ def wall_phases(pulsation: Pulsation) -> Phases:
     levels = (1 - share) * ends[0] + share * ends[1]
     gradient = -(terms - levels) / waveform.slope(phase)[:, None]
     parts = np.mod(np.roll(phase, -1) - phase, 1.0)
-    return _of_wall(pulsation, parts, np.roll(gradient, -1, axis=0) - gradient)
+    unseen = _unseen_variance_s2(pulsation, phase, parts)
+    return _of_wall(pulsation, parts, np.roll(gradient, -1, axis=0) - gradient, unseen)
+
+
+def _unseen_variance_s2(pulsation: Pulsation, phase: Array, parts: Array) -> Array:
+    """(4,) variance of the passages by what the wall does in the gap between the fields around them.
+
+    It grows with the gap's share in the opening or closing, up to that of a passage anywhere in the gap; the
+    constants are what rendered closures of 20 to 150 ms scattered by.
+    """
+    gap_s = np.array([pulsation.gap_s(float(one)) for one in phase])
+    flank_s = np.repeat(parts[[0, 2]], 2) * pulsation.period_s
+    share = np.minimum(np.hypot(_CORNER, _STEEP * (gap_s / flank_s) ** 2), _ANYWHERE)
+    variance: Array = (share * gap_s) ** 2
+    return variance
 
 
 def _passage(pulsation: Pulsation, level: float, rising: bool) -> float:
@@ -85,19 +100,27 @@ def _passage(pulsation: Pulsation, level: float, rising: bool) -> float:
     return float(found[0])
 
 
-def _of_wall(pulsation: Pulsation, parts: Array, gradient: Array) -> Phases:
-    """Durations with σ, from shares of the cycle (4,) and their derivatives by the coefficients."""
+def _of_wall(pulsation: Pulsation, parts: Array, gradient: Array, unseen_s2: Array) -> Phases:
+    """Durations with σ.
+
+    Args:
+        pulsation: the mean cycle.
+        parts: (4,) shares of the cycle.
+        gradient: (4, 2K + 1) their derivatives by the coefficients.
+        unseen_s2: (4,) variance of the passage that each phase begins with.
+    """
     by_all = np.column_stack([parts, pulsation.period_s * gradient])
     count = len(pulsation.period_covariance)
     covariance = np.empty((count + 1, count + 1))
     covariance[0, 0] = pulsation.period_sigma_s**2
     covariance[0, 1:] = covariance[1:, 0] = pulsation.period_covariance
     covariance[1:, 1:] = pulsation.waveform.covariance
-    spread = by_all @ covariance @ by_all.T
+    spread = np.diagonal(by_all @ covariance @ by_all.T) + unseen_s2 + np.roll(unseen_s2, -1)
     open_part = gradient[0] + gradient[1]
     ratio_variance = open_part @ pulsation.waveform.covariance @ open_part
+    ratio_variance += (unseen_s2[0] + unseen_s2[2]) / pulsation.period_s**2
     return Phases(
-        Estimate(parts * pulsation.period_s, np.sqrt(np.diagonal(spread))),
+        Estimate(parts * pulsation.period_s, np.sqrt(spread)),
         Estimate(np.asarray(pulsation.period_s), np.asarray(pulsation.period_sigma_s)),
         Estimate(np.asarray(parts[0] + parts[1]), np.asarray(np.sqrt(ratio_variance))),
         "wall",

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
-from grabberd.analysis.pulsation.cycle_fit import Fit, adjust, harmonics, placed
+from grabberd.analysis.pulsation.cycle_fit import Fit, adjust, harmonics, placed, sharpened
 from grabberd.analysis.pulsation.cycle_search import search
 from grabberd.analysis.pulsation.movement import Movement
 from grabberd.analysis.pulsation.waveform import Waveform, rotated
@@ -76,6 +76,8 @@ class Pulsation:
         waveform: first principal movement in mm over the phase, counted from wall phase a.
         period_covariance: (2K + 1,) covariance of the period with the waveform's coefficients.
         runs: runs in the order of captures and times.
+        seen: (F,) phases of all fields, ascending.
+        field_harmonics: number of harmonics that the fields of one cycle resolve.
         residual_mm: root mean square residual of the movement; `expected_mm`: expected from the points' σ.
     """
 
@@ -84,6 +86,8 @@ class Pulsation:
     waveform: Waveform
     period_covariance: Array
     runs: tuple[Run, ...]
+    seen: Array
+    field_harmonics: int
     residual_mm: float
     expected_mm: float
 
@@ -108,6 +112,12 @@ class Pulsation:
     def cycles(self) -> float:
         """Number of cycles that all runs span."""
         return sum(run.last_s - run.first_s for run in self.runs) / self.period_s
+
+    def gap_s(self, phase: float) -> float:
+        """Time between the two fields, of any cycles, that come nearest before and after a phase."""
+        after = int(np.searchsorted(self.seen, phase)) % len(self.seen)
+        gap = np.mod(self.seen[after] - self.seen[after - 1], 1.0)
+        return float(gap if len(self.seen) > 1 else 1.0) * self.period_s
 
     def at(self, time_s: Array, capture: int = 0) -> Moment:
         """Phases within the pulsation of the times (F,) of a capture."""
@@ -143,7 +153,9 @@ def fit_pulsation(
     runs = _split(movements, likely.period_s)
     every = [run for _, run in runs]
     fit = _whole(every, likely)
-    _check(fit, every)
+    _check_length(fit, every)
+    fit = sharpened(every, fit)
+    _check_repetition(fit, every)
     return _pulsation(fit, runs)
 
 
@@ -221,10 +233,15 @@ def _step_s(runs: Sequence[Movement]) -> float:
     return float(np.median(np.concatenate([np.diff(run.time_s) for run in runs])))
 
 
+def _phases(fit: Fit, runs: Sequence[Movement]) -> Array:
+    """(F,) phases of all fields, ascending."""
+    since = [p + (run.time_s - run.time_s[0]) / fit.period_s for p, run in zip(fit.phases, runs, strict=True)]
+    return np.sort(np.mod(np.concatenate(since), 1.0))
+
+
 def _hole(fit: Fit, runs: Sequence[Movement]) -> float:
     """The widest part of the cycle without fields."""
-    since = [p + (run.time_s - run.time_s[0]) / fit.period_s for p, run in zip(fit.phases, runs, strict=True)]
-    phase = np.sort(np.mod(np.concatenate(since), 1.0))
+    phase = _phases(fit, runs)
     return float(np.diff(np.concatenate([phase, [phase[0] + 1]])).max())
 
 
@@ -233,7 +250,7 @@ def _lacks(fit: Fit, runs: Sequence[Movement]) -> bool:
     return _hole(fit, runs) > _HOLE or fit.shared_period_sigma_s > _UNCERTAIN * fit.period_s
 
 
-def _check(fit: Fit, runs: Sequence[Movement]) -> None:
+def _check_length(fit: Fit, runs: Sequence[Movement]) -> None:
     if _lacks(fit, runs):
         spans = ", ".join(f"{_span_s(run):.2f}" for run in runs[:5])
         raise AnalysisError(
@@ -242,11 +259,14 @@ def _check(fit: Fit, runs: Sequence[Movement]) -> None:
             f" {100 * _hole(fit, runs):.0f} % of it is not seen at all",
             _LONGER,
         )
+
+
+def _check_repetition(fit: Fit, runs: Sequence[Movement]) -> None:
     values = np.concatenate([run.value_mm for run in runs])
-    if fit.residual_mm > _UNLIKE * float(values.std()):
+    if fit.misfit_mm > _UNLIKE * float(values.std()):
         raise AnalysisError(
             f"the movement does not repeat itself: cycles of {fit.period_s:.3f} s leave"
-            f" {fit.residual_mm:.2f} mm of {values.std():.2f} mm",
+            f" {fit.misfit_mm:.2f} mm of {values.std():.2f} mm",
             "capture while the pulsator runs evenly; check the points with 'grabberd accuracy' or the report",
         )
 
@@ -277,6 +297,8 @@ def _pulsation(fit: Fit, runs: Sequence[tuple[int, Movement]]) -> Pulsation:
             )
             for (capture, run), turn, sigma in zip(runs, since, spread, strict=True)
         ),
+        seen=np.sort(np.mod(_phases(fit, [run for _, run in runs]) - start, 1.0)),
+        field_harmonics=harmonics(fit.period_s, _step_s([run for _, run in runs])),
         residual_mm=fit.residual_mm,
         expected_mm=fit.expected_mm,
     )

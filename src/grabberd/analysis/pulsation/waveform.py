@@ -2,7 +2,8 @@
 
     w(φ) = c0 + Σk ck cos 2πkφ + sk sin 2πkφ,  k = 1 … K;   coefficients c0, c1 … cK, s1 … sK
 
-A priori its harmonics fall off as 1/k², as for any movement without jumps.
+A priori its harmonics fall off as 1/k², as for any movement without jumps; up to a corner only as 1/k, as for
+one whose flanks are so steep that they look like jumps.
 """
 
 from typing import NamedTuple
@@ -31,10 +32,11 @@ def basis_slope(phase: Array, count: int) -> Array:
     return np.concatenate([zero, -waves * np.sin(angle), waves * np.cos(angle)], axis=-1)
 
 
-def prior_precision(count: int, variance: float) -> Array:
+def prior_precision(count: int, variance: float, corner: float = 0.0) -> Array:
     """(2 count + 1,) prior precision of the coefficients of a series of this variance; the mean is free."""
     waves = np.arange(1, count + 1, dtype=np.float64)
-    each = variance / (waves**-4).sum() * waves**-4
+    falling = 1.0 / (waves**2 * (waves**2 + corner**2))
+    each = variance / falling.sum() * falling
     return 1 / np.concatenate([[1e4 * variance], each, each])
 
 
