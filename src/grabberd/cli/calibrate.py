@@ -187,8 +187,8 @@ def _calibrated(
 
 
 def _write(path: Path, text: str) -> None:
-    from grabberd.storage.export.checked_file import write_checked  # noqa: PLC0415
-    from grabberd.storage.export.read_back import text_check  # noqa: PLC0415
+    from grabberd.storage.checked_file import write_checked  # noqa: PLC0415
+    from grabberd.storage.text_check import text_check  # noqa: PLC0415
 
     whole = text + "\n"
     write_checked(path, [whole.encode()], text_check(whole))

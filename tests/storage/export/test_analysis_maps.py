@@ -4,11 +4,12 @@ import json
 
 import pytest
 
-from grabberd.errors import NotFound
+from grabberd.errors import NotFound, StorageError
 from grabberd.processes.analysis.maps import map_units, target_maps
 from grabberd.processes.analysis.tables import tables
-from grabberd.storage.export.analysis_maps import read_map, write_maps
+from grabberd.storage.export.analysis_maps import MAPS, OFFSETS, read_map, write_maps
 from processes.milking import grid, whole
+from storage.damage import damage, every_way
 
 
 @pytest.fixture(scope="module")
@@ -57,3 +58,12 @@ def test_where_there_is_no_mean_cycle_there_is_no_phase(tmp_path):
     write_maps(tmp_path, (), {})
     with pytest.raises(NotFound, match=r"no phase 0\.5"):
         read_map(tmp_path, "phase", 0.5)
+
+
+@every_way
+@pytest.mark.parametrize("name", [MAPS, OFFSETS])
+def test_maps_damaged_before_they_are_read_back_are_refused(made, tmp_path, monkeypatch, spoil, name):
+    damage(monkeypatch, spoil, name)
+    with pytest.raises(StorageError, match=f"{name} reads back other than it was written"):
+        write_maps(tmp_path, target_maps(made, grid()), map_units(made))
+    assert not (tmp_path / name).exists()

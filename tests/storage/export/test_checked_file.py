@@ -8,7 +8,7 @@ import pytest
 
 from grabberd.errors import StorageError
 from grabberd.processes.columns import Column, Table
-from grabberd.storage.export.checked_file import checked_file, write_checked
+from grabberd.storage.checked_file import checked_file, write_checked
 from grabberd.storage.export.csv_file import csv_text
 from grabberd.storage.export.hdf5_file import write_hdf5
 from grabberd.storage.export.parquet_file import write_parquet
@@ -19,9 +19,9 @@ from grabberd.storage.export.read_back import (
     parquet_check,
     ply_check,
     png_check,
-    text_check,
     xml_check,
 )
+from grabberd.storage.text_check import text_check
 
 COLUMNS = (Column("n", "", "i4", "number"), Column("x_mm", "mm", "f8", "place"))
 TABLE = Table("points", "points", COLUMNS, {"n": np.arange(5, dtype=np.int32), "x_mm": np.linspace(0, 1, 5)})

@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from grabberd.errors import InputError, StorageError
+from grabberd.storage.export.animation_check import Drawn
 from grabberd.storage.export.pictures import write_animation, write_pictures
+from storage.damage import damage, every_way
 
 
 def moving(count, size=(96, 128)):
@@ -69,3 +71,29 @@ def test_nothing_is_overwritten(tmp_path):
         write_pictures(tmp_path, {"grey": np.zeros((2, 2), np.uint8)})
     with pytest.raises(StorageError, match="not empty"):
         write_animation(tmp_path, "model.webm", moving(2), 10)
+
+
+@every_way
+@pytest.mark.parametrize("name", ["model.webm", "model.gif"])
+def test_an_animation_damaged_before_it_is_read_back_gets_no_name(tmp_path, monkeypatch, spoil, name, capfd):
+    damage(monkeypatch, spoil)
+    with pytest.raises(StorageError, match=f"{name} reads back other than it was written"):
+        write_animation(tmp_path / "out", name, moving(10), 12.5)
+    assert list((tmp_path / "out").iterdir()) == []
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("name", ["model.webm", "model.gif"])
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        ([*moving(9)], "it has 9 pictures, expected 10"),
+        ([*moving(11)], "it has more than 10 pictures"),
+        ([*moving(10, (120, 160))], "picture 1 has 160 × 120 pixels"),
+        ([*moving(10)][::-1], "picture 1 is another one"),
+    ],
+)
+def test_an_animation_of_other_pictures_is_told_from_what_was_drawn(tmp_path, name, other, said):
+    drawn = Drawn()
+    list(drawn.noted(moving(10)))
+    assert drawn.check(write_animation(tmp_path, name, other, 10)) == said

@@ -11,6 +11,7 @@ from calibrators import calibration
 
 from grabberd.errors import Conflict, InputError, NotFound, StorageError
 from grabberd.storage.state.calibration_store import CalibrationRecord, CalibrationStore
+from storage.damage import damage, every_way
 
 
 @pytest.fixture
@@ -167,3 +168,19 @@ def test_a_failed_write_leaves_nothing_behind(
 
 def test_a_folder_that_is_not_there_yet_holds_nothing(tmp_path: Path) -> None:
     assert CalibrationStore(tmp_path / "nowhere").list() == []
+
+
+@every_way
+@pytest.mark.parametrize("name", ["calibration.json", "record.json", "report.json", "report.html"])
+def test_what_is_damaged_before_it_is_read_back_is_not_stored(store, monkeypatch, spoil, name) -> None:
+    damage(monkeypatch, spoil, name)
+    with pytest.raises(StorageError, match=f"{name} reads back other than it was written"):
+        store.add(calibration("rig-7"), report={"id": "rig-7"}, page="<!doctype html><p>σ: .12 px</p>" * 9)
+    assert "rig-7" not in store
+    assert list(store.directory.iterdir()) == []
+
+
+def test_a_page_that_no_browser_closes_is_not_stored(store: CalibrationStore) -> None:
+    with pytest.raises(StorageError, match=r"report.html .*<p> is not closed"):
+        store.add(calibration("rig-7"), page="<!doctype html><p>")
+    assert "rig-7" not in store

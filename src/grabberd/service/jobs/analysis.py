@@ -17,7 +17,6 @@ from grabberd.documents.results import AnalysisResult
 from grabberd.errors import ExtraMissing, InputError
 from grabberd.service.jobs.progress import Progress, portion
 from grabberd.service.jobs.runner import JobSpec
-from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.analysis_store import DOCUMENT, PAGE, RECORD, AnalysisStore
 
 if TYPE_CHECKING:
@@ -159,8 +158,8 @@ def write_page(folder: Path, document: JsonObject) -> Path:
 
 
 def _write(path: Path, text: str) -> Path:
-    from grabberd.storage.export.checked_file import write_checked
-    from grabberd.storage.export.read_back import text_check
+    from grabberd.storage.checked_file import write_checked
+    from grabberd.storage.text_check import text_check
 
     return write_checked(path, [text.encode()], text_check(text))
 
@@ -201,8 +200,7 @@ def _write_all(folder: Path, made: AnalysisOutput) -> AnalysisRecord:
         missing_extra=missing_extra,
         page_problem=page_problem,
     )
-    with storage_errors(folder / RECORD):
-        (folder / RECORD).write_text(record.model_dump_json(), encoding="utf-8")
+    _write(folder / RECORD, record.model_dump_json())
     return record
 
 

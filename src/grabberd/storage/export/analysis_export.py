@@ -10,8 +10,8 @@ from grabberd.analysis import Grid
 from grabberd.errors import InputError
 from grabberd.processes.analysis.tables import AnalysisTables
 from grabberd.processes.columns import Table
+from grabberd.storage.checked_file import checked_file, checked_path, write_checked
 from grabberd.storage.disk import storage_errors
-from grabberd.storage.export.checked_file import checked_file, checked_path, write_checked
 from grabberd.storage.export.csv_file import csv_text
 from grabberd.storage.export.hdf5_file import ArrayGroup, check_hdf5, write_hdf5
 from grabberd.storage.export.meshes import Mesh, meshes

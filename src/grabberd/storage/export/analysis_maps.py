@@ -1,12 +1,15 @@
 """The maps of an analysis in one file, from which each is read without the others."""
 
 import json
-from collections.abc import Iterable, Mapping
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grabberd.errors import NotFound
+from grabberd.storage.checked_file import Check, checked_file, write_checked
 from grabberd.storage.disk import storage_errors
+from grabberd.storage.text_check import text_check
 
 if TYPE_CHECKING:
     from grabberd.processes.analysis.maps import TargetMap
@@ -18,16 +21,33 @@ def write_maps(folder: Path, maps: Iterable["TargetMap"], units: Mapping[str, st
     """Writes a line for each map, and a second file with the value, offset and length of each.
 
     Raises:
-        StorageError: The files cannot be written.
+        StorageError: The files cannot be written, or do not read back as they were written.
     """
     offsets: dict[str, list[tuple[float, int, int]]] = {"field": [], "phase": []}
-    with storage_errors(folder / MAPS), (folder / MAPS).open("xb") as file:
+    sums: list[int] = []
+    with checked_file(folder / MAPS, _lines_check(sums)) as file:
         for one in maps:
             line = json.dumps(_document(one, units), ensure_ascii=False, allow_nan=False).encode() + b"\n"
             offsets[one.kind].append((one.value, file.tell(), len(line)))
+            sums.append(zlib.crc32(line))
             file.write(line)
-    with storage_errors(folder / OFFSETS):
-        (folder / OFFSETS).write_text(json.dumps(offsets), encoding="utf-8")
+    text = json.dumps(offsets)
+    write_checked(folder / OFFSETS, [text.encode()], text_check(text))
+
+
+def _lines_check(sums: Sequence[int]) -> Check:
+    """Lines of JSON with these checksums, which are asked for once all have been written."""
+
+    def check(path: Path) -> str | None:
+        count = 0
+        with path.open("rb") as file:
+            for count, line in enumerate(file, 1):
+                if count > len(sums) or zlib.crc32(line) != sums[count - 1]:
+                    return f"line {count} is another one"
+                json.loads(line)
+        return None if count == len(sums) else f"it has {count} lines, expected {len(sums)}"
+
+    return check
 
 
 def read_map(folder: Path, kind: str, value: float) -> bytes:

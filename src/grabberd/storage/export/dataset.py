@@ -8,7 +8,6 @@ Programs that read Parquet skip names that begin with `_` or a dot.
 """
 
 import hashlib
-import os
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -21,7 +20,9 @@ from grabberd.errors import StorageError
 from grabberd.storage.capture.content_digest import document_bytes, document_sha256
 from grabberd.storage.capture.directory_lock import DirectoryLock
 from grabberd.storage.capture.meta import CaptureMeta
+from grabberd.storage.checked_file import check_file
 from grabberd.storage.disk import storage_errors
+from grabberd.storage.text_check import text_check
 
 SCRATCH, MADE_WITH, SUFFIX = "_scratch", "_made_with", ".parquet"
 _KEY_LETTERS = 12
@@ -102,7 +103,7 @@ class DataSet:
         """Stores a document that points are made with; returns its SHA-256, which is its name.
 
         Raises:
-            StorageError: It cannot be written.
+            StorageError: It cannot be written, or does not read back as it was written.
         """
         sha256 = document_sha256(document)
         final = self.made_with / f"{sha256}.json"
@@ -110,10 +111,7 @@ class DataSet:
             with storage_errors(final):
                 # under another name first: readers never see half of it, and two workers may write it at once
                 descriptor, part = tempfile.mkstemp(dir=self.made_with, prefix=".")
-                with open(descriptor, "wb") as file:
-                    file.write(document_bytes(document))
-                Path(part).chmod(0o644)  # mkstemp lets only the owner read it
-                os.replace(part, final)
+                _write_document(descriptor, Path(part), document, final)
         return sha256
 
     def places(self) -> Iterator[Place]:
@@ -122,6 +120,18 @@ class DataSet:
             barn, day = (part.partition("=")[2] for part in path.parts[-3:-1])
             capture, _, key = path.name.removesuffix(SUFFIX).rpartition("-")
             yield Place(unquote(barn), day, unquote(capture), key)
+
+
+def _write_document(descriptor: int, part: Path, document: Any, final: Path) -> None:
+    content = document_bytes(document)
+    try:
+        with open(descriptor, "wb") as file:
+            file.write(content)
+        check_file(part, text_check(content.decode()), final.name)
+        part.chmod(0o644)  # mkstemp lets only the owner read it
+        part.replace(final)
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def _visible(name: str) -> str:

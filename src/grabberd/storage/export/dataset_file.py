@@ -9,9 +9,11 @@ from typing import Any
 from uuid import uuid4
 
 from grabberd.processes.columns import Rows, joined
+from grabberd.storage.checked_file import Check, check_file
 from grabberd.storage.disk import storage_errors
 from grabberd.storage.export.parquet_file import parquet_batch, parquet_writer
 from grabberd.storage.export.points_columns import DATASET_COLUMNS, POINT_COLUMNS
+from grabberd.storage.export.read_back import parquet_check
 
 KEY = "grabberd"
 
@@ -36,7 +38,8 @@ def write_dataset_file(
         Number of fields and of points.
 
     Raises:
-        StorageError: It cannot be written, or its folder is gone because the program is ending.
+        StorageError: It cannot be written, does not read back as it was written, or its folder is gone
+            because the program is ending.
     """
     constant = {
         "capture": about["capture"]["id"],
@@ -53,13 +56,24 @@ def write_dataset_file(
                 writer.write_batch(batch)
                 _tell(part, fields := fields + len(group))
             points += batch.num_rows
-        writer.add_key_value_metadata(
-            {KEY: _text({**about, **found(fields), "fields": fields, "points": points})}
-        )
+        origin = _text({**about, **found(fields), "fields": fields, "points": points})
+        writer.add_key_value_metadata({KEY: origin})
         writer.close()
+        with storage_errors(target):
+            file.flush()
+        check_file(own, _check(points, origin), target.name)
         _publish(own, target)
     _count_file(part).unlink(missing_ok=True)
     return fields, points
+
+
+def _check(points: int, origin: str) -> Check:
+    rows = parquet_check([column.name for column in DATASET_COLUMNS], lambda: points)
+
+    def check(path: Path) -> str | None:
+        return rows(path) or (None if _text(read_about(path)) == origin else "its origin is another one")
+
+    return check
 
 
 def read_about(path: Path) -> dict[str, Any]:

@@ -13,8 +13,8 @@ from grabberd.field import BOTTOM, TOP, PackedField, unpack
 from grabberd.storage.capture.digests import Damage
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.capture.rows import RecordedField
+from grabberd.storage.checked_file import write_checked
 from grabberd.storage.disk import new_folder, storage_errors
-from grabberd.storage.export.checked_file import write_checked
 from grabberd.storage.export.ledger_file import write_ledger_file, write_left_out_file
 from grabberd.storage.export.read_back import png_check
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from grabberd.acquisition import Ledger, cause_of_loss
 from grabberd.storage.capture.digests import Damage
 from grabberd.storage.capture.reader import CaptureReader
-from grabberd.storage.export.checked_file import checked_path
+from grabberd.storage.checked_file import checked_path
 from grabberd.storage.export.csv_file import cells
 from grabberd.storage.export.read_back import csv_check
 

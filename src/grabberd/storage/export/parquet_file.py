@@ -59,7 +59,7 @@ def parquet_writer(
     import pyarrow.parquet as pq  # noqa: PLC0415
 
     schema = pa.schema([_field(column) for column in columns], metadata)
-    return pq.ParquetWriter(file, schema, compression="zstd")
+    return pq.ParquetWriter(file, schema, compression="zstd", write_page_checksum=True)
 
 
 def parquet_batch(columns: Sequence[Column], rows: Rows) -> "pa.RecordBatch":

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import InputError, StorageError
+from grabberd.storage.checked_file import Check, checked_path, write_checked
 from grabberd.storage.disk import new_folder, storage_errors
-from grabberd.storage.export.checked_file import write_checked
+from grabberd.storage.export.animation_check import Drawn
 from grabberd.storage.export.read_back import png_check
 
 Picture = NDArray[np.uint8]
@@ -53,40 +54,37 @@ def write_animation(directory: Path, name: str, pictures: Iterable[Picture], per
 
     Raises:
         InputError: There are no pictures, or too many for a GIF.
-        StorageError: It cannot be written.
+        StorageError: It cannot be written, or does not read back as it was drawn.
     """
     new_folder(directory)
-    path = directory / name
-    if path.suffix == ".gif":
-        _write_gif(path, pictures, per_s)
-    else:
-        _write_webm(path, pictures, per_s)
+    path, drawn = directory / name, Drawn()
+    write = _write_gif if path.suffix == ".gif" else _write_webm
+    with checked_path(path, _quiet(drawn.check)) as part:
+        write(part, name, drawn.noted(pictures), per_s)
     return path
 
 
-def _write_webm(path: Path, pictures: Iterable[Picture], per_s: float) -> None:
+def _write_webm(path: Path, name: str, pictures: Iterable[Picture], per_s: float) -> None:
     writer: cv2.VideoWriter | None = None
     try:
         for picture in pictures:
-            writer = writer or _opened(path, picture.shape[1], picture.shape[0], per_s)
+            writer = writer or _opened(path, name, picture.shape[1], picture.shape[0], per_s)
             writer.write(picture)
     finally:
         if writer is not None:
             writer.release()
     if writer is None:
-        raise _nothing(path)
+        raise _nothing(name)
     if not path.is_file() or path.stat().st_size == 0:
-        raise StorageError(
-            f"{path.name} could not be written", "make room on the disk, or choose another folder"
-        )
+        raise StorageError(f"{name} could not be written", "make room on the disk, or choose another folder")
 
 
-def _opened(path: Path, width: int, height: int, per_s: float) -> cv2.VideoWriter:
+def _opened(path: Path, name: str, width: int, height: int, per_s: float) -> cv2.VideoWriter:
     with _without_chatter():
         writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, _VP9, per_s, (width, height))
     if not writer.isOpened():
         raise StorageError(
-            f"{path.name} cannot be written as WebM (VP9)",
+            f"{name} cannot be written as WebM (VP9)",
             "this computer's OpenCV may lack VP9: choose --format gif",
         )
     return writer
@@ -94,7 +92,7 @@ def _opened(path: Path, width: int, height: int, per_s: float) -> cv2.VideoWrite
 
 @contextmanager
 def _without_chatter() -> Iterator[None]:
-    """Discards FFmpeg's warning that VP9 has no tag of its own in WebM.
+    """Discards what FFmpeg says: that VP9 has no tag of its own in WebM, or what it thinks of a damaged file.
 
     FFmpeg writes it to the process's standard error, so Python's `sys.stderr` cannot catch it.
     """
@@ -109,7 +107,17 @@ def _without_chatter() -> Iterator[None]:
         os.close(kept)
 
 
-def _write_gif(path: Path, pictures: Iterable[Picture], per_s: float) -> None:
+def _quiet(check: Check) -> Check:
+    """The same check without FFmpeg's own words."""
+
+    def checked(path: Path) -> str | None:
+        with _without_chatter():
+            return check(path)
+
+    return checked
+
+
+def _write_gif(path: Path, name: str, pictures: Iterable[Picture], per_s: float) -> None:
     """Writes a GIF, which shows each picture for whole hundredths of a second, at least two of them."""
     animation = cv2.Animation()
     kept = []
@@ -121,16 +129,16 @@ def _write_gif(path: Path, pictures: Iterable[Picture], per_s: float) -> None:
                 "choose fewer fields, --every 2, or WebM",
             )
     if not kept:
-        raise _nothing(path)
+        raise _nothing(name)
     shown_s = max(round(1 / per_s / _GIF_STEP_S) * _GIF_STEP_S, _GIF_QUICKEST_S)
     animation.frames = kept
     animation.durations = [round(shown_s * 1000)] * len(kept)
     good, data = cv2.imencodeanimation(".gif", animation)
     if not good:
-        raise StorageError(f"{path.name} cannot be encoded as GIF", "choose WebM")
+        raise StorageError(f"{name} cannot be encoded as GIF", "choose WebM")
     with storage_errors(path):
         path.write_bytes(bytes(data))
 
 
-def _nothing(path: Path) -> InputError:
-    return InputError(f"{path.name}: there are no pictures to write", "choose fields that the capture has")
+def _nothing(name: str) -> InputError:
+    return InputError(f"{name}: there are no pictures to write", "choose fields that the capture has")

@@ -13,8 +13,8 @@ from grabberd.processes.columns import joined
 from grabberd.storage.capture.checked_rows import END
 from grabberd.storage.capture.digests import MISSING, Damage
 from grabberd.storage.capture.reader import CaptureReader
+from grabberd.storage.checked_file import Check, checked_file
 from grabberd.storage.disk import new_folder, storage_errors
-from grabberd.storage.export.checked_file import Check, checked_file
 from grabberd.storage.export.csv_file import csv_text
 from grabberd.storage.export.ledger_file import write_ledger_file, write_left_out_file
 from grabberd.storage.export.parquet_file import check_parquet, write_parquet

@@ -2,10 +2,7 @@
 
 import csv
 import itertools
-import json
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from html.parser import HTMLParser
 from pathlib import Path
 from xml.parsers import expat
 
@@ -14,11 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.processes.columns import Table
-from grabberd.storage.export.checked_file import Check
+from grabberd.storage.checked_file import Check
 
-_VOID = frozenset(
-    {"area", "base", "br", "col", "embed", "hr", "img", "input", "link", "meta", "source", "wbr"}
-)
 _PLY_BYTES = {"int": 4, "float": 4, "double": 8}
 _FACE_BYTES = 13
 """A triangle in PLY: the number of its corners in a byte, and three of four bytes."""
@@ -42,12 +36,12 @@ def csv_check(columns: Sequence[str], rows: Callable[[], int]) -> Check:
 
 
 def parquet_check(columns: Sequence[str], rows: Callable[[], int]) -> Check:
-    """Parquet with these columns; every row group is read."""
+    """Parquet with these columns; every row group is read, and every page's checksum compared."""
 
     def check(path: Path) -> str | None:
         import pyarrow.parquet as pq  # type: ignore[import-untyped]  # noqa: PLC0415 - optional, slow to import
 
-        with pq.ParquetFile(path) as file:
+        with pq.ParquetFile(path, page_checksum_verification=True) as file:
             if file.schema_arrow.names != list(columns):
                 return f"its columns are {', '.join(file.schema_arrow.names)}"
             return _counted(sum(batch.num_rows for batch in file.iter_batches()), rows())
@@ -127,52 +121,6 @@ def png_check(picture: NDArray[np.uint8]) -> Check:
         return None if same else f"its picture of {read.shape} is another one"
 
     return check
-
-
-def text_check(text: str) -> Check:
-    """The text itself; of HTML, that its elements close in order; of JSON, that it can be read."""
-
-    def check(path: Path) -> str | None:
-        if (found := path.read_bytes()) != text.encode():
-            return f"its {len(found)} bytes are others than the {len(text.encode())} expected"
-        if re.match(r"\s*<!doctype html", text, re.IGNORECASE):
-            return _Elements.problem(text)
-        if text.lstrip().startswith("{"):
-            json.loads(text)
-        return None
-
-    return check
-
-
-class _Elements(HTMLParser):
-    """Parses a page, noting the first element that does not close in order."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._open: list[str] = []
-        self._wrong: str | None = None
-
-    @classmethod
-    def problem(cls, page: str) -> str | None:
-        """The first element that does not close; None if all do."""
-        parser = cls()
-        parser.feed(page)
-        parser.close()
-        left = f"<{parser._open[-1]}> is not closed" if parser._open else None
-        return parser._wrong or left
-
-    def handle_starttag(self, tag: str, _: list[tuple[str, str | None]]) -> None:
-        if tag not in _VOID:
-            self._open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Nothing opens: elements of SVG close themselves."""
-
-    def handle_endtag(self, tag: str) -> None:
-        if self._open and self._open[-1] == tag:
-            self._open.pop()
-        else:
-            self._wrong = self._wrong or f"</{tag}> closes nothing at {self.getpos()}"
 
 
 def _counted(found: int, expected: int) -> str | None:

@@ -21,6 +21,7 @@ from typing import Any, Literal
 
 from grabberd.errors import Conflict, InputError, NotFound, StorageError
 from grabberd.geometry import Calibration
+from grabberd.storage.checked_file import check_file
 from grabberd.storage.disk import (
     READ_ONLY,
     clear_scratch,
@@ -29,6 +30,7 @@ from grabberd.storage.disk import (
     sync_directory,
     write_synced,
 )
+from grabberd.storage.text_check import text_check
 
 ID = re.compile(r"[0-9A-Za-z_-]{1,80}")
 REMEMBERED = 256
@@ -108,7 +110,7 @@ class CalibrationStore:
         Raises:
             InputError: The document is no calibration, or its id cannot name a folder.
             Conflict: A calibration of that id exists.
-            StorageError: It cannot be written.
+            StorageError: It cannot be written, or does not read back as it was written.
         """
         calibration = Calibration.from_document(document)
         check_id(calibration.id)
@@ -123,6 +125,7 @@ class CalibrationStore:
         with self.scratch() as scratch, storage_errors(self.directory / calibration.id):
             made = scratch / calibration.id
             _write_folder(made, files)
+            _read_back(made, files)
             self._publish(made)
         return calibration
 
@@ -263,6 +266,14 @@ def _write_folder(folder: Path, files: Mapping[str, bytes | None]) -> None:
         if content is not None:
             write_synced(folder / name, content, READ_ONLY)
     sync_directory(folder)
+
+
+def _read_back(folder: Path, files: Mapping[str, bytes | None]) -> None:
+    """Reads a folder as those who ask for it do: the page as HTML, the calibration to measure with."""
+    for name, content in files.items():
+        if content is not None:
+            check_file(folder / name, text_check(content.decode()), name)
+    _read(folder)
 
 
 def _bytes_of(path: Path) -> bytes | None:

@@ -24,14 +24,14 @@ def checked_path(path: Path, check: Check) -> Iterator[Path]:
     Raises:
         StorageError: The file exists, cannot be written, or is not what was to be written.
     """
-    part = path.with_name(f".{path.name}.part")
+    # The ending stays: writers of videos choose the format by it.
+    part = path.with_name(f".part-{path.name}")
     try:
         with storage_errors(path):
             if path.exists():
                 raise FileExistsError(EEXIST, strerror(EEXIST), str(path))
             yield part
-        if wrong := _problem(part, check):
-            raise StorageError(f"{path.name} reads back other than it was written: {wrong}", _HINT)
+        check_file(part, check, path.name)
         with storage_errors(path):
             part.rename(path)
     finally:
@@ -60,8 +60,15 @@ def write_checked(path: Path, parts: Iterable[bytes], check: Check) -> Path:
     return path
 
 
-def _problem(path: Path, check: Check) -> str | None:
+def check_file(path: Path, check: Check, name: str) -> None:
+    """Reads a file back; a message calls it by `name`.
+
+    Raises:
+        StorageError: It is not what was to be written.
+    """
     try:
-        return check(path)
+        wrong = check(path)
     except Exception as error:  # every reader has errors of its own
-        return f"it cannot be read ({error})"
+        wrong = f"it cannot be read ({error})"
+    if wrong:
+        raise StorageError(f"{name} reads back other than it was written: {wrong}", _HINT)
