@@ -4,7 +4,7 @@ import csv
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from browser.axe import serious
 from browser.conftest import PHONE, Open, Start
@@ -95,6 +95,26 @@ def test_a_capture_is_measured_again(daemon: Daemon, open_page: Open) -> None:
     page.get_by_role("button", name="Measure again").click()
     expect(page.get_by_text("afterwards")).to_be_visible(timeout=PATIENCE_MS)
     assert len(daemon.ask(f"/captures/{one}")["runs"]) == 2
+    assert serious(page) == []
+
+
+def test_what_a_new_measurement_warns_of_stays_on_the_page(daemon: Daemon, open_page: Open) -> None:
+    warning = "1 field was left out: the disk has changed it"
+
+    def warned(route: Route) -> None:
+        answer = route.fetch()
+        job = answer.json()
+        if job.get("result"):
+            job["result"]["warnings"] = [warning]
+        route.fulfill(response=answer, json=job)
+
+    one = daemon.capture(5)
+    page = open_page(f"{daemon.url}/#captures/{one}").page
+    page.route("**/api/v1/jobs/*", warned)
+    page.get_by_role("button", name="Measure again").click()
+    expect(page.get_by_text("afterwards")).to_be_visible(timeout=PATIENCE_MS)
+    expect(page.get_by_text(warning)).to_be_visible()
+    expect(page.get_by_text("What the new measurement warns of:")).to_be_visible()
     assert serious(page) == []
 
 

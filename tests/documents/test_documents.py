@@ -16,6 +16,7 @@ from grabberd.documents.captures import CaptureDocument, MadeWith
 from grabberd.documents.document import Document
 from grabberd.documents.examples import CAPTURE
 from grabberd.documents.requests import NewCapture
+from grabberd.reconstruction.coverage.words import finding_in_words
 
 for module in pkgutil.iter_modules(grabberd.documents.__path__):
     importlib.import_module(f"grabberd.documents.{module.name}")
@@ -97,3 +98,12 @@ def test_they_load_neither_the_service_nor_the_server() -> None:
         "assert not found, found"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+def test_the_example_of_a_capture_says_how_well_it_was_measured_in_the_programs_words() -> None:
+    capture = CaptureDocument.model_validate(CAPTURE)
+    assert capture.coverage is not None
+    assert capture.coverage == capture.runs[-1].coverage
+    assert capture.coverage.missing_fields == capture.ledger.counts["lost"]
+    for found in capture.coverage.findings:
+        assert found.in_words == finding_in_words(found.code, found.values, found.miss)

@@ -4,6 +4,25 @@ from grabberd.documents.named_types import JsonObject
 
 _ID = "20260301T093000125Z-barn"
 
+_MISSING = "2 of 64 fields could not be measured: lost, damaged or without a picture"
+_COVERAGE: JsonObject = {
+    "verdict": "measured_with_gaps",
+    "in_words": _MISSING,
+    "findings": [
+        {
+            "verdict": "measured_with_gaps",
+            "code": "fields_missing",
+            "values": {"missing": 2, "fields": 64},
+            "miss": None,
+            "in_words": _MISSING,
+        }
+    ],
+    "share": 0.9987,
+    "fields": 62,
+    "missing_fields": 2,
+    "residual_px": 0.094,
+    "residual_sigma": 0.97,
+}
 CAPTURE: JsonObject = {
     "id": _ID,
     "device": "barn",
@@ -30,8 +49,10 @@ CAPTURE: JsonObject = {
             "created_utc": "2026-03-01T09:30:00.125Z",
             "version": "0.1.0",
             "state": "done",
+            "coverage": _COVERAGE,
         }
     ],
+    "coverage": _COVERAGE,
     "labels": {"cow": "112", "teat": "front left"},
     "note": "new liners",
     "pinned": False,

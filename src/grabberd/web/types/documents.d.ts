@@ -36,6 +36,7 @@ type JobResult = NonNullable<Job["result"]>;
 /** A job that is done, with the result of its kind. */
 export type JobWith<Result> = Omit<Job, "result"> & { result: Result };
 export type AnalysisResult = Extract<JobResult, { analysis: number }>;
+export type MeasurementResult = Extract<JobResult, { run: number; points: number }>;
 export type CheckResult = Extract<JobResult, { verdict: string }>;
 export type Identification = Extract<JobResult, { picture: unknown }>;
 export type IdentifiedView = Identification["views"][string];

@@ -1849,6 +1849,26 @@ export interface components {
          * @description A capture.
          * @example {
          *       "bits": 1,
+         *       "coverage": {
+         *         "fields": 62,
+         *         "findings": [
+         *           {
+         *             "code": "fields_missing",
+         *             "in_words": "2 of 64 fields could not be measured: lost, damaged or without a picture",
+         *             "values": {
+         *               "fields": 64,
+         *               "missing": 2
+         *             },
+         *             "verdict": "measured_with_gaps"
+         *           }
+         *         ],
+         *         "in_words": "2 of 64 fields could not be measured: lost, damaged or without a picture",
+         *         "missing_fields": 2,
+         *         "residual_px": 0.094,
+         *         "residual_sigma": 0.97,
+         *         "share": 0.9987,
+         *         "verdict": "measured_with_gaps"
+         *       },
          *       "created_utc": "2026-03-01T09:30:00.125Z",
          *       "device": "barn",
          *       "ended_because": "length reached",
@@ -1885,6 +1905,26 @@ export interface components {
          *       "pre_trigger_fields": 0,
          *       "runs": [
          *         {
+         *           "coverage": {
+         *             "fields": 62,
+         *             "findings": [
+         *               {
+         *                 "code": "fields_missing",
+         *                 "in_words": "2 of 64 fields could not be measured: lost, damaged or without a picture",
+         *                 "values": {
+         *                   "fields": 64,
+         *                   "missing": 2
+         *                 },
+         *                 "verdict": "measured_with_gaps"
+         *               }
+         *             ],
+         *             "in_words": "2 of 64 fields could not be measured: lost, damaged or without a picture",
+         *             "missing_fields": 2,
+         *             "residual_px": 0.094,
+         *             "residual_sigma": 0.97,
+         *             "share": 0.9987,
+         *             "verdict": "measured_with_gaps"
+         *           },
          *           "created_utc": "2026-03-01T09:30:00.125Z",
          *           "kind": "live",
          *           "run": 1,
@@ -1967,6 +2007,26 @@ export interface components {
          *       "captures": [
          *         {
          *           "bits": 1,
+         *           "coverage": {
+         *             "fields": 62,
+         *             "findings": [
+         *               {
+         *                 "code": "fields_missing",
+         *                 "in_words": "2 of 64 fields could not be measured: lost, damaged or without a picture",
+         *                 "values": {
+         *                   "fields": 64,
+         *                   "missing": 2
+         *                 },
+         *                 "verdict": "measured_with_gaps"
+         *               }
+         *             ],
+         *             "in_words": "2 of 64 fields could not be measured: lost, damaged or without a picture",
+         *             "missing_fields": 2,
+         *             "residual_px": 0.094,
+         *             "residual_sigma": 0.97,
+         *             "share": 0.9987,
+         *             "verdict": "measured_with_gaps"
+         *           },
          *           "created_utc": "2026-03-01T09:30:00.125Z",
          *           "device": "left",
          *           "ended_because": "length reached",
@@ -2013,6 +2073,26 @@ export interface components {
          *           "pre_trigger_fields": 0,
          *           "runs": [
          *             {
+         *               "coverage": {
+         *                 "fields": 62,
+         *                 "findings": [
+         *                   {
+         *                     "code": "fields_missing",
+         *                     "in_words": "2 of 64 fields could not be measured: lost, damaged or without a picture",
+         *                     "values": {
+         *                       "fields": 64,
+         *                       "missing": 2
+         *                     },
+         *                     "verdict": "measured_with_gaps"
+         *                   }
+         *                 ],
+         *                 "in_words": "2 of 64 fields could not be measured: lost, damaged or without a picture",
+         *                 "missing_fields": 2,
+         *                 "residual_px": 0.094,
+         *                 "residual_sigma": 0.97,
+         *                 "share": 0.9987,
+         *                 "verdict": "measured_with_gaps"
+         *               },
          *               "created_utc": "2026-03-01T09:30:00.125Z",
          *               "kind": "live",
          *               "run": 1,
@@ -2027,6 +2107,26 @@ export interface components {
          *         },
          *         {
          *           "bits": 1,
+         *           "coverage": {
+         *             "fields": 62,
+         *             "findings": [
+         *               {
+         *                 "code": "fields_missing",
+         *                 "in_words": "2 of 64 fields could not be measured: lost, damaged or without a picture",
+         *                 "values": {
+         *                   "fields": 64,
+         *                   "missing": 2
+         *                 },
+         *                 "verdict": "measured_with_gaps"
+         *               }
+         *             ],
+         *             "in_words": "2 of 64 fields could not be measured: lost, damaged or without a picture",
+         *             "missing_fields": 2,
+         *             "residual_px": 0.094,
+         *             "residual_sigma": 0.97,
+         *             "share": 0.9987,
+         *             "verdict": "measured_with_gaps"
+         *           },
          *           "created_utc": "2026-03-01T09:30:00.125Z",
          *           "device": "right",
          *           "ended_because": "length reached",
@@ -2073,6 +2173,26 @@ export interface components {
          *           "pre_trigger_fields": 0,
          *           "runs": [
          *             {
+         *               "coverage": {
+         *                 "fields": 62,
+         *                 "findings": [
+         *                   {
+         *                     "code": "fields_missing",
+         *                     "in_words": "2 of 64 fields could not be measured: lost, damaged or without a picture",
+         *                     "values": {
+         *                       "fields": 64,
+         *                       "missing": 2
+         *                     },
+         *                     "verdict": "measured_with_gaps"
+         *                   }
+         *                 ],
+         *                 "in_words": "2 of 64 fields could not be measured: lost, damaged or without a picture",
+         *                 "missing_fields": 2,
+         *                 "residual_px": 0.094,
+         *                 "residual_sigma": 0.97,
+         *                 "share": 0.9987,
+         *                 "verdict": "measured_with_gaps"
+         *               },
          *               "created_utc": "2026-03-01T09:30:00.125Z",
          *               "kind": "live",
          *               "run": 1,

@@ -6,7 +6,7 @@ import { createJob } from "../jobs/job.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { PointSample } from "./sample.js" */
-/** @import { Capture, FieldOrder, MadeWith, Rig, Run } from "types/documents" */
+/** @import { Capture, FieldOrder, JobWith, MadeWith, MeasurementResult, Rig, Run } from "types/documents" */
 
 const SHOWN = 6;
 /** @type {Partial<Record<Rig["verdict"], [string, string]>>} level and symbol */
@@ -22,8 +22,9 @@ export function createRuns(context, again) {
   const none = el("p", { class: "muted" }, t("capture.runs.none"));
   const measure = el("button", { class: "button", type: "button", data: { do: "measure" }, on: { click: submit } }, symbol("measure"), t("capture.runs.again"));
   const job = createJob(context, { title: t("capture.runs.measuring"), busy: (busy) => (measure.disabled = busy), done: ended });
+  const warned = el("div");
   const hint = el("p", { class: "field-hint" }, t("capture.runs.hint"));
-  const element = el("section", { class: "card stack" }, el("h2", {}, t("capture.runs.title")), findings, none, table, may("operator") && el("div", { class: "stack capture-measure" }, measure, hint), job.element);
+  const element = el("section", { class: "card stack" }, el("h2", {}, t("capture.runs.title")), findings, none, table, may("operator") && el("div", { class: "stack capture-measure" }, measure, hint), job.element, warned);
   /** @type {Map<number, {made_with: MadeWith}>} */
   const known = new Map();
   let id = "";
@@ -94,6 +95,7 @@ export function createRuns(context, again) {
 
   async function submit() {
     measure.disabled = true;
+    fill(warned);
     try {
       const made = await api.post(`/captures/${encodeURIComponent(id)}/measure`, { key });
       key = newKey();
@@ -105,7 +107,10 @@ export function createRuns(context, again) {
     }
   }
 
-  function ended() {
+  /** @param {JobWith<MeasurementResult>} ended */
+  function ended({ result }) {
+    const sentences = (result.warnings ?? []).map((words) => el("li", {}, words));
+    fill(warned, sentences.length > 0 && el("div", { class: "note is-warn" }, symbol("warn"), el("div", {}, t("capture.runs.warnings"), el("ul", {}, sentences))));
     context.announce(t("capture.runs.measured"), { kind: "good" });
     again();
   }
