@@ -1,7 +1,10 @@
 """Goals of accuracy and of closures, met or missed by scenes of leaning discs behind uneven mirrors."""
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from concurrent.futures import ProcessPoolExecutor
+from itertools import product
+from multiprocessing import get_context
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,16 +16,16 @@ from grabberd.analysis import TimedPoints, first_movement, fit_pulsation, wall_p
 from grabberd.errors import AnalysisError
 from grabberd.processes.accuracy import Investigation
 
-RIGS = tuple(range(501, 509))
-FILMS = tuple(range(200, 212))
+RIGS = tuple(range(501, 505))
+FILMS = tuple(range(200, 208))
 """Seeds that nothing was chosen with: the rigs of leaning discs, and the closures."""
 STROKES_MM = (5.0, 10.0)
 UNEVEN_PX = (0.02, 0.06)
 CLOSURES_UNEVEN_PX = 0.06
-FULL = 1.0
-"""Brightness of both views where neither mirror is dim."""
-DIM = 0.55
-SINGLE_MM = {(1, True): 0.055, (1, False): 0.078, (8, False): 0.026}
+LIGHTS = {0.55: "dim views", 1.0: "bright views"}
+"""By the least brightness of a view."""
+WORKERS = 3
+SINGLE_MM: dict[tuple[int, bool], float] = {(1, True): 0.055, (1, False): 0.078, (8, False): 0.026}
 """Goals of a single field's error in space, by bits and doubled lines."""
 NAMES = {(1, True): "1 bit, doubled", (1, False): "1 bit, 288 lines", (8, False): "8 bit, 288 lines"}
 POINTING_PX = (0.125, 0.130)
@@ -30,6 +33,8 @@ MEAN_MM = 0.010
 FOUND, PHASES_MS = 99.9, 0.5
 
 Array = NDArray[np.float64]
+How = tuple[int, bool]
+"""Bits, and whether the lines are doubled."""
 
 
 class Row(NamedTuple):
@@ -52,31 +57,42 @@ def table() -> str:
         f"Leaning discs: a liner at rest, down the picture and across it, behind the mirrors of {len(RIGS)} "
         "rigs, calibrated from 64 fields and drawn by another renderer than the simulator's; dim views have "
         "55 to 100 % of full brightness. Closures: 2.5 s of the simulator's liners, "
-        f"{len(FILMS)} seeds at 5 and 10 mm, mirrors uneven by {CLOSURES_UNEVEN_PX} px, calibrated; lost: "
-        "5 to 30 % of the fields. Noise 2 % of full brightness, line jitter .12 px. Nothing was ever "
+        f"{len(FILMS)} seeds, at 5 and 10 mm in turn, mirrors uneven by {CLOSURES_UNEVEN_PX} px, calibrated; "
+        "lost: 5 to 30 % of the fields. Noise 2 % of full brightness, line jitter .12 px. Nothing was ever "
         "chosen with these seeds. RMS in mm (χ²) unless said."
     )
     head = "| number | scene | goal | reached | seeds that reach it |\n|---|---|---|---|---|"
-    return "\n".join([f"{about}\n", head, *map(str, _still()), *map(str, _closing())])
+    with ProcessPoolExecutor(WORKERS, get_context("spawn")) as pool:
+        stills, films = pool.map(_rig, RIGS), pool.map(_films, FILMS)
+        rows = [*_still_rows(list(stills)), *_closing_rows(list(films))]
+    return "\n".join([f"{about}\n", head, *map(str, rows)])
 
 
-def _still() -> Iterator[Row]:
+Condition = tuple[float, float]
+"""How uneven the mirrors are, in px, and how bright the dimmer view."""
+
+
+def _rig(seed: int) -> dict[tuple[Condition, How], list[Averaged]]:
+    """A liner at rest along both axes, behind one rig's mirrors."""
+    return {
+        ((uneven_px, dim), (bits, doubled)): [
+            averaged(*calibrated(seed, uneven_px, dim=dim), axis, seed, bits=bits, doubled=doubled)
+            for axis in (DOWN, ACROSS)
+        ]
+        for uneven_px in UNEVEN_PX
+        for dim in LIGHTS
+        for bits, doubled in SINGLE_MM
+    }
+
+
+def _still_rows(rigs: list[dict[tuple[Condition, How], list[Averaged]]]) -> Iterator[Row]:
     """Pointing, single fields and means of a liner at rest."""
-    for uneven_px in UNEVEN_PX:
-        for dim, light in ((DIM, "dim views"), (FULL, "bright views")):
-            found = {how: _rigs(uneven_px, dim, *how) for how in SINGLE_MM}
-            scene = f"mirrors uneven by {uneven_px} px, {light}"
-            yield _pointing(scene, found[1, False])
-            yield from (_single(scene, how, found[how]) for how in SINGLE_MM)
-            yield _mean(scene, found[8, False])
-
-
-def _rigs(uneven_px: float, dim: float, bits: int, doubled: bool) -> list[Averaged]:
-    return [
-        averaged(*calibrated(seed, uneven_px, dim=dim), axis, seed, bits=bits, doubled=doubled)
-        for seed in RIGS
-        for axis in (DOWN, ACROSS)
-    ]
+    for condition in product(UNEVEN_PX, LIGHTS):
+        found = {how: [one for rig in rigs for one in rig[condition, how]] for how in SINGLE_MM}
+        scene = f"mirrors uneven by {condition[0]} px, {LIGHTS[condition[1]]}"
+        yield _pointing(scene, found[1, False])
+        yield from (_single(scene, how, found[how]) for how in SINGLE_MM)
+        yield _mean(scene, found[8, False])
 
 
 def _pointing(scene: str, found: list[Averaged]) -> Row:
@@ -91,7 +107,7 @@ def _pointing(scene: str, found: list[Averaged]) -> Row:
     )
 
 
-def _single(scene: str, how: tuple[int, bool], found: list[Averaged]) -> Row:
+def _single(scene: str, how: How, found: list[Averaged]) -> Row:
     error, goal = np.array([one.single_mm for one in found]), SINGLE_MM[how]
     return Row(
         f"one field, {NAMES[how]}",
@@ -113,45 +129,87 @@ def _mean(scene: str, found: list[Averaged]) -> Row:
     )
 
 
-def _closing() -> Iterator[Row]:
-    """What is found of closures, how well, smoothed, and when the wall opens and closes."""
+class Followed(NamedTuple):
+    """What was found of a film, and how well: errors in mm and χ² of single and of smoothed points."""
+
+    matched: int
+    missing: int
+    wrong: int
+    single_mm: float
+    single_chi2: float
+    smoothed_mm: float
+    smoothed_chi2: float
+
+    @classmethod
+    def of(cls, result: Investigation) -> Self:
+        """The numbers of an investigation."""
+        table, single, smoothed = result.single.accuracy, result.single, result.smoothed
+        return cls(
+            table.matched,
+            table.missing,
+            table.wrong,
+            single.accuracy.rmse.xyz_mm,
+            single.chi2,
+            smoothed.accuracy.rmse.xyz_mm,
+            smoothed.chi2,
+        )
+
+
+class Seen(NamedTuple):
+    """One film by one number of bits: all fields, some of them lost, and (2, 4) wall phases and their σ."""
+
+    whole: Followed
+    gaps: Followed
+    phases_ms: Array | None
+
+
+def _films(seed: int) -> dict[tuple[float, int], Seen]:
+    """The closures of a seed, by their time and the number of bits."""
+    found = {}
+    lost = float(np.linspace(*LOST, len(FILMS))[FILMS.index(seed)])
     for seconds in SECONDS:
-        films = [
-            Film(Closure(seconds, stroke_mm, seed, EXPOSURES_MS[seed // 4 % 2], CLOSURES_UNEVEN_PX))
-            for stroke_mm in STROKES_MM
-            for seed in FILMS
-        ]
-        lost = np.tile(np.linspace(*LOST, len(FILMS)), len(STROKES_MM)).tolist()
-        for name, bits in WAYS:
-            scene = f"closes in {1000 * seconds:.0f} ms, {name}"
-            yield from _followed(scene, [film.investigated(bits) for film in films])
-            some = [film.investigated(bits, share) for film, share in zip(films, lost, strict=True)]
-            yield from _followed(f"{scene}, fields lost", some)
-            yield _wall_phases(scene, [_phases_ms(film, bits) for film in films])
+        closure = Closure(
+            seconds,
+            STROKES_MM[seed % len(STROKES_MM)],
+            seed,
+            EXPOSURES_MS[seed // 4 % 2],
+            CLOSURES_UNEVEN_PX,
+        )
+        film = Film(closure)
+        for _, bits in WAYS:
+            whole, gaps = (Followed.of(film.investigated(bits, share)) for share in (0.0, lost))
+            found[seconds, bits] = Seen(whole, gaps, _phases_ms(film, bits))
+    return found
 
 
-def _followed(scene: str, results: list[Investigation]) -> Iterator[Row]:
-    tables = [one.single.accuracy for one in results]
-    counts = np.array([(one.matched, one.missing, one.wrong) for one in tables])
-    found, wrong = 100.0 * counts[:, 0] / counts.sum(axis=1), counts[:, 2]
+def _closing_rows(films: list[dict[tuple[float, int], Seen]]) -> Iterator[Row]:
+    """What is found of closures, how well, smoothed, and when the wall opens and closes."""
+    for seconds, (name, bits) in product(SECONDS, WAYS):
+        scene, seen = f"closes in {1000 * seconds:.0f} ms, {name}", [film[seconds, bits] for film in films]
+        yield from _followed(scene, [one.whole for one in seen])
+        yield from _followed(f"{scene}, fields lost", [one.gaps for one in seen])
+        yield _wall_phases(scene, [one.phases_ms for one in seen])
+
+
+def _followed(scene: str, results: list[Followed]) -> Iterator[Row]:
+    numbers = np.array(results)
+    counts, wrong = numbers[:, :3], numbers[:, 2]
+    found = 100.0 * counts[:, 0] / counts.sum(axis=1)
     yield Row(
         "found of what both views see / wrong",
         scene,
         f"≥ {FOUND} % / 0",
-        f"{100.0 * counts[:, 0].sum() / counts.sum():.3f} % / {wrong.sum()}",
+        f"{100.0 * counts[:, 0].sum() / counts.sum():.3f} % / {wrong.sum():.0f}",
         ((found >= FOUND) & (wrong == 0)).tolist(),
     )
-    single, smoothed = (
-        np.array([getattr(one, name).accuracy.rmse.xyz_mm for one in results])
-        for name in ("single", "smoothed")
-    )
-    chi2 = np.array([(one.single.chi2, one.smoothed.chi2) for one in results]).mean(axis=0)
+    single_mm, single_chi2, smoothed_mm, smoothed_chi2 = numbers[:, 3:].T
     yield Row(
         "single fields; smoothed",
         scene,
         "never worse (.8 to 1.2)",
-        f"{_rms(single):.4f} ({chi2[0]:.2f}); {_rms(smoothed):.4f} ({chi2[1]:.2f})",
-        (smoothed <= single).tolist(),
+        f"{_rms(single_mm):.4f} ({single_chi2.mean():.2f}); {_rms(smoothed_mm):.4f} "
+        f"({smoothed_chi2.mean():.2f})",
+        (smoothed_mm <= single_mm).tolist(),
     )
 
 

@@ -4,7 +4,7 @@ import pytest
 from grabberd.errors import MeasurementError
 from grabberd.reconstruction.smoothing.error_shares import ErrorShares
 from grabberd.reconstruction.smoothing.smoothing import REST, SmoothingSettings, smooth
-from reconstruction.repeated import grid, measured, series_of
+from reconstruction.repeated import PX_PER_MM, grid, measured, series_of
 
 SIGMA_MM = np.array([0.05, 0.04, 0.12])
 
@@ -191,3 +191,36 @@ def test_a_closure_is_smoothed_to_less_than_the_error_of_single_fields(fields, l
     closing = np.abs(series.n - 40.3) < fields + 1
     assert np.sqrt(((result.series.xyz_mm - true)[closing] ** 2).mean()) < 1.05 * single
     assert not result.left_out.any()
+
+
+def few(targets=4, stroke_mm=3.0, alike=True):
+    """(F, T, 3): few targets that move as one, at the same place between the pixels if alike."""
+    places = np.round(grid(targets) * PX_PER_MM) / PX_PER_MM + [0.07, 0.11, 0.03] if alike else grid(targets)
+    share = np.interp(np.arange(100) % 50, [0, 15, 20, 35, 40, 50], [0, 0, 1, 1, 0, 0])
+    smoothly = 3 * share**2 - 2 * share**3
+    return places + (stroke_mm * smoothly)[:, np.newaxis, np.newaxis] * np.array([0.1, 0.2, -1.0])
+
+
+@pytest.mark.parametrize("common", [0.3, 0.9])
+@pytest.mark.parametrize("stroke_mm", [0.0, 3.0])
+def test_four_targets_that_share_their_locked_error_take_it_for_no_movement(stroke_mm, common):
+    """All stand alike between the pixels, so what is locked moves them together, as a wall would."""
+    true = few(stroke_mm=stroke_mm)
+    for seed in range(3):
+        series = noisy(true, common=common, seed=seed)
+        result = smooth(series)
+        assert 0.75 < sigma_ratio(result, true) < 1.1
+        assert (error_of(result, true) ** 2).mean() < 0.75 * ((series.xyz_mm - true) ** 2).mean()
+        assert not result.left_out.any()
+
+
+@pytest.mark.parametrize("common", [0.3, 0.9])
+@pytest.mark.parametrize("stroke_mm", [0.0, 3.0])
+def test_four_targets_with_locked_errors_of_their_own_are_no_worse_than_single_fields(stroke_mm, common):
+    """Their σ is up to a third too small: four targets tell too little of what they have in common."""
+    true = few(stroke_mm=stroke_mm, alike=False)
+    for seed in range(3):
+        series = noisy(true, common=common, seed=seed)
+        result = smooth(series)
+        assert sigma_ratio(result, true) < 1.5
+        assert (error_of(result, true) ** 2).mean() < 0.75 * ((series.xyz_mm - true) ** 2).mean()
