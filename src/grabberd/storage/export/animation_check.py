@@ -15,7 +15,7 @@ _ALIKE = 24.0
 
 
 class Drawn:
-    """What an animation has to show: a thumbnail of each picture, noted as it is drawn."""
+    """Record of what an animation has to show: a thumbnail of each picture, noted as it is drawn."""
 
     def __init__(self) -> None:
         self._thumbnails: list[Picture] = []
