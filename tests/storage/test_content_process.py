@@ -8,9 +8,19 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import cv2
 import pytest
 
-from grabberd.errors import CaptureFileError, Cause, LaterVersion, NotFound, ReadingGivenUp, StorageError
+from grabberd.errors import (
+    CaptureFileError,
+    Cause,
+    IndexRebuilding,
+    InputError,
+    LaterVersion,
+    NotFound,
+    ReadingGivenUp,
+    StorageError,
+)
 from grabberd.storage import points_csv
 from grabberd.storage.content_frames import HEAD, UNTIL, Answer, Frame, Question, packed_error, unpacked_error
 from grabberd.storage.content_process import CONTENTS, PIECE_BYTES, ContentServer
@@ -29,8 +39,8 @@ class Asked:
         (questions, to), (back, answers) = os.pipe(), os.pipe()
         self._questions, self._answers = os.fdopen(to, "wb", buffering=0), os.fdopen(back, "rb")
         self._theirs = os.fdopen(questions, "rb"), os.fdopen(answers, "wb")
-        server = ContentServer(contents, threads, self._theirs[1])
-        self.thread = threading.Thread(target=server.serve, args=[self._theirs[0]])
+        self._server = ContentServer(contents, threads, self._theirs[1])
+        self.thread = threading.Thread(target=self._server.serve, args=[self._theirs[0]])
         self.thread.start()
 
     def read(self, number: int, name: str, *arguments: Any, until_s: float = FOR_LONG_S) -> None:
@@ -40,7 +50,7 @@ class Asked:
         self.ask(number, Question.NEXT, UNTIL.pack(until_s))
 
     def ask(self, number: int, kind: Question, content: bytes = b"") -> None:
-        self._questions.write(Frame(number, kind, content).packed())
+        self._questions.write(Frame(number, kind, content).head() + content)
 
     def answer(self) -> Frame:
         number, kind, length = HEAD.unpack(self._answers.read(HEAD.size))
@@ -50,6 +60,7 @@ class Asked:
         self._questions.close()
         self.thread.join(PATIENCE_S)
         assert not self.thread.is_alive()
+        self._server.close()
         for file in (*self._theirs, self._answers):
             file.close()
 
@@ -188,8 +199,34 @@ def test_a_reading_given_up_between_two_pieces_is_closed(capture: Path) -> None:
     assert [asked.answer().kind for _ in range(2)] == [Answer.BEGUN, Answer.PIECE]
     asked.ask(1, Question.GIVE_UP)
     assert closed.wait(PATIENCE_S)
-    asked.next(1)  # crossed with it: nobody waits for an answer
+    asked.next(1)
+    assert asked.answer().kind == Answer.ERROR
     asked.close()
+
+
+def test_what_is_given_up_while_it_waits_for_a_thread_is_answered_at_once(
+    endless: tuple[Asked, Endless],
+) -> None:
+    asked, reading = endless
+    for number in (1, 2, 3):
+        asked.read(number, "whole")
+    assert reading.has_begun()
+    assert reading.has_begun()
+    asked.ask(3, Question.GIVE_UP)
+    answer = asked.answer()
+    assert (answer.number, answer.kind) == (3, Answer.ERROR)
+    asked.ask(1, Question.GIVE_UP)
+    assert asked.answer().number == 1
+    asked.read(4, "short")  # the third is not begun after all
+    assert asked.answer() == (4, Answer.WHOLE, b"short")
+    assert not reading.begun.acquire(blocking=False)
+
+
+def test_what_cannot_be_begun_is_answered(asked: Asked) -> None:
+    asked.read(1, "no such content")
+    asked.next(7)
+    answers = {(answer.number, answer.kind) for answer in (asked.answer(), asked.answer())}
+    assert answers == {(1, Answer.ERROR), (7, Answer.ERROR)}
 
 
 @pytest.mark.parametrize(
@@ -201,6 +238,8 @@ def test_a_reading_given_up_between_two_pieces_is_closed(capture: Path) -> None:
         ReadingGivenUp("too long", "ask for less"),
         StorageError("full", "make room", Cause.DISK_FAILED),
         StorageError("gone", "mount it"),
+        IndexRebuilding("being made", "try again"),
+        InputError("no number", "write one"),
     ],
 )
 def test_errors_arrive_as_they_were(error: Any) -> None:
@@ -216,7 +255,8 @@ def test_a_fault_of_the_program_is_told_as_one() -> None:
     assert str(fault) == "ZeroDivisionError: by 0"
 
 
-def test_memory_that_runs_out_is_no_fault_of_the_program() -> None:
-    error = unpacked_error(packed_error(MemoryError()))
-    assert isinstance(error, StorageError)
-    assert "memory" in error.message
+@pytest.mark.parametrize("error", [MemoryError(), cv2.error("(-4:Insufficient memory) Failed to allocate")])
+def test_memory_that_runs_out_is_no_fault_of_the_program(error: Exception) -> None:
+    told = unpacked_error(packed_error(error))
+    assert isinstance(told, ReadingGivenUp)
+    assert "memory" in told.message

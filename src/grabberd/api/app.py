@@ -97,9 +97,11 @@ async def _life(app: FastAPI) -> AsyncIterator[None]:
     service: Service = app.state.service
     await run_in_threadpool(service.start)
     yield
-    app.state.readings.close()
-    await app.state.contents.close()
-    await run_in_threadpool(service.stop)
+    try:
+        app.state.readings.close()
+        await app.state.contents.close()
+    finally:
+        await run_in_threadpool(service.stop)
 
 
 def _name_of(route: APIRoute) -> str:

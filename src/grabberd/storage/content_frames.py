@@ -5,18 +5,12 @@ A frame is the number of a reading, what the frame is, the length of what follow
 
 import json
 import struct
+from collections.abc import Iterator
 from enum import IntEnum
 from typing import NamedTuple
 
-from grabberd.errors import (
-    CaptureFileError,
-    Cause,
-    GrabberdError,
-    LaterVersion,
-    NotFound,
-    ReadingGivenUp,
-    StorageError,
-)
+from grabberd.errors import Cause, GrabberdError, ReadingGivenUp, StorageError
+from grabberd.storage.memory import is_for_want_of_memory
 
 HEAD = struct.Struct("!IBI")
 """Head of a frame: number of the reading, kind, bytes that follow."""
@@ -56,26 +50,41 @@ class Frame(NamedTuple):
     kind: int
     content: bytes
 
-    def packed(self) -> bytes:
-        """The bytes that are sent."""
-        return HEAD.pack(self.number, self.kind, len(self.content)) + self.content
+    def head(self) -> bytes:
+        """The bytes that are sent before the content."""
+        return HEAD.pack(self.number, self.kind, len(self.content))
+
+
+def _kinds(family: type[GrabberdError]) -> Iterator[type[GrabberdError]]:
+    """Errors of a family that are made of a message and a hint, or of these and a cause."""
+    if family.__init__ in (GrabberdError.__init__, StorageError.__init__):
+        yield family
+    for kind in family.__subclasses__():
+        yield from _kinds(kind)
 
 
 KINDS: dict[str, type[GrabberdError]] = {
-    kind.__name__: kind for kind in (CaptureFileError, LaterVersion, NotFound, ReadingGivenUp, StorageError)
+    kind.__name__: kind for kind in _kinds(GrabberdError) if kind is not GrabberdError
 }
-"""Errors that are told by their kind; others by the nearest kind that they are of."""
+"""Errors that are told by their kind; others by the nearest kind that they are of, if there is one."""
 
 
 def packed_error(error: Exception) -> bytes:
     """An error as JSON; one that the program did not mean to raise is told without a kind."""
-    if isinstance(error, MemoryError):
-        error = StorageError("reading it takes more memory than a reading may have", "ask for less at once")
+    if is_for_want_of_memory(error):
+        error = ReadingGivenUp(
+            "there is not enough memory to read what was asked for", "ask for less, or later"
+        )
     kind = next((one.__name__ for one in type(error).__mro__ if one.__name__ in KINDS), None)
     if kind is None or not isinstance(error, GrabberdError):
         return json.dumps({"message": f"{type(error).__name__}: {error}"}).encode()
     cause = getattr(error, "cause", None)
     return json.dumps({"kind": kind, "message": error.message, "hint": error.hint, "cause": cause}).encode()
+
+
+def is_fault(content: bytes) -> bool:
+    """True if a packed error is one that the program did not mean to raise."""
+    return "kind" not in json.loads(content)
 
 
 def unpacked_error(content: bytes) -> Exception:

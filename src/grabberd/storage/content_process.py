@@ -8,6 +8,7 @@ import logging
 import os
 import pickle
 import resource
+import signal
 import sys
 import threading
 from collections.abc import Callable, Generator, Iterator, Mapping
@@ -15,42 +16,55 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import IO, Any
 
-from grabberd.errors import GrabberdError
-from grabberd.storage.content_frames import HEAD, UNTIL, Answer, Frame, Question, packed_error
+from grabberd.storage.content_frames import HEAD, UNTIL, Answer, Frame, Question, is_fault, packed_error
 from grabberd.storage.export.field_pictures import field_png
 from grabberd.storage.export.points_document import points_json
 from grabberd.storage.export.points_export import points_csv, points_ply
-from grabberd.storage.patience import Patience, check_patience, within
+from grabberd.storage.patience import Patience, check_patience, given_up, within
 
 log = logging.getLogger(__name__)
 
-MEMORY_BYTES = 1_000_000_000
-"""Of private data, for the process: the largest answer, 200 000 points as JSON, takes a tenth of it."""
+MEMORY_BYTES = 700_000_000
+"""Of private data, for the process: eight of the largest answers, 200 000 points as JSON of 50 MB each, and
+the stacks of as many threads."""
 NICENESS = 10
+LEFT_S = 5.0
+"""Time for readings to end once nobody asks any more."""
 PIECE_BYTES = 65_536
-PROGRAM = f"from {__name__} import CONTENTS, main; main(CONTENTS)"
+NICED = f"import os; os.nice({NICENESS})"
+"""Begins the program: to import the rest takes half a second of processor time."""
+PROGRAM = f"{NICED}; from {__name__} import CONTENTS, main; main(CONTENTS)"
 CONTENTS: dict[str, Callable[..., Any]] = {
     read.__name__: read for read in (points_json, points_csv, points_ply, field_png)
 }
 """What can be read, by name: as bytes, or as a generator of pieces."""
 
 
+Step = Callable[[], tuple[Answer, bytes | bytearray]]
+
+
 class _Reading:
-    """One reading in this process; `lock` is held by the thread that works at it."""
+    """One reading in this process.
+
+    Attributes:
+        lock: Held by the thread that works at it.
+        is_asked: True while an answer is waited for whose step has not begun.
+    """
 
     def __init__(self, read: Callable[[], Any], until_s: float) -> None:
         self.lock = threading.Lock()
+        self.is_asked = False
         self._patience = Patience(until_s)
         self._given_up = False
         self._read = read
         self._pieces: Generator[Any, None, None] | None = None
 
-    def begin(self) -> tuple[Answer, bytes]:
+    def begin(self) -> tuple[Answer, bytes | bytearray]:
         """Reads all, or begins with what comes in pieces."""
         with within(self._patience):
             check_patience("what was asked for")  # it may have waited for a thread for too long
             found = self._read()
-        if isinstance(found, bytes):
+        if isinstance(found, bytes | bytearray):
             return Answer.WHOLE, found
         self._pieces = found
         return Answer.BEGUN, b""
@@ -71,7 +85,7 @@ class _Reading:
         self._patience.give_up()
 
     def close(self) -> None:
-        """Ends it."""
+        """Closes the file of what comes in pieces."""
         with self.lock:
             if self._pieces is not None:
                 self._pieces.close()
@@ -112,46 +126,93 @@ class ContentServer:
             self._take(Frame(number, kind, questions.read(length)))
         for number in tuple(self._readings):
             self._give_up(number)
+
+    def close(self) -> None:
+        """Waits until what was given up has ended."""
         self._pool.shutdown()
 
     def _take(self, question: Frame) -> None:
-        number = question.number
-        if question.kind == Question.READ:
-            name, arguments, until_s = pickle.loads(question.content)  # noqa: S301 - from the daemon itself
-            reading = _Reading(partial(self._contents[name], *arguments), until_s)
-            self._readings[number] = reading
-            self._pool.submit(self._answer, number, reading, reading.begin)
-        elif question.kind == Question.GIVE_UP:
-            self._give_up(number)
-        elif number in self._readings:
-            reading = self._readings[number]
-            (until_s,) = UNTIL.unpack(question.content)
-            self._pool.submit(self._answer, number, reading, partial(reading.next, until_s))
+        try:
+            if question.kind == Question.GIVE_UP:
+                self._give_up(question.number)
+            elif question.kind == Question.READ:
+                self._begin(question)
+            else:
+                self._go_on(question)
+        except Exception as error:  # no further thread, or no memory for what is asked
+            self._tell(question.number, *_failed(error))
+
+    def _begin(self, question: Frame) -> None:
+        name, arguments, until_s = pickle.loads(question.content)  # noqa: S301 - from the daemon itself
+        reading = _Reading(partial(self._contents[name], *arguments), until_s)
+        self._readings[question.number] = reading
+        self._submit(question.number, reading, reading.begin)
+
+    def _go_on(self, question: Frame) -> None:
+        reading = self._readings.get(question.number)
+        if reading is None:  # it has failed, and was told so
+            self._tell(question.number, *_failed(given_up("what was asked for")))
+            return
+        (until_s,) = UNTIL.unpack(question.content)
+        self._submit(question.number, reading, partial(reading.next, until_s))
+
+    def _submit(self, number: int, reading: _Reading, step: Step) -> None:
+        reading.is_asked = True
+        self._pool.submit(self._answer, number, reading, step)
 
     def _give_up(self, number: int) -> None:
-        if reading := self._readings.pop(number, None):
-            reading.give_up()
-            self._pool.submit(reading.close)
+        reading = self._readings.pop(number, None)
+        if reading is None:
+            return
+        reading.give_up()
+        # A step that has begun answers when it ends. One that waits for a thread is answered now: a process
+        # that does not answer is taken for one that hangs.
+        if reading.lock.acquire(blocking=False):
+            waits, reading.is_asked = reading.is_asked, False
+            reading.lock.release()
+            if waits:
+                self._tell(number, *_failed(given_up("what was asked for")))
+        self._pool.submit(reading.close)
 
-    def _answer(self, number: int, reading: _Reading, step: Callable[[], tuple[Answer, bytes]]) -> None:
+    def _answer(self, number: int, reading: _Reading, step: Step) -> None:
         with reading.lock:
+            if not reading.is_asked:  # it was given up, and answered
+                return
+            reading.is_asked = False
             try:
                 kind, content = step()
             except Exception as error:
-                if not isinstance(error, GrabberdError):
-                    log.exception("reading a content failed")
-                kind, content = Answer.ERROR, packed_error(error)
+                kind, content = _failed(error)
         if kind not in (Answer.BEGUN, Answer.PIECE):
             self._readings.pop(number, None)
+        self._tell(number, kind, content)
+
+    def _tell(self, number: int, kind: Answer, content: bytes | bytearray) -> None:
         with self._writing:
-            self._output.write(Frame(number, kind, content).packed())
+            self._output.write(HEAD.pack(number, kind, len(content)))
+            self._output.write(content)
             self._output.flush()
+
+
+def _failed(error: Exception) -> tuple[Answer, bytes]:
+    content = packed_error(error)
+    if is_fault(content):
+        log.error("reading a content failed", exc_info=error)
+    return Answer.ERROR, content
 
 
 def main(contents: Mapping[str, Callable[..., Any]]) -> None:
     """Answers on standard input and output, and ends with whoever asks. Argument: number of threads."""
-    os.nice(NICENESS)
+    # They are meant for the daemon, which closes standard input when it has answered its last request.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY_BYTES, MEMORY_BYTES))
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever a library prints is no answer
-    ContentServer(contents, int(sys.argv[1]), output).serve(sys.stdin.buffer)
+    server = ContentServer(contents, int(sys.argv[1]), output)
+    server.serve(sys.stdin.buffer)
+    # Whoever asked may be gone: a thread that hangs on a disk must not keep this process.
+    end = threading.Timer(LEFT_S, os._exit, (1,))
+    end.daemon = True
+    end.start()
+    server.close()

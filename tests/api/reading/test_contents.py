@@ -1,8 +1,11 @@
 """A process reads contents: it starts when it is needed, and the daemon outlives whatever happens to it."""
 
 import asyncio
+import errno
 import os
+import pickle
 import resource
+import signal
 import time
 from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
@@ -18,11 +21,13 @@ from grabberd.api.reading.room import WAITING_A_THREAD
 from grabberd.api.streams.downloads import Download
 from grabberd.config import HttpLimits
 from grabberd.errors import ReadingGivenUp
-from grabberd.storage.content_process import MEMORY_BYTES, NICENESS
+from grabberd.storage.content_frames import Frame, Question
+from grabberd.storage.content_process import MEMORY_BYTES, NICED, NICENESS
 from grabberd.storage.patience import check_patience
 
 LIMITS = HttpLimits(reads=2, read_timeout_s=60)
 PROGRAM = f"""
+{NICED}
 import sys
 sys.path.insert(0, {str(Path(__file__).parents[2])!r})
 from api.reading import test_contents as here
@@ -257,6 +262,75 @@ def test_an_error_breaks_a_download_off() -> None:
         with pytest.raises(ReadingGivenUp, match="it broke"):
             async for _ in answer.pieces(answer.source):
                 pass
+
+    run(work)
+
+
+def test_a_client_that_leaves_while_it_waits_for_a_thread_costs_nobody_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(content_reader, "GRACE_S", 0.5)
+    begun = tmp_path / "begun"
+
+    async def work(contents: Contents) -> None:
+        reads = [asyncio.create_task(body(contents, endless, begun)) for _ in range(LIMITS.reads)]
+        await there(begun, LIMITS.reads)
+        with pytest.raises(ReadingGivenUp):
+            await contents.answer(Content(echo, ("late",)), leaving_when(begun))
+        await asyncio.sleep(2 * content_reader.GRACE_S)
+        assert not any(read.done() for read in reads)
+        assert contents.count == LIMITS.reads
+
+    run(work)
+
+
+def test_signals_to_the_daemon_and_its_children_end_no_reading() -> None:
+    async def work(contents: Contents) -> None:
+        about_it = await body(contents, about)
+        for one in (signal.SIGINT, signal.SIGTERM):
+            os.kill(int(about_it.split()[0]), one)
+        assert await body(contents, about) == about_it
+
+    run(work)
+
+
+def test_it_ends_when_whoever_asks_is_gone_even_if_a_reading_hangs(tmp_path: Path) -> None:
+    async def work() -> None:
+        reader = await content_reader.ContentReader.start(PROGRAM, 2)
+        until_s = time.monotonic() + 60
+        number = int((await reader.ask(read_frame(reader, "about"), until_s)).content.split()[0])
+        hangs = asyncio.create_task(reader.ask(read_frame(reader, "deaf", tmp_path / "begun"), until_s))
+        await there(tmp_path / "begun")
+        assert reader._questions is not None
+        reader._questions.abort()  # as the end of the daemon does
+        with pytest.raises(ReadingGivenUp):
+            await hangs
+        while Path(f"/proc/{number}").exists():
+            await asyncio.sleep(0.01)
+
+    asyncio.run(work())
+
+
+def read_frame(reader: content_reader.ContentReader, name: str, *arguments: Any) -> Frame:
+    content = pickle.dumps((name, arguments, time.monotonic() + 60))
+    return Frame(reader.new_number(), Question.READ, content)
+
+
+def test_without_room_for_a_process_clients_are_told_to_try_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_room(*_: object, **__: object) -> None:
+        raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(content_reader.subprocess, "Popen", no_room)
+    with pytest.raises(Refusal, match="cannot be started") as refused:
+        run(lambda contents: body(contents, echo, "word"))
+    assert (refused.value.status_code, refused.value.name) == (503, "too-many-processes")
+
+
+def test_after_closing_no_process_is_started() -> None:
+    async def work(contents: Contents) -> None:
+        await contents.close()
+        with pytest.raises(ReadingGivenUp):
+            await body(contents, echo, "word")
 
     run(work)
 

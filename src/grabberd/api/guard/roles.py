@@ -92,12 +92,15 @@ def _row(key: str, least: Role | None) -> _Row:
 
 REMEMBERED = 1024
 """Addresses whose rows are remembered; to try all rows takes longer than anything else that the gate does."""
+LONGEST_REMEMBERED = 200
+"""Characters of an address: whoever it comes from is not known yet, and may send 32 KB."""
 _ROWS = tuple(_row(key, least) for key, least in LEAST_ROLE.items())
 
 
 def _find(scope: Scope) -> _Row | None:
     method = "WEBSOCKET" if scope["type"] == "websocket" else scope["method"]
-    return _row_of("GET" if method == "HEAD" else method, scope["path"])
+    find = _row_of if len(scope["path"]) <= LONGEST_REMEMBERED else _row_of.__wrapped__
+    return find("GET" if method == "HEAD" else method, scope["path"])
 
 
 @lru_cache(REMEMBERED)

@@ -13,16 +13,21 @@ from typing import Any, NamedTuple
 from starlette.responses import Response
 from starlette.types import Receive
 
+from grabberd.api.guard.refusals import Refusal
 from grabberd.api.reading.content_reader import ContentReader
-from grabberd.api.reading.room import check_room, client_left
+from grabberd.api.reading.room import RETRY_S, check_room, client_left
 from grabberd.api.streams.downloads import download
 from grabberd.config import HttpLimits
+from grabberd.service.faults.descriptors import exhaustion
 from grabberd.storage.content_frames import UNTIL, Answer, Frame, Question
 from grabberd.storage.content_process import PROGRAM
 from grabberd.storage.patience import given_up
 
 IDLE_S = 120.0
 """Time after the last reading until the process ends: an idle daemon does without its memory."""
+LOOK_EVERY_S = 0.5
+CLOSED_S = 2.0
+"""Time to end the process when the daemon ends, which has nine seconds for everything."""
 
 
 class Content(NamedTuple):
@@ -60,6 +65,8 @@ class Contents:
         self._starting = asyncio.Lock()
         self._used_s = 0.0
         self._timer: asyncio.TimerHandle | None = None
+        self._ending: set[asyncio.Task[None]] = set()
+        self._closed = False
 
     @property
     def count(self) -> int:
@@ -84,6 +91,7 @@ class Contents:
         asked = pickle.dumps((content.read.__name__, content.arguments, until_s))
         question = Frame(reader.new_number(), Question.READ, asked)
         answer = await _unless_left(reader, question, until_s, receive)
+        self._used_s = time.monotonic()
         if answer.kind == Answer.WHOLE:
             return content.response(answer.content)
         opened = _Opened(reader, answer.number)
@@ -92,33 +100,59 @@ class Contents:
         return response
 
     async def close(self) -> None:
-        """Ends the process, and what it reads."""
-        async with self._starting:
-            if self._timer is not None:
-                self._timer.cancel()
-            reader, self._reader = self._reader, None
-            if reader is not None:
-                await reader.close()
+        """Ends the process, and what it reads; none is started afterwards."""
+        self._closed = True
+        if self._timer is not None:
+            self._timer.cancel()
+        if self._reader is not None:
+            self._end(self._reader)
+        if self._ending:
+            await asyncio.wait(self._ending, timeout=CLOSED_S)
 
     async def _ready(self) -> ContentReader:
         async with self._starting:
-            if self._reader is None or not self._reader.is_alive:
-                self._reader = await ContentReader.start(self._program, self._limits.reads)
-                self._look_later()
-        self._used_s = time.monotonic()
-        return self._reader
+            if self._reader is not None and not self._reader.is_alive:
+                self._end(self._reader)
+            if self._reader is None:
+                self._reader = await self._start()
+                self._look_in(self._idle_s)
+            self._used_s = time.monotonic()
+            return self._reader
 
-    def _look_later(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-        self._timer = asyncio.get_running_loop().call_later(self._idle_s, self._end_if_idle)
+    async def _start(self) -> ContentReader:
+        if self._closed:
+            raise given_up("what was asked for")
+        try:
+            return await ContentReader.start(self._program, self._limits.reads)
+        except OSError as error:
+            if exhaustion.explains(error):
+                raise
+            raise Refusal(
+                503,
+                "too-many-processes",
+                f"the process that reads captures cannot be started: {error}",
+                "try again in a moment; if it happens again, raise TasksMax= or MemoryMax= of the unit",
+                {"Retry-After": str(RETRY_S)},
+            ) from error
+
+    def _end(self, reader: ContentReader) -> None:
+        """Ends a process in the background; the next reading starts another."""
+        self._reader = None
+        ending = asyncio.create_task(reader.close(CLOSED_S / 2))
+        self._ending.add(ending)
+        ending.add_done_callback(self._ending.discard)
+
+    def _look_in(self, seconds: float) -> None:
+        self._timer = asyncio.get_running_loop().call_later(seconds, self._end_if_idle)
 
     def _end_if_idle(self) -> None:
-        idle_s = time.monotonic() - self._used_s
-        if self._reader is not None and self._reader.is_idle and idle_s >= self._idle_s:
-            self._ending = asyncio.create_task(self.close())
+        if self._reader is None:
+            return
+        left_s = self._used_s + self._idle_s - time.monotonic()
+        if left_s <= 0 and self._reader.is_idle:
+            self._end(self._reader)
         else:
-            self._look_later()
+            self._look_in(max(left_s, LOOK_EVERY_S))
 
     async def _pieces(self, opened: "_Opened") -> AsyncIterator[bytes]:
         while True:

@@ -20,6 +20,7 @@ from grabberd.documents.states import JobState
 from grabberd.errors import Conflict, GrabberdError, NotFound
 from grabberd.service.jobs.progress import Progress
 from grabberd.service.memory import kill_first
+from grabberd.storage.memory import is_for_want_of_memory
 
 NICENESS = 10
 """Linux weighs it 110 against the daemon's 1024: a capture keeps nine tenths of a processor they share."""
@@ -280,15 +281,10 @@ def _outcome(connection: Connection, spec: JobSpec) -> tuple[str, Any]:
     except GrabberdError as error:
         return "failed", JobProblem(message=error.message, hint=error.hint)
     except Exception as error:
-        if _is_for_want_of_memory(error):
+        if is_for_want_of_memory(error):
             return "exhausted", _too_large()
         message = f"{type(error).__name__}: {error}"
         return "failed", JobProblem(message=message, hint="this is a fault of the program; please report it")
-
-
-def _is_for_want_of_memory(error: Exception) -> bool:
-    """OpenCV and SQLite have errors of their own for it."""
-    return isinstance(error, MemoryError) or "insufficient memory" in str(error).lower()
 
 
 def _too_large() -> JobProblem:

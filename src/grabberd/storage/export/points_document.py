@@ -39,10 +39,11 @@ class PointsQuery:
     targets: Collection[int] = ()
 
 
-def points_json(path: Path, query: PointsQuery) -> bytes:
+def points_json(path: Path, query: PointsQuery) -> bytearray:
     """The points of a run as the JSON of a `PointsDocument`, written field by field.
 
-    Written at once, two million numbers would keep the interpreter from every other thread for as long.
+    Written at once, two million numbers would keep the interpreter from every other thread for as long, and
+    joined from parts they would take three times their 50 MB of memory.
 
     Raises:
         CaptureFileError, NotFound: no such file or run.
@@ -51,8 +52,12 @@ def points_json(path: Path, query: PointsQuery) -> bytes:
         run = reader.run(query.run).run
         every = _every(reader, run, query)
         head = PointsDocument(capture=reader.meta.id, run=run, every=every, fields=[])
-        fields = (one.model_dump_json().encode() for one in _fields(reader, run, every, query))
-        return head.model_dump_json().encode().removesuffix(_END) + b",".join(fields) + _END
+        document = bytearray(head.model_dump_json().encode().removesuffix(_END))
+        for number, one in enumerate(_fields(reader, run, every, query)):
+            document += b"," if number else b""
+            document += one.model_dump_json().encode()
+        document += _END
+        return document
 
 
 def _fields(reader: CaptureReader, run: int, every: int, query: PointsQuery) -> Iterator[FieldPoints]:
