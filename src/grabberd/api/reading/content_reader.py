@@ -15,6 +15,8 @@ from grabberd.storage.patience import given_up
 
 GRACE_S = 5.0
 """Time to let go of what was given up, or is too late; a process that takes longer hangs, and is killed."""
+KILLED_S = 3.0
+"""Time for a killed process to end; one that waits for a disk that is gone is not waited for any longer."""
 READ_AHEAD_BYTES = 1 << 20
 """Bytes of answers that are kept for who waits for them, before the process has to wait to write more."""
 _REAPED_EVERY_S = 0.02
@@ -35,6 +37,7 @@ class ContentReader:
         self._alive = True
         self._answers = asyncio.StreamReader(READ_AHEAD_BYTES)
         self._questions: asyncio.WriteTransport | None = None
+        self._pipe: asyncio.ReadTransport | None = None
         self._listening: asyncio.Task[None] | None = None
 
     @classmethod
@@ -122,13 +125,12 @@ class ContentReader:
         self._questions.close()
         await asyncio.wait((self._listening,), timeout=grace_s)
         self.kill()
-        # One that waits for a disk that is gone ends when the disk answers; nobody waits for that.
-        await asyncio.wait((self._listening,), timeout=grace_s)
+        await asyncio.wait((self._listening,), timeout=KILLED_S)
 
     async def _connect(self) -> None:
         loop = asyncio.get_running_loop()
         protocol = asyncio.StreamReaderProtocol(self._answers)
-        await loop.connect_read_pipe(lambda: protocol, self._process.stdout)
+        self._pipe, _ = await loop.connect_read_pipe(lambda: protocol, self._process.stdout)
         self._questions, _ = await loop.connect_write_pipe(asyncio.BaseProtocol, self._process.stdin)
         self._listening = asyncio.create_task(self._listen())
 
@@ -186,8 +188,9 @@ class ContentReader:
                 waiting.set_exception(_ended())
         self._waiting.clear()
         self._open.clear()
-        if self._questions is not None:
-            self._questions.close()
+        for pipe in (self._questions, self._pipe):
+            if pipe is not None:
+                pipe.close()
 
 
 def _ended() -> ReadingGivenUp:

@@ -14,7 +14,7 @@ from starlette.responses import Response
 from starlette.types import Receive
 
 from grabberd.api.guard.refusals import Refusal
-from grabberd.api.reading.content_reader import ContentReader
+from grabberd.api.reading.content_reader import KILLED_S, ContentReader
 from grabberd.api.reading.room import RETRY_S, check_room, client_left
 from grabberd.api.streams.downloads import download
 from grabberd.config import HttpLimits
@@ -26,7 +26,7 @@ from grabberd.storage.patience import given_up
 IDLE_S = 120.0
 """Time after the last reading until the process ends: an idle daemon does without its memory."""
 LOOK_EVERY_S = 0.5
-CLOSED_S = 2.0
+CLOSED_S = 1.0
 """Time to end the process when the daemon ends, which has nine seconds for everything."""
 
 
@@ -107,7 +107,7 @@ class Contents:
         if self._reader is not None:
             self._end(self._reader)
         if self._ending:
-            await asyncio.wait(self._ending, timeout=CLOSED_S)
+            await asyncio.wait(self._ending, timeout=CLOSED_S + KILLED_S)
 
     async def _ready(self) -> ContentReader:
         async with self._starting:
@@ -138,7 +138,7 @@ class Contents:
     def _end(self, reader: ContentReader) -> None:
         """Ends a process in the background; the next reading starts another."""
         self._reader = None
-        ending = asyncio.create_task(reader.close(CLOSED_S / 2))
+        ending = asyncio.create_task(reader.close(CLOSED_S))
         self._ending.add(ending)
         ending.add_done_callback(self._ending.discard)
 
