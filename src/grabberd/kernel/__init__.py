@@ -9,7 +9,7 @@ from typing import Any, Protocol, cast
 
 Buffer = Any
 """Anything with contiguous memory: an array, a ctypes structure, bytes; `lines` in any strides."""
-LAYOUT = 5
+LAYOUT = 6
 """Version of functions and structures (module.c); a kernel with another one is left over from an older
 build."""
 DONE, NO_MEMORY, REFUSED, MORE_ROOM, NO_TABLE, NO_FULLNESS = range(6)
@@ -42,6 +42,12 @@ class Kernel(Protocol):
 
     def agree(self, world: Buffer, /, *arguments: Buffer) -> int:
         """Check that targets agree with one another, and compute the positions of all."""
+
+    def hypotheses(self, world: Buffer, /, *arguments: Buffer | float) -> tuple[int, int]:
+        """List pairs of blobs that may be a target."""
+
+    def largest(self, world: Buffer, /, *arguments: Buffer | float) -> tuple[int, int]:
+        """Find the largest set of hypotheses that agree, and what it says of all targets."""
 
     def pack(self, lines: Buffer, how: tuple[int, ...], by_pixel: Buffer, out: Buffer, /) -> object:
         """Double, quantise and pack the lines of a field."""

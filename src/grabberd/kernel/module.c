@@ -3,10 +3,6 @@
 
 #include "module.h"
 
-static bool holds(const Py_buffer *buffer, int64_t count, size_t size) {
-    return count >= 0 && (uint64_t)buffer->len / size >= (uint64_t)count;
-}
-
 PyObject *refused(const char *what) {
     PyErr_Format(PyExc_ValueError, "the compiled kernel was given %s", what);
     return NULL;
@@ -75,91 +71,6 @@ static PyObject *whole_of(PyObject *self, PyObject *arguments) {
     return kept < 0 ? refused("arrays that do not belong together") : PyLong_FromLongLong(kept);
 }
 
-static Found found_in(Py_buffer *whole, Py_buffer *real, int64_t room) {
-    int64_t *index = whole->buf;
-    double *number = real->buf;
-    return (Found){.target = index, .blob = {index + room, index + 2 * room}, .xyz_mm = number,
-                   .covariance = number + 3 * room, .calibration = number + 12 * room, .image_px = number + 21 * room,
-                   .residual_px = number + 25 * room, .displacement_mm = number + 26 * room,
-                   .variance_mm2 = number + 29 * room, .miss = index + 3 * room, .predicted_px = number + 32 * room};
-}
-
-static bool are_blobs(const Py_buffer view[3], ViewBlobs *blobs) {
-    *blobs = (ViewBlobs){view[0].buf, view[1].buf, view[2].len ? view[2].buf : NULL,
-                         view[0].len / (2 * (Py_ssize_t)sizeof(double))};
-    return blobs->count < INT32_MAX && holds(view + 1, 2 * blobs->count, sizeof(double)) &&
-           (!view[2].len || holds(view + 2, blobs->count, sizeof(double)));
-}
-
-static bool is_sound(const Py_buffer *world) {
-    const World *own = world->buf;
-    if (world->len != sizeof(World) || own->targets <= 0 || own->targets >= 1 << 24 || own->pairs < 0) return false;
-    for (int v = 0; v < VIEWS; v++)
-        if (own->rig.local[v].rows && (own->rig.local[v].rows < 4 || own->rig.local[v].columns < 4)) return false;
-    return own->rig.errors >= 0 && own->rig.errors <= MOST_ERRORS;
-}
-
-/* near(world, places, sigma, left xy, σ, common, right xy, σ, common, reach, indices, numbers) → status, count, surprise */
-static PyObject *near_of(PyObject *self, PyObject *arguments) {
-    Py_buffer world, places, sigma, view[2][3], whole, real;
-    ViewBlobs blobs[VIEWS];
-    double reach_px, surprise = 0;
-    int64_t count = 0;
-    int status = REFUSED;
-    (void)self;
-    if (!PyArg_ParseTuple(arguments, "y*y*y*y*y*y*y*y*y*dw*w*", &world, &places, &sigma, &view[0][0], &view[0][1], &view[0][2],
-                          &view[1][0], &view[1][1], &view[1][2], &reach_px, &whole, &real))
-        return NULL;
-    const World *own = world.buf;
-    if (is_sound(&world) && holds(&places, 3 * own->targets, sizeof(double)) &&
-        holds(&sigma, own->targets, sizeof(double)) && are_blobs(view[0], blobs) && are_blobs(view[1], blobs + 1) &&
-        holds(&whole, 4 * own->targets, sizeof(int64_t)) && holds(&real, 36 * own->targets, sizeof(double))) {
-        Found found = found_in(&whole, &real, own->targets);
-        Py_BEGIN_ALLOW_THREADS
-        status = near(own, places.buf, sigma.buf, blobs, reach_px, &found, &count, &surprise);
-        Py_END_ALLOW_THREADS
-    }
-    Py_buffer *all[] = {&world, &places, &sigma, &view[0][0], &view[0][1], &view[0][2], &view[1][0], &view[1][1], &view[1][2], &whole, &real};
-    for (size_t i = 0; i < sizeof all / sizeof *all; i++) PyBuffer_Release(all[i]);
-    return Py_BuildValue("iLd", status, (long long)count, surprise);
-}
-
-static bool are_targets(const World *world, const int64_t *target, int64_t count) {
-    for (int64_t i = 0; i < count; i++)
-        if (target[i] < 0 || target[i] >= world->targets) return false;
-    return true;
-}
-
-/* agree(world, weights, sigma, targets, displacements, variances, covariances, expected, settled); where there are no
-   weights, `expected` is known
-   → the index of whom the others contradict, or −1 and then `expected` and `settled` are filled */
-static PyObject *agree(PyObject *self, PyObject *arguments) {
-    Py_buffer world, weights, sigma, target, displacement, variance, covariance, expected, settled;
-    int64_t worst = -2;
-    (void)self;
-    if (!PyArg_ParseTuple(arguments, "y*y*y*y*y*y*y*w*w*", &world, &weights, &sigma, &target, &displacement, &variance, &covariance,
-                          &expected, &settled))
-        return NULL;
-    const World *own = world.buf;
-    int64_t count = target.len / (Py_ssize_t)sizeof(int64_t);
-    if (is_sound(&world) && count <= own->targets &&
-        (!weights.len || holds(&weights, count * own->targets, sizeof(double))) && holds(&sigma, own->targets, sizeof(double)) &&
-        holds(&displacement, 3 * count, sizeof(double)) && holds(&variance, 3 * count, sizeof(double)) &&
-        holds(&covariance, 9 * count, sizeof(double)) && holds(&expected, 3 * own->targets, sizeof(double)) &&
-        holds(&settled, 10 * own->targets, sizeof(double)) && are_targets(own, target.buf, count)) {
-        double *places = settled.buf;
-        Py_BEGIN_ALLOW_THREADS
-        worst = worst_of(own, weights.len ? weights.buf : NULL, sigma.buf, count, target.buf, displacement.buf, variance.buf, expected.buf, places);
-        if (worst == -1)
-            settle(own, expected.buf, sigma.buf, count, target.buf, displacement.buf, covariance.buf, places,
-                   places + 9 * own->targets);
-        Py_END_ALLOW_THREADS
-    }
-    Py_buffer *all[] = {&world, &weights, &sigma, &target, &displacement, &variance, &covariance, &expected, &settled};
-    for (size_t i = 0; i < sizeof all / sizeof *all; i++) PyBuffer_Release(all[i]);
-    return worst == -2 ? refused("arrays that do not belong together") : PyLong_FromLongLong(worst);
-}
-
 static bool is_wall(const Py_buffer *values, const Py_buffer *rest, double shear_mpa, Wall *wall) {
     int64_t count = rest->len / ((FORMS + 1) * (Py_ssize_t)sizeof(double));
     *wall = (Wall){count, values->buf, rest->buf, shear_mpa};
@@ -210,7 +121,9 @@ static PyMethodDef FUNCTIONS[] = {{"locate", locate, METH_VARARGS, "Blobs of a p
                                   {"locate_grey", locate_grey, METH_VARARGS, "Blobs of a packed field of more bits."},
                                   {"whole", whole_of, METH_VARARGS, "Blobs that lie in a view as a whole."},
                                   {"near", near_of, METH_VARARGS, "Targets near where they must be, and their points."},
-                                  {"agree", agree, METH_VARARGS, "Whether targets agree, and where all of them are."},
+                                  {"agree", agree_of, METH_VARARGS, "Whether targets agree, and where all of them are."},
+                                  {"hypotheses", hypotheses_of, METH_VARARGS, "Pairs of blobs that may be a target."},
+                                  {"largest", largest_of, METH_VARARGS, "The largest set of hypotheses that agree."},
                                   {"pack", pack_of, METH_VARARGS, "A field, doubled, quantised and packed."},
                                   {"take", take_of, METH_VARARGS, "A field, copied, looked at and packed."},
                                   {"shifted", shifted_of, METH_VARARGS, "Where and how far rows of a field may be shifted."},
@@ -219,7 +132,7 @@ static PyMethodDef FUNCTIONS[] = {{"locate", locate, METH_VARARGS, "Blobs of a p
                                   {NULL, NULL, 0, NULL}};
 
 /* Changed with every function and structure that Python sees (kernel.LAYOUT). */
-enum { LAYOUT = 5 };
+enum { LAYOUT = 6 };
 
 static int fill(PyObject *module) { return PyModule_AddIntConstant(module, "LAYOUT", LAYOUT); }
 

@@ -5,10 +5,20 @@
 #define PY_SSIZE_T_CLEAN
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
+#include <stdbool.h>
+#include <stdint.h>
 
 PyObject *refused(const char *what); /* sets a ValueError; NULL */
 PyObject *pack_of(PyObject *self, PyObject *arguments);
 PyObject *take_of(PyObject *self, PyObject *arguments);
 PyObject *shifted_of(PyObject *self, PyObject *arguments);
+PyObject *near_of(PyObject *self, PyObject *arguments);
+PyObject *agree_of(PyObject *self, PyObject *arguments);
+PyObject *hypotheses_of(PyObject *self, PyObject *arguments);
+PyObject *largest_of(PyObject *self, PyObject *arguments);
+
+static inline bool holds(const Py_buffer *buffer, int64_t count, size_t size) {
+    return count >= 0 && (uint64_t)buffer->len / size >= (uint64_t)count;
+}
 
 #endif

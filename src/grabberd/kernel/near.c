@@ -107,7 +107,7 @@ int near(const World *world, const double *places_mm, const double *sigma_mm, co
 }
 
 /* Places of the neighbours' pairs that are too near to each other, or too far. */
-static void mark_torn(const World *world, const double *moved_mm, const bool *seen, bool *torn) {
+void mark_torn(const World *world, const double *moved_mm, const bool *seen, bool *torn) {
     for (int64_t pair = 0; pair < world->pairs; pair++) {
         int64_t one = world->neighbours[2 * pair], other = world->neighbours[2 * pair + 1];
         if (one < 0 || other < 0 || one >= world->targets || other >= world->targets || !seen[one] || !seen[other]) continue;

@@ -7,9 +7,9 @@ which targets were found, and why the others were not; `smoothing` filters point
 compares them with the truth and with the calibration.
 """
 
-from grabberd.reconstruction.correspondence.agreement import CorrespondenceSettings
 from grabberd.reconstruction.correspondence.correspondence import Correspondence
 from grabberd.reconstruction.correspondence.displacement_field import Smoothness
+from grabberd.reconstruction.correspondence.settings import CorrespondenceSettings
 from grabberd.reconstruction.correspondence.single_view_search import SingleViewSearch
 from grabberd.reconstruction.coverage.coverage import Coverage
 from grabberd.reconstruction.coverage.tally import CoverageTally

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from grabberd.reconstruction import CorrespondenceSettings
-from grabberd.reconstruction.correspondence.agreement import Agreement, Hypotheses
+from grabberd.reconstruction.correspondence.agreement import Agreement
+from grabberd.reconstruction.correspondence.hypotheses import Hypotheses
 from reconstruction.liners import COLUMNS, model, wall
 
 MODEL = model()

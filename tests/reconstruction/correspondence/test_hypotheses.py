@@ -3,7 +3,8 @@ import numpy as np
 from geometry.rigs import calibration
 from grabberd.geometry import Rig
 from grabberd.reconstruction import ImageNoise
-from grabberd.reconstruction.correspondence.agreement import CorrespondenceSettings, hypotheses
+from grabberd.reconstruction.correspondence.hypotheses import hypotheses
+from grabberd.reconstruction.correspondence.settings import CorrespondenceSettings
 from reconstruction.liners import model, see, wall
 
 RIG, MODEL = Rig.of(calibration()), model()

@@ -159,8 +159,8 @@ class Nearby:
             self._world,
             np.ascontiguousarray(places_mm),
             np.ascontiguousarray(sigma_mm),
-            *_buffers(left),
-            *_buffers(right),
+            *buffers(left),
+            *buffers(right),
             left.common_reach_px,
             index,
             number,
@@ -254,6 +254,7 @@ class _Found(NamedTuple):
         return Points(ids[self.target], *self[3:8])
 
 
-def _buffers(blobs: ViewBlobs) -> tuple[Array, Array, Array | bytes]:
+def buffers(blobs: ViewBlobs) -> tuple[Array, Array, Array | bytes]:
+    """Positions, σ and the common error of blobs as the kernel reads them; empty if they carry none."""
     common = b"" if blobs.common_px is None else np.ascontiguousarray(blobs.common_px)
     return np.ascontiguousarray(blobs.xy_px), np.ascontiguousarray(blobs.sigma_px), common

@@ -13,18 +13,18 @@ from numpy.typing import NDArray
 
 from grabberd.geometry import Rig
 from grabberd.kernel import KERNEL, Kernel
-from grabberd.reconstruction.correspondence.agreement import (
-    Agreement,
-    CorrespondenceSettings,
+from grabberd.reconstruction.correspondence.agreement import Agreement, Sighting
+from grabberd.reconstruction.correspondence.compiled_identification import Identification
+from grabberd.reconstruction.correspondence.compiled_search import Nearby, takes
+from grabberd.reconstruction.correspondence.displacement_field import DisplacementField, Expected
+from grabberd.reconstruction.correspondence.hypotheses import (
     Hypotheses,
-    Sighting,
     hypotheses,
     line_mm,
     meeting_share,
 )
-from grabberd.reconstruction.correspondence.compiled_search import Nearby, takes
-from grabberd.reconstruction.correspondence.displacement_field import Expected
 from grabberd.reconstruction.correspondence.prediction import Prediction
+from grabberd.reconstruction.correspondence.settings import CorrespondenceSettings
 from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.miss import Miss
 from grabberd.reconstruction.object_model import ObjectModel
@@ -61,7 +61,10 @@ class Correspondence:
         self.agreement = Agreement(model, self.settings)
         self.following = Agreement(model, self.settings, self.settings.following)
         self._nearby: dict[Agreement, Nearby] = {}
+        self._identification: Identification | None = None
         if kernel and takes(rig):
+            if isinstance(self.agreement.field, DisplacementField):
+                self._identification = Identification(kernel, rig, self.agreement, noise)
             self._nearby = {
                 judge: Nearby(kernel, rig, judge, noise) for judge in (self.agreement, self.following)
             }
@@ -77,14 +80,24 @@ class Correspondence:
             All targets identified beyond doubt; none if nothing agrees with the object model.
         """
         blurred = self._blurred(left), self._blurred(right)
-        known = hypotheses(self.rig, self.model, blurred, self.noise, self.settings)
-        grown = self.agreement.largest(known)
-        if not len(grown):
-            return self._sight(self.agreement, grown, grown, grown, left, right)
-        _, expected = self.agreement.consistent(known, grown)
+        expected = (self._identification or self).expected(*blurred)
+        if expected is None:
+            none = np.empty(0, np.intp)
+            return self._sight(self.agreement, none, none, none, left, right)
         sighting = self._near(self.agreement, *self.expected_places(expected), left, right)
         # What is cautious about telling targets apart would be rash about where to look for the others.
         return replace(sighting, expected=self._foreseen(sighting), settled=None)
+
+    def expected(self, left: ViewBlobs, right: ViewBlobs) -> Expected | None:
+        """Prediction of all targets from the largest set of pairs of blobs that agree; None if none do.
+
+        Args:
+            left: Blobs of the left view, with all their uncertainty in σ.
+            right: Blobs of the right view, likewise.
+        """
+        known = hypotheses(self.rig, self.model, (left, right), self.noise, self.settings)
+        grown = self.agreement.largest(known)
+        return self.agreement.consistent(known, grown)[1] if len(grown) else None
 
     def near(self, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs) -> Sighting:
         """Find the targets seen in both views near their expected positions.

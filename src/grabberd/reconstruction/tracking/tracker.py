@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.geometry import Rig
-from grabberd.reconstruction.correspondence.agreement import CorrespondenceSettings, Sighting
+from grabberd.reconstruction.correspondence.agreement import Sighting
 from grabberd.reconstruction.correspondence.correspondence import Correspondence
+from grabberd.reconstruction.correspondence.settings import CorrespondenceSettings
 from grabberd.reconstruction.object_model import ObjectModel
 from grabberd.reconstruction.points import Points
 from grabberd.reconstruction.view_blobs import ImageNoise, ViewBlobs
