@@ -19,6 +19,7 @@ from tests.bench import (
     core,
     core_numbers,
     goals,
+    identification,
     live,
     location,
     location_bits,
@@ -70,6 +71,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "A ramp with the empty liner, and what it is worth": pressure_ramp.table,
         "An empty liner taken for one on a teat": pressure_empty.table,
     },
+    "identification": {"Identification of 2 × 108, first field and after a gap": identification.table},
     "location": {
         "Pointing of all locators on the same fields, px": location.table,
         "Pointing over bits, one capture quantised anew, RMS in px": location.table_of_bits,

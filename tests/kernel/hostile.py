@@ -13,7 +13,10 @@ from grabberd.measurement.compiled.binary_location import measure_compiled
 from grabberd.measurement.compiled.grey_location import measure_grey, takes_grey
 from grabberd.measurement.locators.locator import GREY
 from grabberd.reconstruction import ImageNoise, ViewBlobs
+from grabberd.reconstruction.correspondence.compiled_identification import Identification
 from grabberd.reconstruction.correspondence.correspondence import Correspondence
+from grabberd.reconstruction.correspondence.displacement_field import DisplacementField
+from grabberd.reconstruction.correspondence.hypotheses import Hypotheses
 from kernel.layouts import LAYOUTS
 from reconstruction.liners import model
 from reconstruction.many import grid
@@ -133,6 +136,22 @@ def look_for(rng, liner):
                 )
                 sigma = np.full(len(liner), reach_mm)
                 correspondence.near(places, sigma, wild_blobs(rng, count), wild_blobs(rng, count + 1))
+        if isinstance(correspondence.agreement.field, DisplacementField):
+            identify(rng, known, correspondence)
+
+
+def identify(rng, known, correspondence):
+    """Its targets, among such blobs again, and from hypotheses that no blobs can have."""
+    by_kernel = Identification(KERNEL, known, correspondence.agreement, correspondence.noise)
+    for count in (0, 1, 2, 50):
+        for _ in range(5):
+            correspondence.identify(wild_blobs(rng, count), wild_blobs(rng, count + 1))
+    targets = len(correspondence.model)
+    for count in (0, 1, 2, 300):
+        for scale in (0.0, 1e-300, 1.0, 1e200, np.inf, np.nan):
+            target, left, right = np.sort(rng.integers(0, targets, count)), *rng.integers(0, 90, (2, count))
+            apart_mm, variance_mm2 = scale * rng.normal(size=(count, 3)), scale * rng.random((count, 3))
+            by_kernel.largest(Hypotheses(target, left, right, apart_mm, variance_mm2), 90, 90)
 
 
 main()

@@ -72,8 +72,9 @@ class Identification:
             )
             room, had = max(room, count), room
         _check(status, f"{len(left)} and {len(right)} blobs")
-        apart_mm, variance_mm2 = (number[3 * had * i :][: 3 * count].reshape(count, 3) for i in (0, 1))
-        return Hypotheses(*(column[:count] for column in index), apart_mm, variance_mm2)
+        target, of_left, of_right = index[:, :count]
+        apart_mm, variance_mm2 = number.reshape(2, had, 3)[:, :count]
+        return Hypotheses(target, of_left, of_right, apart_mm, variance_mm2)
 
     def largest(self, known: Hypotheses, left: int, right: int) -> tuple[Indices, Expected]:
         """Find as `Agreement.largest`, and what the set found says of all targets.
