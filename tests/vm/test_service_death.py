@@ -37,6 +37,10 @@ def test_a_daemon_that_is_gone_comes_back_and_at_most_the_last_second_is_missing
     assert (struck["gone_s"] > WATCHDOG_S / 2) == (name == "SIGSTOP")
     assert (document["state"], document["verdict"]) == ("sealed", "incomplete"), document
     assert inside["integrity"] == "ok"
-    assert inside["last_n"] == inside["received"] - 1, "nothing is missing before the end"
+    # A host that stands still for a second costs fields in mid-capture; the ledger then has each of them.
+    entries = document["ledger"]["entries"]
+    named = sum(entry["count"] for entry in entries if entry["first_n"] < inside["last_n"])
+    assert inside["last_n"] + 1 == inside["received"] + named, (inside, entries)
+    assert inside["received"] > 100
     assert 0 <= lost_s <= 1.0
     assert capture_id in service.call(client.listed)
