@@ -63,8 +63,8 @@ def test_of_any_picture(seed, kind, size, bits, doubled, jitter_px, shifts):
     expected, found = both(packed, wanted)
     # Solving multiplies what rounding does to the normal equations by the variance: 9 px² if 2 px wide.
     undetermined = expected.sigma_px * np.maximum(expected.sigma_px, 1)
-    # A centre outside the picture is extrapolated from a disc's rim, which multiplies the kernel's rounding to
-    # single precision, too; nobody measures with such a blob.
+    # A centre outside the picture is extrapolated from a disc's rim, which multiplies rounding to single
+    # precision, too; nobody measures with such a blob.
     outside = (expected.xy_px < 0).any(axis=1) | (expected.xy_px > picture_end(packed)).any(axis=1)
     share = np.where(outside & expected.at_border, 10 * SHARE_OF_SIGMA, SHARE_OF_SIGMA)[:, None]
     assert (np.abs(found.xy_px - expected.xy_px) <= share * undetermined + SINGLE_PX).all()
