@@ -28,9 +28,11 @@ MEMORY_BYTES = 700_000_000
 """Of private data, for the process: eight of the largest answers, 200 000 points as JSON of 50 MB each, and
 the stacks of as many threads."""
 NICENESS = 10
+"""Linux weighs it 110 against the daemon's 1024."""
 LEFT_S = 5.0
 """Time for readings to end once nobody asks any more."""
 PIECE_BYTES = 65_536
+"""Least size of a piece, so that few are asked for; a field's text has some ten thousand bytes."""
 NICED = f"import os; os.nice({NICENESS})"
 """Begins the program: to import the rest takes half a second of processor time."""
 PROGRAM = f"{NICED}; from {__name__} import CONTENTS, main; main(CONTENTS)"
@@ -38,8 +40,6 @@ CONTENTS: dict[str, Callable[..., Any]] = {
     read.__name__: read for read in (points_json, points_csv, points_ply, field_png)
 }
 """What can be read, by name: as bytes, or as a generator of pieces."""
-
-
 Step = Callable[[], tuple[Answer, bytes | bytearray]]
 
 
@@ -92,7 +92,7 @@ class _Reading:
 
 
 def _of_some_size(pieces: Generator[Any, None, None]) -> Iterator[bytes]:
-    """Pieces up to `PIECE_BYTES`: those of one field each would be asked for, and sent, one by one."""
+    """Pieces of one field each, until they have `PIECE_BYTES` together."""
     count = 0
     for piece in pieces:
         check_patience("what was asked for")
@@ -140,6 +140,7 @@ class ContentServer:
             else:
                 self._go_on(question)
         except Exception as error:  # no further thread, or no memory for what is asked
+            self._readings.pop(question.number, None)
             self._tell(question.number, *_failed(error))
 
     def _begin(self, question: Frame) -> None:

@@ -202,7 +202,6 @@ class FieldNumbering:
         parity = grabbed.field.parity
         time_ns, doubt = self._stamps.look(grabbed.time_ns, now_ns, interrupted=bool(self._interruption))
         arrival = self._arrivals.look(parity, now_ns)
-        stamped_on_arrival = doubt is None and self._arrivals.compare(arrival, grabbed.time_ns)
         return Pending(
             parity,
             parity if self._has_parity else None,
@@ -210,7 +209,7 @@ class FieldNumbering:
             None if doubt else time_ns,
             doubt,
             arrival,
-            stamped_on_arrival,
+            doubt is None and self._arrivals.compare(arrival, grabbed.time_ns),
             grabbed.sequence,
             # Of every field, also where time decides: it learns from each, and remembers the last count.
             self._sequence.step(grabbed.sequence, parity) if self._sequence else None,

@@ -26,6 +26,7 @@ from grabberd.storage.patience import given_up
 IDLE_S = 120.0
 """Time after the last reading until the process ends: an idle daemon does without its memory."""
 LOOK_EVERY_S = 0.5
+"""Interval at which a process that only a slow client still needs is looked at again."""
 CLOSED_S = 1.0
 """Time to end the process when the daemon ends, which has nine seconds for everything."""
 

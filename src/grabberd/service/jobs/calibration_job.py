@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from grabberd.acquisition.clock import SystemClock, iso_utc
 from grabberd.documents.named_types import JsonObject
@@ -34,26 +34,11 @@ class Calibrator(Protocol):
         ...
 
 
-def calibrate_capture(
-    progress: Progress,
-    *,
-    path: Path,
-    calibration_frame: JsonObject,
-    options: CalibrationOptions,
-    note: str | None,
-    previous: JsonObject | None,
-) -> "CalibrationOutput":
-    """Calibrates as `calibrate_file` does."""
+def calibrate_capture(progress: Progress, **given: Any) -> "CalibrationOutput":
+    """Calibrates as `calibrate_file` does, which takes whatever is given."""
     from grabberd.service.jobs.calibration import calibrate_file  # noqa: PLC0415
 
-    return calibrate_file(
-        progress,
-        path=path,
-        calibration_frame=calibration_frame,
-        options=options,
-        note=note,
-        previous=previous,
-    )
+    return calibrate_file(progress, **given)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
