@@ -51,6 +51,17 @@ WIDEST_LEGEND = """async () => {
     legend.show('Trykk mot spenen, kPa', { low: -1000, high: 1000, map: 'signed' });
     return legend.element.lastElementChild.lastElementChild.textContent;
 }"""
+STAGE_BEFORE_ITS_SIZE = """async () => {
+    const root = document.querySelector('script[type=module]').src.replace(/main[.]js$/, '');
+    const { createStage } = await import(root + 'scene/stage.js');
+    const picture = document.querySelector('.scene-picture');
+    const canvas = Object.assign(document.createElement('canvas'), { className: 'scene-canvas' });
+    picture.replaceChildren(canvas);
+    createStage(canvas, { cells: [], edges: [], target: [] });
+    const widths = [canvas.offsetWidth, picture.clientWidth];
+    picture.style.inlineSize = '200px';
+    return [...widths, canvas.offsetWidth, picture.clientWidth];
+}"""
 TOO_SMALL = """(least) => [...document.querySelectorAll('button, select, summary, .button, .choices label')]
     .filter((one) => one.checkVisibility() && !one.classList.contains('skip'))
     .filter((one) => one.getBoundingClientRect().height > 0)
@@ -112,6 +123,14 @@ def test_the_legend_fits_a_small_phone_with_a_long_number_at_its_very_end(
     page = open_page(at(daemon, "shape"), size=size, language="nb", ready=".scene-legend-marks > span").page
     assert len(page.evaluate(WIDEST_LEGEND)) == len("1 000")
     assert page.evaluate(OUT_OF_PLACE) == []
+
+
+def test_the_canvas_is_as_wide_as_its_place_before_it_was_told_so(daemon: Daemon, open_page: Open) -> None:
+    """An observer tells its size after the first layout: until then nothing may stand out either."""
+    size = SIZES["a small phone"]
+    page = open_page(at(daemon, "shape"), size=size, language="nb", ready=".scene-picture").page
+    canvas, place, canvas_after, place_after = page.evaluate(STAGE_BEFORE_ITS_SIZE)
+    assert (canvas, canvas_after) == (place, place_after)
 
 
 def test_nothing_is_asked_of_a_device_that_is_not_there(start_daemon: Start, open_page: Open) -> None:

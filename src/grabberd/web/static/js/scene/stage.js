@@ -57,7 +57,14 @@ export function createStage(canvas, grid) {
   function resize(width, height) {
     size = { width: Math.max(1, width), height: Math.max(1, height) };
     renderer.setSize(size.width, size.height);
+    leaveSizeToStyleSheet();
   }
+
+  /** The renderer writes its own size, 300 pixels at first, onto the canvas, which is then wider than a small phone. */
+  function leaveSizeToStyleSheet() {
+    canvas.style.width = canvas.style.height = "";
+  }
+  leaveSizeToStyleSheet();
 
   /** @param {Shown} shown */
   function draw(shown) {
