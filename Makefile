@@ -18,7 +18,7 @@ PAGE_TYPES := src/grabberd/web/types/openapi.d.ts
 PAGE_SOURCES = $(shell find src/grabberd/web/static/js src/grabberd/web/types tests/web/types -type d -o -name '*.js' -o -name '*.ts')
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-faults armour faults fuzz setups audit house walls docs format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -111,11 +111,14 @@ profile: $(READY)  ## where a field's time goes: stages and functions
 measured: $(READY)  ## accuracy and cost of every part of the work, into docs/measured.md (many minutes)
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m tests.bench all --seconds $(or $(DURATION),60) --write docs/measured.md
 
-soak: $(READY)  ## ten minutes (or DURATION=… seconds) at 50 Hz, clients coming and going; FAULTS=1: twenty, a fault every few seconds; fails where a promise is broken
-	@$(MAKE) --no-print-directory $(if $(FAULTS),soak-faults,soak-clients)
+soak: $(READY)  ## ten minutes (or DURATION=… seconds) at 50 Hz, clients coming and going; LOAD=4: beside busy loops (DEVICES=4); FAULTS=1: twenty, a fault every few seconds; fails where a promise is broken
+	@$(MAKE) --no-print-directory $(if $(FAULTS),soak-faults,$(if $(LOAD),soak-load,soak-clients))
 
 soak-clients: $(READY)
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m tests.bench soak --seconds $(or $(DURATION),600) $(if $(SEED),--seed $(SEED)) --write docs/measured.md
+
+soak-load: $(READY)
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m tests.bench loaded --seconds $(or $(DURATION),600) --load $(LOAD) --devices $(or $(DEVICES),1) --write docs/measured.md
 
 soak-faults: $(READY)
 	$(BIN)/python -m tests.months run --minutes $(or $(MINUTES),20) $(if $(SEED),--seed $(SEED)) --write docs/reference/months.md

@@ -41,6 +41,7 @@ def pictures_drawn_once(request: pytest.FixtureRequest) -> Iterator[None]:
             from recorded_world import world_of  # noqa: PLC0415 - after the environment is set
 
             patch.setattr("grabberd_fake.grabber.World", world_of)
+            patch.setattr("grabberd_fake.grabber.DrawnAhead", world_of)
         yield
 
 

@@ -52,6 +52,8 @@ _film = lru_cache(maxsize=FILMS)(Film)
 class RecordedWorld:
     """Stands in for the simulated grabber's world."""
 
+    waited_ns = 0
+
     def __init__(self, options: FakeOptions) -> None:
         self._stamp, self._seed = options.picture.stamp, options.seed
         # Whatever changes no picture is left out, so that devices share a film whatever befalls them.

@@ -10,6 +10,7 @@ import numpy as np
 
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal, StreamInfo
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
+from grabberd_fake.drawn_ahead import DrawnAhead
 from grabberd_fake.faults import (
     PERIOD_NS,
     Busy,
@@ -27,7 +28,7 @@ from grabberd_fake.faults_script import Script
 from grabberd_fake.optics import COLUMNS
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.render import ROWS
-from grabberd_fake.stream import ARRIVAL_NS, Stream
+from grabberd_fake.stream import ARRIVAL_NS, Pictures, Stream
 from grabberd_fake.world import World
 
 _NTSC_ROWS = 240
@@ -92,8 +93,6 @@ class FakeGrabber:
     what it leaves out.
     """
 
-    called_ns = 0  # nothing here hangs as a kernel's driver may
-
     def __init__(self, *, clock: Clock | None = None, **options: Any) -> None:
         """Checks the options; nothing is opened.
 
@@ -110,11 +109,18 @@ class FakeGrabber:
         if self.options.pace == "free":
             self._clock = JumpingClock(self._clock.now_ns())
         self._script = Script(self.options.faults)
-        self._world: World | None = None
+        self._draws_ahead = clock is None and self.options.pace == "real"
+        self._pictures: Pictures | None = None
+        self._waited_ns = 0
         self._stream: Stream | None = None
         self._origin: int | None = None
         self._chance = np.random.default_rng(self.options.seed)
         self.found_empty = False
+
+    @property
+    def called_ns(self) -> int:
+        """Time spent in waiting for pictures that were not drawn in time."""
+        return self._waited_ns + (0 if self._pictures is None else self._pictures.waited_ns)
 
     def open(self) -> StreamInfo:
         """Starts streaming with the next top field.
@@ -139,7 +145,11 @@ class FakeGrabber:
         """
         self._pause_program()
         stream = self._wait(timeout_s)
-        fields = [] if stream is None else stream.take(self._clock.now_ns())
+        try:
+            fields = [] if stream is None else stream.take(self._clock.now_ns())
+        except StreamFailed:
+            self._waited_ns, self._pictures = self.called_ns, None  # a new process from the next start on
+            raise
         try:
             yield fields
         finally:
@@ -192,16 +202,18 @@ class FakeGrabber:
         self._stream = None
 
     def _start(self, check: Callable[[], None]) -> None:
-        self._world = self._world or World(
-            self.options
-        )  # takes long, so it comes before the first field is due
+        # Takes long, so it comes before the first field is due.
+        self._pictures = self._pictures or self._pictures_of(self.options)
         first = self._next_top_field()
         if self._origin is None and self.options.cue is None:
             self._origin = first
         check()
         self._stream = Stream(
-            self._world, self._script, self.options, self._begins_with(), first, self._rows_now()
+            self._pictures, self._script, self.options, self._begins_with(), first, self._rows_now()
         )
+
+    def _pictures_of(self, options: FakeOptions) -> Pictures:
+        return DrawnAhead(options) if self._draws_ahead else World(options)
 
     def _begins_with(self) -> int:
         """Camera field with which the script begins; `_NEVER` before its cue."""

@@ -1,6 +1,7 @@
 """The simulated driver's buffers: which fields wait in them, and what they hold."""
 
 from collections import deque
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,6 @@ from grabberd_fake.faults_script import Script
 from grabberd_fake.optics import COLUMNS
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.render import ROWS
-from grabberd_fake.world import World
 
 ARRIVAL_NS = PERIOD_NS // 2
 """Delay from the middle of a field's exposure to its arrival in the driver."""
@@ -32,6 +32,24 @@ ARRIVAL_NS = PERIOD_NS // 2
 # Luma of Rec. 601 blue and black, and of the eight colour bars.
 _NO_SIGNAL_LUMA = {"blue": 41, "black": 16}
 _BARS_LUMA = np.array([235, 210, 170, 145, 106, 81, 41, 16], np.uint8)
+
+
+class Pictures(Protocol):
+    """Pictures of a world: a `World` that draws them when they are asked for, or one that draws ahead.
+
+    Attributes:
+        waited_ns: time spent so far in waiting for pictures that should have been drawn before.
+    """
+
+    waited_ns: int
+
+    def picture(self, field: int, out: NDArray[np.uint8]) -> None:
+        """Writes the luma of the camera's field number `field` into `out` (288, 720)."""
+        ...
+
+    def random(self, field: int) -> np.random.Generator:
+        """The random numbers of a field."""
+        ...
 
 
 class Stream:
@@ -43,7 +61,7 @@ class Stream:
     """
 
     def __init__(
-        self, world: World, script: Script, options: FakeOptions, origin: int, first: int, rows: int
+        self, world: Pictures, script: Script, options: FakeOptions, origin: int, first: int, rows: int
     ) -> None:
         self.rows = rows
         self.origin = origin

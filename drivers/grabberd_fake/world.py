@@ -50,6 +50,8 @@ class Truth(NamedTuple):
 class World:
     """Scene, optics and camera."""
 
+    waited_ns = 0  # pictures are drawn when they are asked for
+
     def __init__(self, options: FakeOptions) -> None:
         self._options = options
         self.views = build_views(options)
@@ -81,7 +83,7 @@ class World:
 
     def random(self, field: int) -> np.random.Generator:
         """The random numbers of a field."""
-        return np.random.Generator(np.random.SFC64([self._options.seed, field]))
+        return random_of(self._options.seed, field)
 
     def _exposed(self, time_ns: int) -> tuple[Ellipses, Ellipses]:
         targets = self.scene.targets(time_ns)
@@ -104,3 +106,8 @@ class World:
 
     def _facing(self, view: View, targets: Targets) -> NDArray[np.bool_]:
         return facing(view, targets, self._options.grazing_limit_deg)
+
+
+def random_of(seed: int, field: int) -> np.random.Generator:
+    """The random numbers of a field: no other field's depend on how many of them are drawn."""
+    return np.random.Generator(np.random.SFC64([seed, field]))

@@ -106,7 +106,7 @@ class Simulation:
             driver=self.case.driver,
             faults=self.case.faults,
         )
-        grabber._world = RecordedWorld(grabber.options)  # type: ignore[assignment]
+        grabber._pictures = RecordedWorld(grabber.options)
         self._board.beat = self._go_on  # type: ignore[method-assign]
         captures = NoCaptures(lambda _: None, lambda _: None)
         CaptureThread(

@@ -21,6 +21,7 @@ from tests.bench import (
     goals,
     identification,
     live,
+    loaded,
     location,
     location_bits,
     memory,
@@ -97,14 +98,21 @@ def main() -> None:
     """Runs what is asked for, prints it, and writes it down where that is asked for."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument(
-        "what", nargs="?", default="all", choices=[*PARTS, "live", "several", "soak", "armour", "all"]
+        "what",
+        nargs="?",
+        default="all",
+        choices=[*PARTS, "live", "several", "soak", "loaded", "armour", "all"],
     )
     parser.add_argument(
         "--seconds", type=float, default=60.0, help="length of the live capture, of the soak, or of an attack"
     )
     parser.add_argument("--write", type=Path, help="file whose sections are replaced")
     parser.add_argument("--seed", type=int, default=soak.SEED, help="who comes when in the soak")
+    parser.add_argument("--load", type=int, default=4, help="number of busy loops")
+    parser.add_argument("--devices", type=int, default=1, help="number of grabbers beside the busy loops")
     options = parser.parse_args()
+    if options.what == "loaded":
+        sys.exit(_loaded(options))
     if options.what == "soak":
         sys.exit(_soak(options.seconds, options.seed, options.write))
     tables = dict(_tables(options.what))
@@ -129,6 +137,16 @@ def _soak(seconds: float, seed: int, file: Path | None) -> int:
     if file:
         write(file, {SOAK: done.table()})
     return int(bool(done.broken))
+
+
+def _loaded(options: argparse.Namespace) -> int:
+    """Shows it and writes it down; 1 where fields are missing."""
+    done = loaded.loaded(options.seconds, options.load, options.devices)
+    title = f"Soak: {options.devices} at 50 Hz beside {options.load} busy loops"
+    print(f"## {title}\n\n{done.table()}\n")
+    if options.write:
+        write(options.write, {title: done.table()})
+    return int(done.missing > 0)
 
 
 def _tables(what: str) -> Mapping[str, Callable[[], str]]:

@@ -20,6 +20,7 @@ from tests.faults.daemon import RECORDED, Daemon, running
 from tests.faults.failing import configuration
 
 from .armour_attacks import ATTACKS, TIMEOUT_S, Answers, Target, address
+from .busy import busy_loops
 
 BUSY = 4
 FEW = 64
@@ -62,7 +63,7 @@ def table(seconds: float) -> str:
     parts = []
     with tempfile.TemporaryDirectory() as folder:
         for name, busy in (("quiet", 0), (f"{BUSY} busy loops beside it", BUSY)):
-            with _busy_loops(busy):
+            with busy_loops(busy):
                 parts.append(_attacked(Path(folder) / str(busy), name, seconds, RECORDED, list(ATTACKS)))
         few = [
             "nobody",
@@ -156,23 +157,3 @@ def _status(port: int, path: str) -> int:
         response = connection.getresponse()
         response.read()
         return response.status
-
-
-@contextmanager
-def _busy_loops(count: int) -> Iterator[None]:
-    processes = [
-        multiprocessing.get_context("spawn").Process(target=_spin, daemon=True) for _ in range(count)
-    ]
-    for process in processes:
-        process.start()
-    try:
-        yield
-    finally:
-        for process in processes:
-            process.kill()
-            process.join()
-
-
-def _spin() -> None:
-    while True:
-        pass

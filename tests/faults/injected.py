@@ -82,6 +82,7 @@ def connect(database: Any, *arguments: Any, **options: Any) -> sqlite3.Connectio
 
 if __name__ == "__main__":  # a process of jobs imports this module, too
     grabberd_fake.grabber.World = world_of  # type: ignore[misc]
+    grabberd_fake.grabber.DrawnAhead = world_of  # type: ignore[misc]
     CaptureWriter.commit = commit  # type: ignore[method-assign]
     SystemClock.utc_now = utc_now  # type: ignore[method-assign]
     sqlite3.connect = connect  # type: ignore[assignment]

@@ -15,4 +15,5 @@ from recorded_world import world_of
 
 if __name__ == "__main__":  # a process of jobs imports this module, too
     grabberd_fake.grabber.World = world_of  # type: ignore[misc]
+    grabberd_fake.grabber.DrawnAhead = world_of  # type: ignore[misc]
     main()

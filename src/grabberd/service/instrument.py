@@ -61,7 +61,8 @@ class Instrument:
             setup, self.board, self.pipeline, clock, disk or DiskGuard(), site or {}, queue_s, on_sealed
         )
         self.worker = Worker(self.name, setup.measuring, self.pipeline, self.captures, clock, fair_lock)
-        # The kernel's account goes by its own clock alone.
+        # The kernel's account goes by its own clock alone. By another, a thread may take fields without a
+        # pause, which in real time nobody else would survive.
         account = KernelAccount() if type(clock) is SystemClock else None
         self._capture_thread = CaptureThread(
             self.name, setup.grabber, self.pipeline, self.board, clock, self.captures, account=account

@@ -1,7 +1,7 @@
 """The capture thread over a scripted grabber: its states, its signal, what it asks of the device."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -23,7 +23,7 @@ from grabberd.errors import (
     StreamEnded,
     StreamFailed,
 )
-from grabberd.service.device.capture_thread import DEQUEUE_TIMEOUT_S, CaptureThread
+from grabberd.service.device.capture_thread import DEQUEUE_TIMEOUT_S, POLL_S, CaptureThread
 from grabberd.service.device.field_pipeline import FieldPipeline
 from grabberd.service.device.scheduling import ThreadTimes
 from grabberd.service.device.status_board import StatusBoard
@@ -182,13 +182,67 @@ def test_a_thread_that_had_no_processor_says_so_of_what_it_lost() -> None:
     assert shown.code is Cause.COMPUTER_BUSY
 
 
+def test_a_thread_that_fell_behind_has_measuring_give_way_for_a_second() -> None:
+    clock = SimulatedClock()
+    grabber = Scripted(clock, 20, 100)
+    dequeue = grabber.dequeue
+
+    @contextmanager
+    def late(timeout_s: float) -> Iterator[Sequence[GrabbedField]]:
+        if grabber.script == [100]:
+            clock.sleep(0.3)
+        with dequeue(timeout_s) as fields:
+            yield fields
+
+    grabber.dequeue = late  # type: ignore[method-assign]
+    shedding = Run(grabber, clock, 1.3).pipeline.shedding
+    late_s = START_NS / 1e9 + DEQUEUE_TIMEOUT_S + 20 * PERIOD_S + 0.3
+    assert shedding.pause_s(round((late_s + 0.9) * 1e9)) > 0
+    assert shedding.pause_s(round((late_s + 1.1) * 1e9)) == 0
+
+
+@pytest.mark.parametrize("live", [True, False], ids=["a camera", "a recording"])
+def test_real_time_is_asked_for_once_and_only_for_a_camera(
+    live: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    clock, account = SimulatedClock(), Account()
+    grabber = Scripted(clock, 5, StreamFailed("no buffer", ""), 100, info=replace(INFO, live=live))
+    Run(grabber, clock, 1.0, account=account)
+    assert grabber.asked.count("restart") == 1
+    assert account.asked_to_come_first == live
+    assert caplog.text.count("device test: fields are taken in turn") == live
+
+
+def test_a_device_that_does_not_wait_for_a_field_is_asked_with_pauses_and_given_up() -> None:
+    clock = SimulatedClock()
+    grabber = Scripted(clock, 5)
+    dequeue, asked_s = grabber.dequeue, []
+
+    @contextmanager
+    def at_once(timeout_s: float) -> Iterator[Sequence[GrabbedField]]:
+        asked_s.append(clock.passed_s)
+        with dequeue(timeout_s) if grabber.script else nullcontext([]) as fields:
+            yield fields
+
+    grabber.dequeue = at_once  # type: ignore[method-assign]
+    one = Run(grabber, clock, 1.0)
+    assert one.states[:3] == [S.OPENING, S.READY, S.RECOVERING]
+    assert np.diff(asked_s).min() == pytest.approx(POLL_S)
+
+
 class Account:
     """An account of a thread that waits when the test says so."""
 
     waited_ns = 0
+    asked_to_come_first = 0
 
     def thread(self) -> ThreadTimes:
         return ThreadTimes(0, self.waited_ns)
+
+    def come_first(self) -> str:
+        self.asked_to_come_first += 1
+        return "in turn"
 
     def program_ns(self) -> int:
         return 0

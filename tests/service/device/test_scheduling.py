@@ -1,5 +1,9 @@
 """Whether the capture thread took its fields in time, and what kept it from that."""
 
+import os
+import subprocess
+import sys
+import threading
 import time
 
 import pytest
@@ -9,6 +13,7 @@ from grabberd.acquisition import Standstill
 from grabberd.service.device.scheduling import KernelAccount, Scheduling, ThreadTimes
 
 TIMEOUT_S = 0.05
+POLICY = "import os; print(os.sched_getscheduler(0))"
 
 
 class Account:
@@ -296,3 +301,32 @@ def test_this_computers_kernel_keeps_an_account_of_this_thread() -> None:
     assert after.waited_ns >= before.waited_ns
     account.close()
     assert account.thread() is None
+
+
+def _come_first() -> tuple[str, int, int]:
+    """How a thread runs that asked to come first, by words and by the kernel; and a process of its own."""
+    found: list[tuple[str, int, int]] = []
+
+    def ask() -> None:
+        words, policy = KernelAccount().come_first(), os.sched_getscheduler(0)
+        child = subprocess.run([sys.executable, "-c", POLICY], capture_output=True, check=True)
+        found.append((words, policy, int(child.stdout)))
+
+    thread = threading.Thread(target=ask)
+    thread.start()
+    thread.join()
+    return found[0]
+
+
+def test_a_thread_that_asks_for_real_time_has_it_or_says_why_not() -> None:
+    words, policy, _ = _come_first()
+    if "not in real time" in words:
+        assert policy == os.SCHED_OTHER
+    else:
+        assert words.startswith("in real time")
+        assert policy & ~os.SCHED_RESET_ON_FORK == os.SCHED_RR
+
+
+def test_real_time_is_for_that_thread_alone() -> None:
+    _, _, of_its_process = _come_first()
+    assert of_its_process == os.sched_getscheduler(0) == os.SCHED_OTHER

@@ -33,7 +33,8 @@ STALLED_AFTER_S = 0.8
 """Silence after which the stream has failed."""
 SIGNAL_EVERY_NS = 500_000_000
 """The signal is asked for between fields, since only this thread may touch the device."""
-ROOM_POLL_S = 0.001
+POLL_S = 0.001
+"""Pause where there is no room for a field, or where a device says at once that it has none."""
 BEAT_EVERY_S = 1.0
 """Far below half the watchdog's time, after which the heartbeat takes this thread for stuck."""
 
@@ -91,6 +92,7 @@ class FieldFlow:
 class CaptureThread(threading.Thread):
     """Opens the device, takes its fields into the ring, and climbs the ladder when they fail to come.
 
+    It asks for real-time scheduling as soon as a camera streams.
     It never waits for anybody, except with a source that waits for its reader: that is read only while there
     is room. All other waiting is done on `stopping`, which `stop` sets. It beats on the board as long as it
     lives.
@@ -116,7 +118,9 @@ class CaptureThread(threading.Thread):
         self._stopping = stopping or threading.Event()
         self._open = False
         self._flow = FieldFlow(clock.now_ns())
-        self._scheduling = Scheduling(clock, account or NoAccount(), lambda: grabber.called_ns)
+        self._account = account or NoAccount()
+        self._scheduling = Scheduling(clock, self._account, lambda: grabber.called_ns)
+        self._asked_to_come_first = False
         self._signal_due_ns = 0
         self._signal = Signal.UNKNOWN
         self._last_fault: str | None = None
@@ -166,7 +170,7 @@ class CaptureThread(threading.Thread):
         # The ladder tries for ever, and a traceback each time would fill the journal.
         if message != self._last_fault:
             self._last_fault = message
-            log.exception("device %s: the capture thread failed", self.name)
+            log.exception("device %s: the capture thread failed", self._board.name)
         return DeviceRefused(message, "please report this", Cause.FAULT)
 
     def _prepare(self, step: Step, error: GrabberdError) -> None:
@@ -216,14 +220,24 @@ class CaptureThread(threading.Thread):
         change = self._pipeline.opened(info, asked_ns)
         self._board.opened(info)
         if change:
-            log.warning("device %s: %s", self.name, change)
+            log.warning("device %s: %s", self._board.name, change)
             self._captures.source_ended(DeviceRefused(change, "begin a new capture"))
         # Opening takes its time, which is no silence of the stream.
         self._scheduling.excuse()
         self._flow = FieldFlow(self._clock.now_ns())
         self._ask_signal()
+        if info.live:
+            self._come_first()
         if info.waits_for_reader:
             self._show_state()  # it delivers nothing before a capture runs, and a capture needs it ready
+
+    def _come_first(self) -> None:
+        """Asks once for real time; for a recording it would take the processors from everything else."""
+        if self._asked_to_come_first:
+            return
+        self._asked_to_come_first = True
+        if how := self._account.come_first():
+            log.info("device %s: fields are taken %s", self._board.name, how)
 
     def _take(self, info: StreamInfo) -> None:
         self._board.beat()
@@ -231,7 +245,7 @@ class CaptureThread(threading.Thread):
             self._flow.excuse(self._clock.now_ns())
             self._scheduling.excuse()
             self._show_state()
-            self._stopping.wait(ROOM_POLL_S)
+            self._stopping.wait(POLL_S)
             return
         asked_ns = self._scheduling.asks()
         with self._grabber.dequeue(DEQUEUE_TIMEOUT_S) as fields:
@@ -239,6 +253,7 @@ class CaptureThread(threading.Thread):
             standstill = self._scheduling.came(
                 now_ns, DEQUEUE_TIMEOUT_S, len(fields), found_empty=self._grabber.found_empty
             )
+            self._pipeline.shedding.saw(0 if standstill is None else standstill.time_ns, now_ns)
             if fields and self._signal is Signal.ABSENT:
                 self._ask_signal()  # what came back may be half a second older than the next question
             if standstill is not None and standstill.time_ns > info.buffered_ns:
@@ -270,6 +285,8 @@ class CaptureThread(threading.Thread):
         Raises:
             StreamFailed: The stream has stalled.
         """
+        if now_ns - asked_ns < DEQUEUE_TIMEOUT_S * 0.5e9:
+            self._stopping.wait(POLL_S)  # a device that does not wait must not take a processor in real time
         if self._signal is Signal.ABSENT:
             self._flow.excuse(now_ns)
             self._interrupted(NO_SIGNAL)

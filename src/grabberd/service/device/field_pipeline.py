@@ -22,6 +22,7 @@ from grabberd.acquisition import (
 )
 from grabberd.config import DeviceConfig
 from grabberd.field import NumberedField, PackedField, Packing, pack
+from grabberd.service.device.shedding import Shedding
 from grabberd.service.device.threshold_keeper import NewestField, ThresholdKeeper
 
 ARRIVALS = 4096
@@ -51,6 +52,7 @@ class FieldPipeline:
         newest: Leaves a copy of the newest field for whoever asks.
         arrived_ns: Times at which the latest fields arrived, by their number modulo `ARRIVALS`.
         interruption: Reason why no fields come, or None while they do.
+        shedding: Whether fields should be measured less often for a while.
     """
 
     def __init__(self, config: DeviceConfig) -> None:
@@ -64,6 +66,7 @@ class FieldPipeline:
         self.newest = NewestField()
         self.arrived_ns: NDArray[np.int64] = np.zeros(ARRIVALS, np.int64)
         self.interruption: str | None = None
+        self.shedding = Shedding()
         self._granted: StreamInfo | None = None
         self._numbering: FieldNumbering | None = None
         self._unnumbered: deque[_Unnumbered] = deque()

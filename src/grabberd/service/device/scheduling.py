@@ -13,6 +13,8 @@ from grabberd.acquisition.clock import UtcClock
 _NOTABLE_NS = 10_000_000
 """Half a field: a pause that is shorter is none."""
 _FIELD_NS = 20_000_000
+_PRIORITY = 1
+"""The lowest in real time: whatever else asked for that, an audio server for instance, comes before it."""
 
 
 class ThreadTimes(NamedTuple):
@@ -28,7 +30,7 @@ class ThreadTimes(NamedTuple):
 
 
 class ThreadAccount(Protocol):
-    """The kernel's account of a thread."""
+    """The kernel's account of a thread, and its say in when the thread runs."""
 
     def thread(self) -> ThreadTimes | None:
         """Times of the thread; None if unknown."""
@@ -36,6 +38,12 @@ class ThreadAccount(Protocol):
 
     def program_ns(self) -> int:
         """Processor time of the whole program."""
+        ...
+
+    def come_first(self) -> str:
+        """Asks that the calling thread runs before all others; returns how it runs from now on, in words,
+        empty if that is unknown.
+        """
         ...
 
 
@@ -49,6 +57,10 @@ class NoAccount:
     def program_ns(self) -> int:
         """See `ThreadAccount`."""
         return 0
+
+    def come_first(self) -> str:
+        """See `ThreadAccount`."""
+        return ""
 
 
 class KernelAccount:
@@ -73,6 +85,18 @@ class KernelAccount:
     def program_ns(self) -> int:
         """See `ThreadAccount`."""
         return time.process_time_ns()
+
+    def come_first(self) -> str:
+        """See `ThreadAccount`; the right to it is LimitRTPRIO of the unit, or `ulimit -r`.
+
+        Processes that the thread starts begin as ordinary ones.
+        """
+        try:
+            # Round robin: the capture threads of several devices take turns.
+            os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(_PRIORITY))
+        except OSError as error:
+            return f"when the system gets round to it, not in real time: {error.strerror}"
+        return "in real time, before other programs' work"
 
     def close(self) -> None:
         """Closes the account; it tells nothing afterwards."""

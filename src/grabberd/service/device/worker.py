@@ -146,6 +146,11 @@ class WorkerCaptures(Protocol):
         """The running or the last capture."""
         ...
 
+    @property
+    def is_recording(self) -> bool:
+        """True if a capture is recording."""
+        ...
+
 
 class Live(NamedTuple):
     """The newest measured field.
@@ -228,7 +233,7 @@ class Worker(threading.Thread):
             tally = CoverageTally.of(self._setup.calibration, self._setup.object_model)
             self.rig.begin(self._setup, capture=True)
             self.field_order.begin(self._setup, capture=True)
-            with closing(self._fair_lock.one_by_one(recording.recorded())) as fields:
+            with closing(self._paced(recording.recorded())) as fields:
                 for measured in measure_fields(fields, self._setup, tally):
                     recording.add(measured)
                     self._publish(measured, recording.first_n)
@@ -248,9 +253,25 @@ class Worker(threading.Thread):
             return
         self.rig.begin(setup)
         self.field_order.begin(setup)
-        with closing(self._fair_lock.one_by_one(self._ring_fields(setup))) as fields:
+        with closing(self._paced(self._ring_fields(setup))) as fields:
             for measured in measure_fields(fields, setup):
                 self._publish(measured, 0)
+
+    def _paced(self, fields: Iterator[NumberedField]) -> Generator[NumberedField]:
+        """The same fields, in turn with other devices' workers, and fewer while capturing falls behind."""
+        return self._fair_lock.one_by_one(self._sparing(fields))
+
+    def _sparing(self, fields: Iterator[NumberedField]) -> Iterator[NumberedField]:
+        """The same fields, with a pause after each while the capture thread falls behind."""
+        for numbered in fields:
+            yield numbered
+            if (pause_s := self._pause_s()) > 0:
+                self._stopping.wait(pause_s)
+
+    def _pause_s(self) -> float:
+        # Once a capture has been recorded, measuring it loses nothing.
+        catches_up = self._unmeasured() is not None and not self._captures.is_recording
+        return 0.0 if catches_up else self._pipeline.shedding.pause_s(self._clock.now_ns())
 
     def _ring_fields(self, setup: MeasureSetup) -> Iterator[NumberedField]:
         """The ring's good fields until a capture begins, ring or setup are exchanged, or the worker is

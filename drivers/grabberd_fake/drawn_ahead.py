@@ -1,0 +1,196 @@
+"""Pictures that a process of their own draws before they are due.
+
+A camera's pictures cost the computer nothing. Drawn by the thread that takes them, they would take 3 ms of
+every field's 20, and on a busy computer it is the instrument that would lose fields for it.
+"""
+
+import mmap
+import os
+import pickle
+import select
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+import weakref
+from collections.abc import Iterator
+from contextlib import suppress
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import StreamFailed
+from grabberd_fake.optics import COLUMNS
+from grabberd_fake.options import FakeOptions
+from grabberd_fake.render import ROWS
+from grabberd_fake.world import World, random_of
+
+SLOTS = 32
+"""As many pictures are kept: .64 s, longer than a process waits for a processor on a busy computer."""
+_FIELD = struct.Struct("=q")
+_STARTED = -1
+"""Sent instead of a field's number once the scene is built."""
+_START_TIMEOUT_S = 60.0
+_PICTURE_TIMEOUT_S = 5.0
+_END_TIMEOUT_S = 5.0
+_SHAPE = (SLOTS, ROWS, COLUMNS)
+# -P: the current folder may hold a module of any name.
+_COMMAND = [sys.executable, "-P", "-c", f"from {__name__} import main; main()"]
+
+
+class DrawnAhead:
+    """The pictures of a `World`, drawn by another process, which ends with this object or this process.
+
+    Attributes:
+        waited_ns: Time spent so far in waiting for pictures that were not drawn in time.
+    """
+
+    def __init__(self, options: FakeOptions) -> None:
+        """Returns once the scene is built.
+
+        Raises:
+            StreamFailed: The process does not start.
+        """
+        self.waited_ns = 0
+        self._seed = options.seed
+        self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        memory = os.memfd_create("pictures")
+        try:
+            os.ftruncate(memory, int(np.prod(_SHAPE)))
+            process = _start(options, memory, theirs)
+            self._slots = _mapped(memory)
+        finally:
+            os.close(memory)
+            theirs.close()
+        self._end = weakref.finalize(self, _end, process, self._socket)
+        # By slot, which field it holds as far as it has been told.
+        self._holds: list[int | None] = [None] * SLOTS
+        self._asked = 0
+        if self._receive(_START_TIMEOUT_S) != _STARTED:
+            raise self._failed("sends no greeting")
+
+    def picture(self, field: int, out: NDArray[np.uint8]) -> None:
+        """Writes the luma of the camera's field number `field` into `out` (288, 720).
+
+        Raises:
+            StreamFailed: The process has ended, or draws nothing any more.
+        """
+        # From now on it draws this one, unless it has, and those after it; the picture of what was asked for
+        # last stays, since it may be shown again.
+        self._send(field)
+        if field < self._asked or self._holds[field % SLOTS] != field:
+            self._wait_for(field)
+        self._asked = field
+        np.copyto(out, self._slots[field % SLOTS])
+
+    def random(self, field: int) -> np.random.Generator:
+        """The random numbers of a field."""
+        return random_of(self._seed, field)
+
+    def _wait_for(self, field: int) -> None:
+        began_ns = time.monotonic_ns()
+        while (drawn := self._receive(_PICTURE_TIMEOUT_S)) != field:
+            self._holds[drawn % SLOTS] = drawn
+        if field < self._asked:
+            self._holds = [None] * SLOTS  # what it had drawn of later ones, it draws over
+        self._holds[field % SLOTS] = field
+        self.waited_ns += time.monotonic_ns() - began_ns
+
+    def _send(self, field: int) -> None:
+        try:
+            self._socket.send(_FIELD.pack(field))
+        except OSError as error:
+            raise self._failed("has ended") from error
+
+    def _receive(self, timeout_s: float) -> int:
+        self._socket.settimeout(timeout_s)
+        try:
+            message = self._socket.recv(_FIELD.size)
+        except TimeoutError as error:
+            raise self._failed(f"has sent nothing for {timeout_s:.0f} s") from error
+        except OSError as error:
+            raise self._failed("has ended") from error
+        if not message:
+            raise self._failed("has ended")
+        number: int = _FIELD.unpack(message)[0]
+        return number
+
+    def _failed(self, reason: str) -> StreamFailed:
+        self._end()
+        return StreamFailed(
+            f"the process that draws the simulated pictures {reason}",
+            "it is started again with the stream; if it ends again, memory may have run out",
+        )
+
+
+def _start(options: FakeOptions, memory: int, theirs: socket.socket) -> "subprocess.Popen[bytes]":
+    numbers = [str(memory), str(theirs.fileno())]
+    # Threads of OpenBLAS would wait for each other on a busy computer.
+    variables = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    try:
+        process = subprocess.Popen(  # noqa: S603 - our own
+            [*_COMMAND, *numbers], stdin=subprocess.PIPE, pass_fds=(memory, theirs.fileno()), env=variables
+        )
+    except OSError as error:
+        raise StreamFailed(
+            f"the process that draws the simulated pictures does not start: {error}",
+            "memory or processes may have run out",
+        ) from error
+    assert process.stdin is not None
+    with process.stdin as questions:
+        pickle.dump(options, questions)
+    return process
+
+
+def _end(process: "subprocess.Popen[bytes]", ours: socket.socket) -> None:
+    """Ends the process by closing its socket, and by force where it does not notice that."""
+    ours.close()
+    try:
+        process.wait(_END_TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def _mapped(memory: int) -> NDArray[np.uint8]:
+    return np.frombuffer(mmap.mmap(memory, int(np.prod(_SHAPE))), np.uint8).reshape(_SHAPE)
+
+
+def main() -> None:
+    """Draws, in the process, until nobody asks any more; arguments are the numbers of memory and socket."""
+    # It ends with the daemon, which may still record when it is told to end.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    memory, number = map(int, sys.argv[1:])
+    world = World(pickle.load(sys.stdin.buffer))  # noqa: S301 - written by our own process
+    with socket.socket(fileno=number) as theirs, suppress(EOFError, ConnectionError):
+        _draw(world, _mapped(memory), theirs)
+
+
+def _draw(world: World, slots: NDArray[np.uint8], theirs: socket.socket) -> None:
+    """Draws the field that was asked for last, and those after it as far as there are slots."""
+    theirs.send(_FIELD.pack(_STARTED))
+    asked, following = -SLOTS, 0
+    while True:
+        for field in _asked(theirs, wait=following == asked + SLOTS):
+            following = max(following, field) if field >= asked else field
+            asked = field
+        if following < asked + SLOTS:
+            world.picture(following, slots[following % SLOTS])
+            theirs.send(_FIELD.pack(following))
+            following += 1
+
+
+def _asked(theirs: socket.socket, *, wait: bool) -> Iterator[int]:
+    """Fields that were asked for meanwhile, at least one if it waits.
+
+    Raises:
+        EOFError: Nobody asks any more.
+    """
+    while select.select([theirs], [], [], None if wait else 0)[0]:
+        if not (message := theirs.recv(_FIELD.size)):
+            raise EOFError
+        yield _FIELD.unpack(message)[0]
+        wait = False
