@@ -6,6 +6,7 @@ SHELL := /bin/bash
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
+RUNS := $(VENV)/runs
 READY := $(VENV)/ready
 SYSTEM_PYTHON ?= /usr/bin/python3
 STATE ?= .state
@@ -23,7 +24,7 @@ ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
 
-run: $(READY)  ## start the daemon on the simulated grabber at http://127.0.0.1:8050
+run: $(RUNS)  ## start the daemon on the simulated grabber at http://127.0.0.1:8050
 	STATE_DIRECTORY="$(abspath $(STATE))" exec $(BIN)/grabberd serve
 
 # Checks and installations wait for the disk, the network and each other's single processes: side by side they leave no
@@ -159,13 +160,24 @@ lock: $(READY)  ## write down the versions that the tests passed with
 clean:  ## remove what make made, but no captures
 	rm -rf $(VENV) $(PEERS) node_modules build dist .mypy_cache .ruff_cache .pytest_cache
 
-$(READY): pyproject.toml constraints.txt hatch_build.py $(wildcard src/grabberd/kernel/*.[ch])
+INSTALLED_FROM := pyproject.toml constraints.txt hatch_build.py $(wildcard src/grabberd/kernel/*.[ch])
+
+# What running needs, with pip's own account of how far it is; the tests need more than twice as much.
+$(RUNS): $(INSTALLED_FROM) | $(VENV)/made
+	@echo "Setting up $(VENV), once: packages and the compiled kernel."
+	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt --editable '.[report]'
+	@touch $@
+
+$(READY): $(INSTALLED_FROM) | $(VENV)/made
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test]'
+	@touch $(RUNS) $@
+
+$(VENV)/made:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is missing: sudo apt-get install python3 python3-venv"; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "$(PYTHON) is older than 3.11: sudo apt-get install python3.11"; exit 1; }
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { echo "the venv module is missing: sudo apt-get install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test]'
-	touch $@
+	@touch $@
 
 $(PEERS)/ready: tests/bench/peers/peers.txt
 	$(PYTHON) -m venv $(PEERS)

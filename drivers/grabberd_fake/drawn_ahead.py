@@ -171,6 +171,7 @@ def main() -> None:
 
 def _draw(world: World, slots: NDArray[np.uint8], theirs: socket.socket) -> None:
     """Draws the field that was asked for last, and those after it as far as there are slots."""
+    world.picture(0, slots[0])  # the first takes long: it builds the tables for all others
     theirs.send(_FIELD.pack(_STARTED))
     asked, following = -SLOTS, 0
     while True:
