@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from grabberd.documents.captures import CaptureDocument
-from grabberd.errors import NotFound
 from grabberd.service.archive.archive import Archive
 from grabberd.service.archive.capture_list import CaptureQuery, Position, list_captures
 from grabberd.storage.state.annotation_store import Annotation
+from grabberd.storage.state.index_entries import IndexEntry
 from storage.captures import slots, write
 
 SAID = {
@@ -59,13 +59,13 @@ def test_pinned_ones_are_found_among_others(archive: Archive) -> None:
 
 def test_only_the_files_of_those_that_are_meant_are_opened(archive: Archive) -> None:
     opened: list[str] = []
-    describe = archive.document
+    describe = archive.listed
 
-    def counted(capture_id: str) -> dict[str, object]:
-        opened.append(capture_id)
-        return describe(capture_id)
+    def counted(entry: IndexEntry, annotation: Annotation) -> CaptureDocument:
+        opened.append(entry.id)
+        return describe(entry, annotation)
 
-    archive.document = counted  # type: ignore[method-assign]
+    archive.listed = counted  # type: ignore[method-assign]
     assert found(archive, search="slipped") == ["c2"]
     assert opened == ["c2"]
 
@@ -131,12 +131,5 @@ def test_the_last_page_says_that_it_is_the_last(archive: Archive) -> None:
 
 
 def test_a_capture_that_is_deleted_while_it_is_listed_is_left_out(archive: Archive) -> None:
-    describe = archive.document
-
-    def gone(capture_id: str) -> CaptureDocument:
-        if capture_id == "c3":
-            raise NotFound("no capture c3", "")
-        return describe(capture_id)
-
-    archive.document = gone  # type: ignore[method-assign]
+    (archive.directory / "c3.grab").unlink()
     assert found(archive) == ["c5", "c4", "c2", "c1"]

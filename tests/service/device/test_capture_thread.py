@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scripted import INFO, PERIOD_S, S, Scripted, run
-from simulated_time import SMALL, START_NS, NoCaptures, Run, SimulatedClock
+from simulated_time import SMALL, START_NS, NoCaptures, Run, SimulatedClock, Until
 
-from grabberd.acquisition import GrabbedField, LossCause, Outcome, Signal, StreamInfo
+from grabberd.acquisition import GrabbedField, LossCause, Outcome, Policy, Signal, StreamInfo
 from grabberd.acquisition.clock import SystemClock
 from grabberd.errors import (
     Cause,
@@ -229,6 +229,30 @@ def test_a_device_that_does_not_wait_for_a_field_is_asked_with_pauses_and_given_
     one = Run(grabber, clock, 1.0)
     assert one.states[:3] == [S.OPENING, S.READY, S.RECOVERING]
     assert np.diff(asked_s).min() == pytest.approx(POLL_S)
+
+
+class SlowReader(Until):
+    """Reads one field of the ring whenever the capture thread pauses, and never else."""
+
+    def __init__(self, clock: SimulatedClock, end_s: float, pipeline: FieldPipeline) -> None:
+        super().__init__(clock, end_s)
+        self.reader = pipeline.ring.reader(Policy.COUNT)
+
+    def wait(self, timeout: float | None = None) -> bool:
+        self.reader.take(0.0)
+        return super().wait(timeout)
+
+
+def test_fields_that_have_waited_are_taken_no_faster_than_the_ring_is_read() -> None:
+    clock = SimulatedClock()
+    grabber = Scripted(clock, 200)
+    grabber.found_empty = False
+    pipeline, board = FieldPipeline(SMALL), StatusBoard("test", clock)
+    stopping = SlowReader(clock, 4.0, pipeline)
+    captures = NoCaptures(lambda _: None, lambda _: None)
+    CaptureThread("test", grabber, pipeline, board, clock, captures, stopping).run()
+    assert board.now.outcomes[Outcome.RECEIVED] > 4 * pipeline.ring.slots
+    assert pipeline.ring.slots // 2 <= stopping.reader.deepest < pipeline.ring.slots
 
 
 class Account:

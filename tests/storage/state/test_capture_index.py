@@ -39,6 +39,52 @@ def test_making_it_again_forgets_what_is_gone(archive):
     assert [entry.id for entry in index.list()] == ["c3", "c1"]
 
 
+class Reader:
+    """Reads entries of files, and keeps which."""
+
+    def __init__(self):
+        self.read = []
+
+    def __call__(self, paths):
+        self.read += [path.name for path in paths]
+        return read_entries(paths)
+
+
+def test_only_what_has_changed_since_is_read_again(archive):
+    CaptureIndex(archive).rebuild()
+    write(archive, slots(2), name="c4", id="c4", created_utc="2026-03-04T09:00:00.000Z")
+    (archive / "c1.grab").unlink()
+    write(archive, slots(3), name="c1", id="c1", created_utc="2026-03-01T10:00:00.000Z")
+    os.utime(archive / "c2.grab", ns=(0, 1))
+    reader = Reader()
+    index = CaptureIndex(archive, read_entries=reader)
+    index.rebuild()
+    assert reader.read == ["c1.grab", "c2.grab", "c4.grab"]
+    assert [(entry.id, entry.created_utc) for entry in index.list()] == [
+        ("c4", "2026-03-04T09:00:00.000Z"),
+        ("c3", "2026-03-03T09:00:00.000Z"),
+        ("c2", "2026-03-02T09:00:00.000Z"),
+        ("c1", "2026-03-01T10:00:00.000Z"),
+    ]
+    assert index.read == (3, 4)
+
+
+def test_an_index_that_cannot_be_read_is_no_help_for_a_new_one(archive):
+    CaptureIndex(archive).rebuild()
+    (archive / "index.sqlite").write_bytes(b"garbage")
+    reader = Reader()
+    CaptureIndex(archive, read_entries=reader).rebuild()
+    assert reader.read == ["c1.grab", "c2.grab", "c3.grab"]
+
+
+def test_a_capture_under_another_name_is_read_each_time(archive):
+    (archive / "c2.grab").rename(archive / "renamed.grab")
+    CaptureIndex(archive).rebuild()
+    reader = Reader()
+    CaptureIndex(archive, read_entries=reader).rebuild()
+    assert reader.read == ["renamed.grab"]
+
+
 def test_a_sealed_capture_is_added_once(archive):
     index = CaptureIndex(archive)
     index.rebuild()

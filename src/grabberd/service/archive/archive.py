@@ -135,9 +135,8 @@ class Archive:
         with within(Patience(time.monotonic() + RECOVERED_S)):
             self._left = [part for part in parts if not _recovered(part)]
         self.index.rebuild(self._left)
-        for entry in self.index.list():
-            if entry.state == "damaged":
-                log.warning("capture %s is damaged: %s: %s", entry.id, entry.file, entry.reason)
+        for entry in self.index.damaged():
+            log.warning("capture %s is damaged: %s: %s", entry.id, entry.file, entry.reason)
 
     def _heal(self, reason: Unusable) -> None:
         self.keeper.heal(reason)
@@ -194,6 +193,14 @@ class Archive:
             NotFound: No capture has that id.
         """
         return _annotated(self._document(capture_id), self._annotation(capture_id))
+
+    def listed(self, entry: IndexEntry, annotation: Annotation) -> CaptureDocument:
+        """Returns the document of a capture that has ended, by what is known of it.
+
+        Raises:
+            NotFound: It was deleted since its entry was read.
+        """
+        return _annotated(self._sealed_document(entry), annotation)
 
     def current(self) -> list[CaptureDocument]:
         """Returns the documents of the captures that are armed or running."""

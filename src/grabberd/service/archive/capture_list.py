@@ -95,27 +95,28 @@ def position_of(document: CaptureDocument) -> Position:
 def _newest(archive: Archive, query: CaptureQuery) -> Iterator[CaptureDocument]:
     """Yields armed, running and indexed captures in one order."""
     current = {document.id: document for document in archive.current()}
-    ended = (entry for entry in _indexed(archive, query) if entry.id not in current)
-    documents = (document for entry in ended if (document := _document(archive, entry)) is not None)
+    ended = (listed for listed in _indexed(archive, query) if listed[0].id not in current)
+    documents = (document for listed in ended if (document := _document(archive, *listed)) is not None)
     ordered = sorted(current.values(), key=position_of, reverse=True)
     yield from heapq.merge(ordered, documents, key=position_of, reverse=True)
 
 
-def _indexed(archive: Archive, query: CaptureQuery) -> Iterator[IndexEntry]:
+def _indexed(archive: Archive, query: CaptureQuery) -> Iterator[tuple[IndexEntry, Annotation]]:
     after, annotations = query.start, archive.annotations()
     while entries := archive.index.page(after, AT_ONCE):
         for entry in entries:
             if query.since_utc is not None and entry.created_utc < query.since_utc:
                 return
-            if query.may_match(entry, annotations.get(entry.id, NOTHING)):
-                yield entry
+            annotation = annotations.get(entry.id, NOTHING)
+            if query.may_match(entry, annotation):
+                yield entry, annotation
         after = Position(entries[-1].created_utc, entries[-1].id)
 
 
-def _document(archive: Archive, entry: IndexEntry) -> CaptureDocument | None:
+def _document(archive: Archive, entry: IndexEntry, annotation: Annotation) -> CaptureDocument | None:
     """Returns a capture's document; None if it was deleted since its entry was read."""
     try:
         # Pages are cut by the time in the index, so that is the time shown, whatever the file has.
-        return archive.document(entry.id).model_copy(update={"created_utc": entry.created_utc})
+        return archive.listed(entry, annotation).model_copy(update={"created_utc": entry.created_utc})
     except NotFound:
         return None

@@ -35,6 +35,8 @@ SIGNAL_EVERY_NS = 500_000_000
 """The signal is asked for between fields, since only this thread may touch the device."""
 POLL_S = 0.001
 """Pause where there is no room for a field, or where a device says at once that it has none."""
+MOST_POLLS = 5
+"""Most pauses after a field: four fields are taken in the time in which one comes."""
 BEAT_EVERY_S = 1.0
 """Far below half the watchdog's time, after which the heartbeat takes this thread for stuck."""
 
@@ -269,6 +271,7 @@ class CaptureThread(threading.Thread):
             self._ask_signal()
         if fields:
             self._came(now_ns)
+            self._leave_room()
         elif info.live or info.waits_for_reader:  # a recording at its own pace may pause
             self._nothing_came(asked_ns, now_ns)
 
@@ -276,6 +279,18 @@ class CaptureThread(threading.Thread):
         self._flow.came(now_ns)
         if self._pipeline.ring.newest is not None:  # the first fields of a stream wait for their numbers
             self._show_state()
+
+    def _leave_room(self) -> None:
+        """Lets the ring's readers go on, where fields that have waited are taken faster than they came.
+
+        Else a thread in real time would write over what nobody had a processor to read. The driver's buffers
+        hold what comes meanwhile.
+        """
+        ring = self._pipeline.ring
+        for _ in range(MOST_POLLS):
+            if self._grabber.found_empty or ring.waiting <= ring.slots // 2 or self._stopping.is_set():
+                return
+            self._stopping.wait(POLL_S)
 
     def _nothing_came(self, asked_ns: int, now_ns: int) -> None:
         """Handles an empty dequeue.

@@ -19,6 +19,7 @@ from grabberd.storage.patience import check_patience
 from grabberd.storage.state.entry_process import Reading, read_entries
 from grabberd.storage.state.index_entries import (
     CAPTURES,
+    DAMAGED_ENTRY,
     IndexEntry,
     aside_entry,
     check_entry,
@@ -29,15 +30,16 @@ from grabberd.storage.state.index_entries import (
 T = TypeVar("T")
 _LAST = "~"
 """Sorts after every time."""
-_INSERT = "INSERT OR REPLACE INTO captures VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
+_INSERT = "INSERT OR REPLACE INTO captures VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
 _NOTHING = nullcontext()
 
-VERSION = 2
+VERSION = 3
 _TABLE = """
 CREATE TABLE captures (
     id TEXT PRIMARY KEY, file TEXT NOT NULL, device TEXT NOT NULL, created_utc TEXT NOT NULL,
     state TEXT NOT NULL, note TEXT NOT NULL DEFAULT '', labels TEXT NOT NULL DEFAULT '{}',
-    reason TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
+    reason TEXT NOT NULL DEFAULT '', size_bytes INTEGER NOT NULL DEFAULT -1,
+    changed_ns INTEGER NOT NULL DEFAULT -1) WITHOUT ROWID;
 CREATE INDEX newest ON captures (created_utc DESC);
 """
 
@@ -81,7 +83,8 @@ class CaptureIndex:
     def rebuild(self, unsealed: Iterable[Path] = ()) -> None:
         """Rebuilds the index from the capture files; those that cannot be read are set aside as damaged.
 
-        Captures that end meanwhile are entered afterwards.
+        Files that are as the old index has them, if that can be read, are not opened again. Captures that
+        end meanwhile are entered afterwards.
 
         Args:
             unsealed: `.grab.part` files that nobody writes and that could not be sealed.
@@ -116,6 +119,10 @@ class CaptureIndex:
         """All captures, newest first."""
         return self._select("ORDER BY created_utc DESC, id DESC")
 
+    def damaged(self) -> "builtins.list[IndexEntry]":
+        """Captures that cannot be read, newest first."""
+        return self._select("WHERE state = ? ORDER BY created_utc DESC, id DESC", DAMAGED_ENTRY)
+
     def page(self, after: tuple[str, str] | None, limit: int) -> "builtins.list[IndexEntry]":
         """At most `limit` captures, newest first, that follow the (created_utc, id) of `after`, if given."""
         beyond = after or (_LAST, "")
@@ -147,14 +154,26 @@ class CaptureIndex:
         return self.directory / self.get(capture_id).file
 
     def _entries(self, unsealed: Iterable[Path]) -> Iterator[IndexEntry]:
-        sealed = self._named(self.directory.glob(f"*{SUFFIX}"))
-        for number, reading in enumerate(self._read_entries([*sealed, *unsealed])):
-            self.read = (number, len(sealed))
+        known, sealed = self._known(), self._named(self.directory.glob(f"*{SUFFIX}"))
+        kept = {path: known[path.name] for path in sealed if path.name in known}
+        kept = {path: entry for path, entry in kept.items() if entry.still_holds(path)}
+        yield from kept.values()
+        changed = [path for path in sealed if path not in kept]
+        for number, reading in enumerate(self._read_entries([*changed, *unsealed])):
+            self.read = (len(kept) + number, len(sealed))
             if not (reading.is_damage and _set_aside(reading)):
                 yield reading.entry
         # Last: files that could not be read have only now been set aside.
         aside = self._named((self.directory / DAMAGED).glob("*"))
         yield from (aside_entry(path) for path in aside if path.name.endswith(CAPTURES))
+
+    def _known(self) -> dict[str, IndexEntry]:
+        """Entries of the index as it is, by file; none where it cannot be used."""
+        try:
+            entries = self._attempt(lambda connection: _entries_of(connection, "SELECT * FROM captures"))
+        except (Unusable, StorageError):
+            return {}
+        return {entry.file: entry for entry in entries}
 
     @staticmethod
     def _named(paths: Iterable[Path]) -> "builtins.list[Path]":
@@ -179,7 +198,7 @@ class CaptureIndex:
             with suppress(StorageError):
                 self._enter_kept_out()
         query = f"SELECT * FROM captures {which}"  # noqa: S608 - constants
-        return self._use(lambda connection: [_entry(row) for row in connection.execute(query, values)])
+        return self._use(lambda connection: _entries_of(connection, query, *values))
 
     def _enter_kept_out(self) -> None:
         # One that has begun may have missed their files, and will replace what is written into the index now.
@@ -235,6 +254,10 @@ class CaptureIndex:
             f"{self.path.name} cannot be used: {error}",
             "make room or fix the disk; captures go on, and the index is rebuilt by itself",
         )
+
+
+def _entries_of(connection: sqlite3.Connection, query: str, *values: object) -> list[IndexEntry]:
+    return [_entry(row) for row in connection.execute(query, values)]
 
 
 def _entry(row: tuple[Any, ...]) -> IndexEntry:

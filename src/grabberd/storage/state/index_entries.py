@@ -11,6 +11,7 @@ from grabberd.storage.capture.crash_recovery import numbered, reason_of
 from grabberd.storage.capture.plain_names import is_plain
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.capture.schema import DAMAGED, PART, SUFFIX
+from grabberd.storage.disk import storage_errors
 from grabberd.storage.json_value import read_json
 
 SEALED_ENTRY, DAMAGED_ENTRY = "sealed", "damaged"
@@ -28,6 +29,8 @@ class IndexEntry(NamedTuple):
         note: Note in the file, for searching.
         labels: Labels in the file as a JSON object, for searching.
         reason: Why it is damaged; empty if it is not.
+        size_bytes: Size of the file when it was read, and `changed_ns`, when it had last been changed; −1 if
+            that does not matter, since it is read again each time.
     """
 
     id: str
@@ -38,6 +41,19 @@ class IndexEntry(NamedTuple):
     note: str = ""
     labels: str = "{}"
     reason: str = ""
+    size_bytes: int = -1
+    changed_ns: int = -1
+
+    def still_holds(self, path: Path) -> bool:
+        """True if the file need not be read again: same name, size and time of its last change."""
+        # One whose id is not its name may be a copy: which of them has the id depends on all files.
+        if self.state != SEALED_ENTRY or path.name != f"{self.id}{SUFFIX}":
+            return False
+        try:
+            found = path.lstat()
+        except OSError:
+            return False
+        return (found.st_size, found.st_mtime_ns) == (self.size_bytes, self.changed_ns)
 
 
 def check_entry(entry: IndexEntry) -> None:
@@ -73,11 +89,21 @@ def sealed_entry(path: Path) -> IndexEntry:
         CaptureFileError: It is damaged.
         StorageError: It cannot be read now.
     """
+    with storage_errors(path):
+        found = path.lstat()  # before it is read: what changes meanwhile is read again
     with CaptureReader(path) as reader:
         meta = reader.meta
-        labels = json.dumps(meta.labels, ensure_ascii=False)
-        device = str(meta.device["name"])
-        entry = IndexEntry(meta.id, path.name, device, meta.created_utc, SEALED_ENTRY, meta.note, labels)
+        entry = IndexEntry(
+            meta.id,
+            path.name,
+            str(meta.device["name"]),
+            meta.created_utc,
+            SEALED_ENTRY,
+            meta.note,
+            json.dumps(meta.labels, ensure_ascii=False),
+            size_bytes=found.st_size,
+            changed_ns=found.st_mtime_ns,
+        )
     # Here, and not where it is read from the index, which would be made again and again because of it.
     try:
         check_entry(entry)
