@@ -2,7 +2,6 @@
 
 from functools import lru_cache
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,6 +40,8 @@ class Sensor:
         if self._light is None:
             halves += canvas
             return
+        import cv2  # noqa: PLC0415 - 16 MB, for uneven light alone
+
         background = np.int16(self._picture.background * SCALE)
         even = canvas.reshape(ROWS, COLUMNS) + background
         lit = np.asarray(cv2.multiply(even, self._light, dtype=cv2.CV_16S), np.int16)
@@ -49,6 +50,8 @@ class Sensor:
     def _follow(self, luma: NDArray[np.uint8]) -> None:
         if self._picture.agc_level is None:
             return
+        import cv2  # noqa: PLC0415 - 16 MB, for automatic gain alone
+
         wanted = self._gain * self._picture.agc_level / max(float(cv2.mean(luma)[0]), 1.0)
         self._gain += (min(max(wanted, 0.25), 4.0) - self._gain) / self._picture.agc_fields
 

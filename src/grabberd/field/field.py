@@ -5,7 +5,6 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -85,6 +84,8 @@ def double_lines(field: Field, interpolation: str = "linear") -> Field:
     smooths = smooths_lines(interpolation)
     if field.y_step == 1:
         return field
+    import cv2  # noqa: PLC0415 - 16 MB, and the compiled kernel doubles without it
+
     luma = _smoothed(field.luma) if smooths else field.luma
     rows, columns = luma.shape
     doubled = np.empty((2 * rows, columns), np.uint8)
@@ -109,6 +110,8 @@ def smooths_lines(interpolation: str) -> bool:
 
 def _smoothed(luma: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Smooth every line by ¼ (1 2 1) along x, repeating the outermost pixel at the ends."""
+    import cv2  # noqa: PLC0415 - see `doubled`
+
     row = np.array([0.25, 0.5, 0.25], np.float32)
     smoothed = cv2.sepFilter2D(luma, cv2.CV_8U, row, np.ones(1, np.float32), borderType=cv2.BORDER_REPLICATE)
     return np.asarray(smoothed, np.uint8)

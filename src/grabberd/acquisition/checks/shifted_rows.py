@@ -9,7 +9,6 @@ above it.
 import math
 from typing import NamedTuple, TypeVar
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -56,6 +55,8 @@ def profiles(rows: Rows, out: Profiles) -> None:
 
     The last block has the remaining rows as well; remaining columns are left out.
     """
+    import cv2  # noqa: PLC0415 - 16 MB, for installations without the compiled kernel
+
     blocks, bins = out.shape
     if not out.size:
         return
@@ -168,7 +169,9 @@ def _fine_columns(rows: Rows, before: Rows, coarse: Coarse) -> int | None:
 
 def _smooth(rows: Rows) -> Singles:
     """(blocks, columns) running means of 12 rows by 4 columns, wrapping round the end of the line."""
-    means = cv2.resize(rows, (rows.shape[1], _blocks(rows)), interpolation=cv2.INTER_AREA).astype(np.float32)
+    edges = np.linspace(0, len(rows), _blocks(rows) + 1).round().astype(np.intp)
+    means: Singles = np.add.reduceat(rows, edges[:-1], axis=0, dtype=np.float32)
+    means /= np.diff(edges)[:, np.newaxis]
     means -= means.mean(axis=1, keepdims=True)
     smooth: Singles = sum((np.roll(means, k, axis=1) for k in range(1, _BIN_COLUMNS)), start=means)
     return smooth

@@ -4,11 +4,10 @@ Discs lie on a surface, so that their leans change slowly over either half of th
 their places for each, whose coefficients are unknowns beside the shifts of the lines.
 """
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from grabberd.measurement.line_shifts.bands import band_half_solve
 
@@ -62,12 +61,12 @@ class Left(NamedTuple):
 
     def solution(self) -> Array:
         """(K,) most likely coefficients."""
-        coefficients: Array = solve_triangular(self.root, self.rest, lower=True, trans=1)
+        coefficients: Array = _solve_lower(self.root, self.rest, trans=1)
         return coefficients
 
     def half_solve(self, halves: Array) -> Array:
         """(K, M) what the leans' errors add to right sides of which L⁻¹ (L, M) is given, as that does."""
-        added: Array = solve_triangular(self.root, self.half.T @ halves, lower=True)
+        added: Array = _solve_lower(self.root, self.half.T @ halves)
         return added
 
 
@@ -109,5 +108,13 @@ class Leans(NamedTuple):
         """Eliminate the shifts, given their band's Cholesky factor and right side (L,)."""
         half = band_half_solve(lower, self.shifts)
         root: Array = np.asarray(np.linalg.cholesky(self.own - half.T @ half), np.float64)
-        rest: Array = solve_triangular(root, self.right - half.T @ band_half_solve(lower, right), lower=True)
+        rest: Array = _solve_lower(root, self.right - half.T @ band_half_solve(lower, right))
         return Left(half, root, rest)
+
+
+def _solve_lower(lower: Array, right: Array, trans: Literal[0, 1] = 0) -> Array:
+    """Solve for right sides, given a lower triangle, or its transpose if `trans` is 1."""
+    from scipy.linalg import solve_triangular  # noqa: PLC0415 - see `bands`
+
+    solution: Array = solve_triangular(lower, right, lower=True, trans=trans)
+    return solution

@@ -2,8 +2,6 @@
 
 import threading
 
-import cv2
-
 from grabberd.documents.devices import LightDocument, ViewLightDocument
 from grabberd.errors import NotReady
 from grabberd.processes.light import light_of
@@ -65,4 +63,6 @@ def _newest(instrument: Instrument) -> Shown:
 
 
 def _png(shown: Shown) -> bytes:
+    import cv2  # noqa: PLC0415 - 16 MB, which nobody needs who never looks
+
     return bytes(cv2.imencode(".png", shown.field.luma, [cv2.IMWRITE_PNG_COMPRESSION, FAST])[1])

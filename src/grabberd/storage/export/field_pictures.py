@@ -4,7 +4,6 @@ import csv
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,6 +32,8 @@ def field_png(path: Path, n: int) -> bytes:
 
 
 def _png(luma: NDArray[np.uint8]) -> bytes:
+    import cv2  # noqa: PLC0415 - 16 MB, which the daemon seldom needs
+
     return bytes(cv2.imencode(".png", luma, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1])
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from xml.parsers import expat
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -114,6 +113,8 @@ def png_check(picture: NDArray[np.uint8]) -> Check:
     """PNG of exactly these pixels."""
 
     def check(path: Path) -> str | None:
+        import cv2  # noqa: PLC0415 - 16 MB, which the daemon seldom needs
+
         read = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED)
         if read is None:
             return "it is no PNG"
