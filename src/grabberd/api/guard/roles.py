@@ -108,6 +108,11 @@ def _row_of(method: str, path: str) -> _Row | None:
     return next((row for row in _ROWS if row.method == method and row.path.match(path)), None)
 
 
+def is_declared(method: str, path: str) -> bool:
+    """True if the table has a row for the requests of this method to an address."""
+    return _row_of(method, path) is not None
+
+
 def least_role(scope: Scope) -> Role | None:
     """The role that a request requires; a viewer may learn that an address does not exist."""
     row = _find(scope)
