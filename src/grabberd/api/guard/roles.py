@@ -27,6 +27,7 @@ LEAST_ROLE: Mapping[str, Role | None] = {
     "GET /api/v1/state": Role.VIEWER,
     "GET /api/v1/events": Role.VIEWER,
     "WEBSOCKET /api/v1/preview": Role.VIEWER,
+    "WEBSOCKET /api/v1/points/stream": Role.VIEWER,
     "GET /api/v1/preview.png": Role.VIEWER,
     "GET /api/v1/devices": Role.VIEWER,
     "GET /api/v1/devices/{name}": Role.VIEWER,
