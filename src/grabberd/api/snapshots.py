@@ -12,7 +12,7 @@ from starlette.concurrency import run_in_threadpool
 from grabberd import __version__
 from grabberd.api.etags import REVALIDATE, etag_of, is_known
 from grabberd.api.rendering import JSON
-from grabberd.documents.state import HealthDocument
+from grabberd.documents.state import HealthDocument, StateDocument
 from grabberd.service.device.worker import Live
 from grabberd.service.instrument import Instrument
 from grabberd.service.live.live_document import newest_points
@@ -127,7 +127,7 @@ class Snapshots:
     def __init__(self, service: Service) -> None:
         self._service = service
         self._changes = 0
-        self.state = Shared(service.state, self._revision, STATE_S)
+        self.state = Shared(self._state, self._revision, STATE_S)
         self.points = {name: NewestPointsSnapshot(one, service) for name, one in service.instruments.items()}
 
     def changed(self) -> None:
@@ -151,6 +151,9 @@ class Snapshots:
     async def health(self) -> Snapshot | None:
         """That the daemon serves; None if a capture thread is stuck."""
         return Snapshot.of(HealthDocument(version=__version__)) if self._service.liveness.is_well else None
+
+    def _state(self) -> StateDocument:
+        return self._service.state()
 
     def _revision(self) -> Hashable:
         service = self._service
