@@ -24,7 +24,7 @@ SETTLE_S = 1.0
 def table() -> str:
     """For each number of clients: milliseconds from a field's publication until a client has it, and cost."""
     rows = [
-        "| clients | fields each | skipped | p50 / p99, ms, quietest | of median round | processor ms a field |",
+        "| clients | fields each | skipped | p50 / p99, ms, quietest | median round | processor ms a field |",
         "|---|---|---|---|---|---|",
     ]
     with tempfile.TemporaryDirectory() as folder, running(Path(folder), configuration(), RECORDED) as daemon:

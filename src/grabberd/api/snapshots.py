@@ -135,7 +135,7 @@ class Snapshots:
         self._changes += 1
 
     def shortcuts(self) -> Mapping[str, Callable[[], Awaitable[Snapshot | None]]]:
-        """What gives the snapshots of the addresses that are asked for most often, by address."""
+        """Sources of the snapshots that are asked for most often, by their addresses."""
         points = {f"/api/v1/devices/{name}/points": one.get for name, one in self.points.items()}
         return {
             "/api/v1/state": self.state.get,
@@ -149,7 +149,7 @@ class Snapshots:
         return Snapshot.of(self._service.settings.document())
 
     async def health(self) -> Snapshot | None:
-        """That the daemon serves; None if a capture thread is stuck."""
+        """Proof that the daemon serves; None if a capture thread is stuck."""
         return Snapshot.of(HealthDocument(version=__version__)) if self._service.liveness.is_well else None
 
     def _state(self) -> StateDocument:

@@ -53,7 +53,7 @@ class NewestPoints(PointColumns):
 
 
 class PointsDescription(Document):
-    """What holds for the points of a stream, until the next description."""
+    """Description of the points of a stream, which holds until the next one."""
 
     type: Literal["description"] = "description"
     number: int = Field(description="Number by which the frames refer to it.")

@@ -30,7 +30,7 @@ class PointsEncoder:
         self._description = ""
 
     def description(self) -> str:
-        """What holds for the frames from now on, as JSON; its number changes with the device's setup."""
+        """Description of the frames from now on, as JSON; its number changes with the device's setup."""
         setup = self._instrument.setup
         if setup is not self._described:
             self._described = setup

@@ -76,11 +76,11 @@ class FileVersion:
 
 
 class NotRemembered(Exception):
-    """What is asked for cannot be told without reading the database."""
+    """A value cannot be told without reading the database."""
 
 
 class Remembered(Generic[T]):
-    """What was read of a database, as long as nobody changes anything in it; any thread may call.
+    """Values read of a database, kept as long as nobody changes anything in it; any thread may call.
 
     Args:
         version: Tells the version of the database's file.
