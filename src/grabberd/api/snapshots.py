@@ -19,8 +19,8 @@ from grabberd.service.live.live_document import newest_points
 from grabberd.service.live.state_revision import revision_of
 from grabberd.service.service import Service
 
-STATE_S = 0.1
-"""Age up to which the state is shared, if nothing but numbers may have changed; events are twice as rare."""
+STATE_S = 0.2
+"""Age up to which the state is shared, if nothing but numbers may have changed; events are as rare."""
 
 
 class Snapshot(NamedTuple):

@@ -28,7 +28,7 @@ ZIP = "application/zip"
     summary="Get the state at a glance",
 )
 async def get_state(snapshots: SnapshotsOf, if_none_match: IfNoneMatch = None) -> Response:
-    """State at a glance: devices, rings, newest points, storage. Its numbers are a tenth of a second old at
+    """State at a glance: devices, rings, newest points, storage. Its numbers are a fifth of a second old at
     most; what a request has changed is in it from that request's response on.
     """
     return (await snapshots.state.get()).response(if_none_match)

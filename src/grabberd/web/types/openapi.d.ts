@@ -967,7 +967,7 @@ export interface paths {
         };
         /**
          * Get the state at a glance
-         * @description State at a glance: devices, rings, newest points, storage. Its numbers are a tenth of a second old at
+         * @description State at a glance: devices, rings, newest points, storage. Its numbers are a fifth of a second old at
          *     most; what a request has changed is in it from that request's response on.
          */
         get: operations["get_state"];
