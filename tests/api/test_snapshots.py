@@ -14,7 +14,7 @@ from running import PATIENCE_S
 from api.conftest import sealed, service_in
 from api.gates import Ticks, is_problem
 from grabberd.api import create_app, snapshots
-from grabberd.api.snapshots import STATE_S, Shared, Snapshot
+from grabberd.api.snapshots import STATE_S, Shared, Snapshot, Snapshots
 from grabberd.documents.document import Document
 from grabberd.documents.points import NewestPoints
 from grabberd.documents.roles import Role
@@ -226,3 +226,19 @@ def test_where_there_is_no_snapshot_the_route_says_why(tmp_path: Path) -> None:
     service.access.open()
     client = TestClient(create_app(service), "http://localhost")  # the service has not been started
     assert is_problem(client.get(POINTS), 409, "not-ready")
+
+
+@pytest.mark.parametrize("path", DOCUMENTS)
+def test_the_route_answers_as_its_shortcut_does(
+    paced: TestClient, path: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Snapshots, "shortcuts", lambda _: {})
+    routed = TestClient(create_app(service_of(paced)), "http://localhost").get(path)
+    short = paced.get(path)
+    assert routed.status_code == short.status_code == 200
+    assert routed.headers["content-type"] == short.headers["content-type"]
+    assert routed.json().keys() == short.json().keys()
+    if path in ("/healthz", "/api/v1/settings"):
+        assert routed.json() == short.json()
+    else:
+        assert {"etag", "cache-control"} <= routed.headers.keys() & short.headers.keys()

@@ -12,7 +12,7 @@ from running import PATIENCE_S, wait_until_it_accepts
 from api.conftest import service_in
 from grabberd.api.streams import points_feed
 from grabberd.api.streams.points_feed import KEPT, PointsFeed
-from grabberd.documents.points_frame import decoded, symmetric
+from grabberd.documents.points_frame import PointsFrame, decoded, symmetric
 from grabberd.service.service import Service
 
 
@@ -127,5 +127,45 @@ def test_its_end_ends_all_who_wait(tmp_path: Path) -> None:
             await listener.next(PATIENCE_S)
             feed.close()
             assert await listener.next(PATIENCE_S) is None
+
+    followed(tmp_path, work)
+
+
+def test_a_field_that_cannot_be_encoded_is_logged_once_and_the_next_ones_come(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    encode = points_feed.encoded
+    failures = iter([True] * 3)
+
+    def failing(frame: PointsFrame) -> bytes:
+        if next(failures, False):
+            raise RuntimeError("no such points")
+        return encode(frame)
+
+    monkeypatch.setattr(points_feed, "encoded", failing)
+
+    async def work(_: Service, feed: PointsFeed) -> None:
+        with feed.listening() as listener:
+            message = await listener.next(PATIENCE_S)
+            assert message is not None
+            assert decoded(message.content).sequence == 4
+
+    followed(tmp_path, work)
+    assert caplog.text.count("points cannot be sent") == 1
+
+
+def test_who_could_not_be_served_does_not_keep_the_next_from_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_: threading.Thread) -> None:
+        raise RuntimeError("no thread")
+
+    async def work(_: Service, feed: PointsFeed) -> None:
+        with monkeypatch.context() as patch:
+            patch.setattr(threading.Thread, "start", refuse)
+            with pytest.raises(RuntimeError, match="no thread"), feed.listening():
+                pass
+        with feed.listening() as listener:
+            assert await listener.next(PATIENCE_S) is not None
 
     followed(tmp_path, work)

@@ -37,10 +37,10 @@ class Channel(Generic[T]):
     @contextmanager
     def listening(self) -> Iterator["Listener[T]"]:
         """A listener for the duration of the block."""
-        self._listeners += 1
-        if self._listeners == 1:
+        if not self._listeners:
             self._newest.clear()  # they may be old
             self._begin()
+        self._listeners += 1
         try:
             # One less than the count if there is a message: the new listener has not seen it.
             yield Listener(self, self._count - bool(self._newest))

@@ -1,6 +1,7 @@
 """Every field's points, encoded once for all clients as soon as they are published."""
 
 import asyncio
+import logging
 import threading
 from contextlib import suppress
 from typing import NamedTuple
@@ -11,6 +12,8 @@ from grabberd.documents.points_frame import encoded
 from grabberd.service.device.worker import Live
 from grabberd.service.instrument import Instrument
 from grabberd.service.live.points_stream import PointsEncoder
+
+log = logging.getLogger(__name__)
 
 KEPT = 10
 """Fields that a client may be behind before it gets the newest: it misses none when the daemon is held up."""
@@ -60,15 +63,23 @@ class PointsFeed(Channel[PointsMessage]):
         self, loop: asyncio.AbstractEventLoop, encoder: PointsEncoder, ended: threading.Event
     ) -> None:
         worker = self._instrument.worker
-        last = worker.live  # it may be old
-        with suppress(RuntimeError):  # the loop is closed: the daemon ends
-            while not ended.is_set():
-                with worker.published:
-                    worker.published.wait_for(lambda: worker.live is not last, LOOK_EVERY_S)  # noqa: B023
-                    live = worker.live
-                if live is not None and live is not last:
-                    loop.call_soon_threadsafe(self._take, _message(encoder, live), ended)
-                last = live
+        last, failed = worker.live, False  # it may be old
+        while not ended.is_set():
+            with worker.published:
+                worker.published.wait_for(lambda: worker.live is not last, LOOK_EVERY_S)  # noqa: B023
+                live = worker.live
+            if live is not None and live is not last:
+                try:
+                    message = _message(encoder, live)
+                except Exception:
+                    if not failed:
+                        log.exception("%s: points cannot be sent at this moment", worker.name)
+                    failed = True
+                else:
+                    failed = False
+                    with suppress(RuntimeError):  # the loop is closed: the daemon ends
+                        loop.call_soon_threadsafe(self._take, message, ended)
+            last = live
 
     def _take(self, message: PointsMessage, ended: threading.Event) -> None:
         if not ended.is_set():
