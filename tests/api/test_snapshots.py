@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
+from pydantic import BaseModel
 from running import PATIENCE_S
 
 from api.conftest import sealed, service_in
 from api.gates import Ticks, is_problem
 from grabberd.api import create_app, snapshots
 from grabberd.api.snapshots import STATE_S, Shared, Snapshot, Snapshots
-from grabberd.documents.document import Document
 from grabberd.documents.points import NewestPoints
 from grabberd.documents.roles import Role
 from grabberd.documents.settings import SettingsDocument
@@ -31,7 +31,7 @@ DOCUMENTS = {
 }
 
 
-class Numbered(Document):
+class Numbered(BaseModel):
     number: int
 
 
