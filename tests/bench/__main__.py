@@ -27,6 +27,7 @@ from tests.bench import (
     memory,
     middle_accuracy,
     page,
+    points_stream,
     pressure_accuracy,
     pressure_cost,
     pressure_empty,
@@ -88,7 +89,10 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "What an analysis with the pressure costs": pressure_cost.table,
     },
     "reprocess": {"An archive measured again": reprocess.table},
-    "requests": {"Requests: what each costs in processor time": requests.table},
+    "requests": {
+        "Requests: what each costs in processor time": requests.table,
+        "Points stream: how late its fields are, and what they cost": points_stream.table,
+    },
     "walls": {"The simulated walls: buckling, touch, and the load on the teat": walls.table},
 }
 """Tables by the titles of their sections, without those of the running daemon."""

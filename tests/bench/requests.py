@@ -34,6 +34,9 @@ PATHS = {
     "picture of a recorded field": "/api/v1/captures/{capture}/fields/1.png",
 }
 
+CHANGE = ("DELETE /api/v1/session",)
+"""A request after which the state is made anew, though it changes nothing here."""
+
 
 def table() -> str:
     """Milliseconds a request, least of all rounds; of the process for contents, too."""
@@ -51,6 +54,11 @@ def table() -> str:
         for name, path in PATHS.items():
             ms = _least(daemon.process.pid, daemon.port, path.format(capture=capture))
             rows.append(f"| {name} | {ms:.2f} | {ms / peer_ms:.1f} |")
+        both_ms, change_ms = (
+            _least(daemon.process.pid, daemon.port, *asked) for asked in ((*CHANGE, PATHS["state"]), CHANGE)
+        )
+        ms = both_ms - change_ms
+        rows.append(f"| state, after a change | {ms:.2f} | {ms / peer_ms:.1f} |")
     return "\n".join(rows)
 
 
@@ -65,27 +73,33 @@ def _bare() -> Iterator[tuple[int, int]]:
             process.kill()
 
 
-def _least(pid: int, port: int, path: str) -> float:
+def _least(pid: int, port: int, *paths: str) -> float:
     with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=60)) as connection:
-        return min(_round_ms(pid, connection, path) for _ in range(ROUNDS))
+        return min(_round_ms(pid, connection, paths) for _ in range(ROUNDS))
 
 
-def _round_ms(pid: int, connection: http.client.HTTPConnection, path: str) -> float:
-    """Cost of a request, without what the process costs in the same time while nobody asks."""
-    before_s, began_s = _processor_s(pid), time.monotonic()
+def _round_ms(pid: int, connection: http.client.HTTPConnection, paths: tuple[str, ...]) -> float:
+    """Cost of the requests, without what the process costs in the same time while nobody asks."""
+    before_s, began_s = processor_s(pid), time.monotonic()
     time.sleep(IDLE_S)
-    share = (_processor_s(pid) - before_s) / (time.monotonic() - began_s)
-    before_s, began_s = _processor_s(pid), time.monotonic()
+    share = (processor_s(pid) - before_s) / (time.monotonic() - began_s)
+    before_s, began_s = processor_s(pid), time.monotonic()
     for _ in range(REQUESTS):
-        connection.request("GET", path)
-        response = connection.getresponse()
-        response.read()
-        assert response.status == 200, (path, response.status)
+        for path in paths:
+            _ask(connection, path)
     idle_s = share * (time.monotonic() - began_s)
-    return (_processor_s(pid) - before_s - idle_s) / REQUESTS * 1e3
+    return (processor_s(pid) - before_s - idle_s) / REQUESTS * 1e3
 
 
-def _processor_s(pid: int) -> float:
+def _ask(connection: http.client.HTTPConnection, path: str) -> None:
+    method, _, address = path.rpartition(" ")
+    connection.request(method or "GET", address)
+    response = connection.getresponse()
+    response.read()
+    assert response.status in (200, 204), (path, response.status)
+
+
+def processor_s(pid: int) -> float:
     """Of a process and those that it has started."""
     children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
     ticks = 0

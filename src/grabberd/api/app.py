@@ -35,6 +35,8 @@ from grabberd.api.routes import (
     settings,
     system,
 )
+from grabberd.api.shortcuts import Shortcuts
+from grabberd.api.snapshots import Snapshots
 from grabberd.api.streams.feeds import Feeds
 from grabberd.service.service import Service
 from grabberd.web import Files
@@ -72,6 +74,8 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
     app.add_exception_handler(Refusal, answer_refusal)
     app.state.files = Files()
     app.state.authenticator = authenticator = Authenticator(service.access, front.private, Attempts())
+    app.state.snapshots = snapshots = Snapshots(service)
+    app.add_middleware(Shortcuts, snapshots=snapshots)
     app.add_middleware(HeadAsGet)
     app.add_middleware(Gate, front=front, authenticator=authenticator)
     for part in (

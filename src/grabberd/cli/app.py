@@ -18,6 +18,7 @@ from grabberd.cli.diagnostics import diagnostics
 from grabberd.cli.export import export
 from grabberd.cli.measure import measure
 from grabberd.cli.plan import plan
+from grabberd.cli.points import points
 from grabberd.cli.render import render
 from grabberd.cli.reprocess import reprocess
 from grabberd.cli.serve import serve
@@ -55,8 +56,8 @@ def _options(
 
 # In the order of a rig's life, which is that of the help; typer lists groups of commands after them.
 for command in (
-    *(serve, status, capture, trigger, calibrate, measure, accuracy, analyse, check, plan, export, render),
-    *(reprocess, devices, diagnostics, backup, restore, check_config),
+    *(serve, status, points, capture, trigger, calibrate, measure, accuracy, analyse, check, plan, export),
+    *(render, reprocess, devices, diagnostics, backup, restore, check_config),
 ):
     app.command()(command)
 app.add_typer(token.commands, name="token")

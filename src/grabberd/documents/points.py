@@ -1,5 +1,7 @@
 """Points, column by column."""
 
+from typing import Literal
+
 from pydantic import Field
 
 from grabberd.documents.document import Document, with_examples
@@ -48,3 +50,14 @@ class NewestPoints(PointColumns):
     device: str
     n: int
     utc: str = Field(description="Middle of the field's exposure.")
+
+
+class PointsDescription(Document):
+    """Description of the points of a stream, which holds until the next one."""
+
+    type: Literal["description"] = "description"
+    number: int = Field(description="Number by which the frames refer to it.")
+    device: str
+    rate_hz: float
+    calibration_id: str | None = Field(description="Calibration that the fields are measured with.")
+    object_name: str | None = Field(description="Object model that they are measured with.")

@@ -1,12 +1,15 @@
 """Section width of the liner: distance between facing targets of the middle row."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.reconstruction.object_model import ObjectModel
 from grabberd.reconstruction.points import Points
+
+MODELS = 16
+"""Models whose facing targets are remembered: one for each device."""
 
 
 class SectionWidth(NamedTuple):
@@ -32,8 +35,9 @@ def section_widths(points: Points, model: ObjectModel) -> list[SectionWidth]:
     return [_width(points, pair) for pair in facing_targets(model)]
 
 
+@lru_cache(MODELS)
 def facing_targets(model: ObjectModel) -> list[tuple[int, int]]:
-    """Ids of pairs of facing targets in the middle row, the outermost first."""
+    """Ids of pairs of facing targets in the middle row, the outermost first; found once for each model."""
     rows = np.unique(model.row)
     own = np.flatnonzero(model.row == rows[(len(rows) - 1) // 2])
     ids: list[int] = model.target[own[np.argsort(model.column[own])]].tolist()
@@ -42,7 +46,7 @@ def facing_targets(model: ObjectModel) -> list[tuple[int, int]]:
 
 
 def _width(points: Points, pair: tuple[int, int]) -> SectionWidth:
-    ends: NDArray[np.intp] = np.flatnonzero(np.isin(points.target, pair))
+    ends = _rows(points, min(pair), max(pair))
     apart = points.xyz_mm[ends[-1]] - points.xyz_mm[ends[0]] if len(ends) == 2 else np.zeros(3)
     width_mm = float(np.linalg.norm(apart))
     if width_mm == 0:
@@ -50,3 +54,13 @@ def _width(points: Points, pair: tuple[int, int]) -> SectionWidth:
     along = apart / width_mm
     variance = along @ points.covariance_mm2[ends].sum(axis=0) @ along
     return SectionWidth(pair, width_mm, float(np.sqrt(variance)))
+
+
+def _rows(points: Points, *targets: int) -> list[int]:
+    """Rows of those of the targets that have a point."""
+    found: list[int] = np.searchsorted(points.target, targets).tolist()
+    return [
+        row
+        for row, target in zip(found, targets, strict=True)
+        if row < len(points) and points.target[row] == target
+    ]

@@ -13,11 +13,14 @@ from grabberd.acquisition.clock import SystemClock, UtcClock, iso_utc
 from grabberd.documents.roles import Role
 from grabberd.errors import AccessExpired, Conflict, InputError, StorageError
 from grabberd.service.machine_key import PREFIX, MachineKey
-from grabberd.storage.state.token_store import Holder, TokenRow, TokenStore
+from grabberd.storage.state.file_version import FileVersion, Remembered
+from grabberd.storage.state.token_store import GUARDED, Holder, TokenRow, TokenStore
 
 SECRET_BYTES = 32
 """256 random bits, which nobody guesses; see `hash_of`."""
 SESSION_LIFE = timedelta(days=30)
+REMEMBERED = 256
+"""Tokens and sessions whose holders are remembered."""
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
 
@@ -63,8 +66,8 @@ def hash_of(secret: str) -> bytes:
 class Access:
     """Tokens and sessions of a state directory; any thread may call.
 
-    Nothing is cached between calls: a token that another program adds or removes counts from the next request
-    on.
+    What is read is remembered only until anything in the database changes: a token that another program adds
+    or removes counts from the next request on.
 
     Args:
         directory: The state directory.
@@ -83,6 +86,9 @@ class Access:
     ) -> None:
         self.key = MachineKey(directory)
         self._store = TokenStore(directory / "state.sqlite", heal)
+        version = FileVersion(self._store.path)
+        self._holders: Remembered[Holder] = Remembered(version, REMEMBERED)
+        self._guarded: Remembered[bool] = Remembered(version, 1)
         self._is_open = False
         self._clock = clock or SystemClock()
 
@@ -103,8 +109,20 @@ class Access:
         Raises:
             StorageError: The tokens cannot be read, and there were some when they could be.
         """
+        return self.is_guarded()
+
+    def is_guarded(self, *, at_once: bool = False) -> bool:
+        """See `needs_token`.
+
+        Args:
+            at_once: True if the disk must not be waited for, as in all the following.
+
+        Raises:
+            NotRemembered: It would have to be.
+            StorageError: See `needs_token`.
+        """
         try:
-            self._is_open = not self._store.guards()
+            self._is_open = not self._guarded.get(GUARDED, self._store.guards, at_once=at_once)
         except StorageError:
             if not self._is_open:
                 raise
@@ -145,15 +163,17 @@ class Access:
         """All tokens, without their secrets."""
         return self._store.list(self._now())
 
-    def of_token(self, secret: str) -> Identity | None:
+    def of_token(self, secret: str, *, at_once: bool = False) -> Identity | None:
         """Identity of a token's holder; None if there is no such token.
 
         Raises:
             AccessExpired: The token has expired.
+            NotRemembered: See `is_guarded`.
         """
         if self.key.fits(secret):
             return AS_THE_DAEMON
-        found = self._store.of_token(hash_of(secret))
+        digest = hash_of(secret)
+        found = self._holders.get(("token", digest), lambda: self._store.of_token(digest), at_once=at_once)
         if found is not None and found.expires_utc is not None and found.expires_utc <= self._now():
             raise AccessExpired(
                 f"the token {found.name} expired at {found.expires_utc}",
@@ -161,9 +181,19 @@ class Access:
             )
         return _identity(found, "token")
 
-    def of_session(self, secret: str) -> Identity | None:
-        """Identity of a session's holder; None if there is no such session, or it has ended."""
-        return _identity(self._store.of_session(hash_of(secret), self._now()), "session")
+    def of_session(self, secret: str, *, at_once: bool = False) -> Identity | None:
+        """Identity of a session's holder; None if there is no such session, or it has ended.
+
+        Raises:
+            NotRemembered: See `is_guarded`.
+        """
+        digest, now = hash_of(secret), self._now()
+        found = self._holders.get(
+            ("session", digest), lambda: self._store.of_session(digest, now), at_once=at_once
+        )
+        if found is not None and found.ends_utc is not None and found.ends_utc <= now:
+            return None
+        return _identity(found, "session")
 
     def open_session(self, identity: Identity) -> str:
         """Trades a token for a session and returns the session's secret.

@@ -1,14 +1,25 @@
 """Failed attempts are slowed, counted and logged, without their secrets."""
 
 import logging
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from api.gates import Gated, Ticks, is_problem
-from grabberd.api.guard.authentication import ADDRESSES, FREE_ATTEMPTS, LONGEST_WAIT_S, Attempts, client_of
+from grabberd.api.guard import authentication
+from grabberd.api.guard.authentication import (
+    ADDRESSES,
+    COOKIE,
+    FREE_ATTEMPTS,
+    LONGEST_WAIT_S,
+    Attempts,
+    client_of,
+)
 from grabberd.api.guard.refusals import Refusal
 from grabberd.documents.roles import Role
+from grabberd.service.access import Access
 
 STATE = "/api/v1/state"
 
@@ -153,3 +164,44 @@ def test_no_secret_comes_into_the_log_or_an_answer(tmp_path: Path, caplog: pytes
     assert not any(secret in told for secret in secrets)
     stored = (tmp_path / "state.sqlite").read_bytes()
     assert not any(secret.encode() in stored for secret in secrets)
+
+
+REMOVE = """
+import sys
+from pathlib import Path
+from grabberd.service.access import Access
+Access(Path(sys.argv[1])).remove(sys.argv[2])
+"""
+
+
+def test_who_is_known_is_admitted_without_a_thread(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    gated = Gated(tmp_path)
+    client, headers = gated.client(), gated.bearer(Role.VIEWER)
+    assert client.get(STATE, headers=headers).status_code == 200
+    monkeypatch.setattr(authentication, "run_in_threadpool", lambda *_: pytest.fail("it reads the disk"))
+    assert client.get(STATE, headers=headers).status_code == 200
+
+
+@pytest.mark.parametrize("traded", [False, True])
+def test_a_token_that_another_process_removes_is_refused_from_the_next_request_on(
+    tmp_path: Path, traded: bool
+) -> None:
+    gated = Gated(tmp_path)
+    client, headers = gated.client(), gated.bearer(Role.OPERATOR)
+    if traded:
+        identity = gated.access.of_token(gated.secrets[Role.OPERATOR])
+        assert identity
+        headers = {"Cookie": f"{COOKIE}={gated.access.open_session(identity)}"}
+    for _ in range(3):
+        assert client.get(STATE, headers=headers).status_code == 200
+    subprocess.run([sys.executable, "-c", REMOVE, str(tmp_path), Role.OPERATOR.value], check=True)
+    assert is_problem(client.get(STATE, headers=headers), 401, "unauthorized")
+
+
+def test_the_first_token_closes_the_private_socket_from_the_next_request_on(tmp_path: Path) -> None:
+    gated = Gated(tmp_path, tokens=False)
+    client = gated.client(client=("127.0.0.1", 50000))
+    for _ in range(3):
+        assert client.get(STATE).status_code == 200
+    Access(tmp_path).add("tablet", Role.OPERATOR)
+    assert is_problem(client.get(STATE), 401, "unauthorized")

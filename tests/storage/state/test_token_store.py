@@ -64,7 +64,7 @@ def test_a_role_that_there_is_not_is_refused(tokens: TokenStore) -> None:
 
 def test_a_session_has_its_tokens_role_until_its_time_is_over(tokens: TokenStore) -> None:
     tokens.add_session(b"session", "tablet", NOW, LATER)
-    assert tokens.of_session(b"session", NOW) == Holder("tablet", "operator")
+    assert tokens.of_session(b"session", NOW) == Holder("tablet", "operator", None, LATER)
     assert tokens.of_session(b"session", LATER) is None
     assert tokens.of_session(b"token 1", NOW) is None
     assert tokens.of_token(b"session") is None
@@ -146,5 +146,5 @@ def test_a_token_that_expires_is_listed_with_its_day_and_still_known_after_it(to
 def test_a_session_never_outlives_its_token(tokens: TokenStore) -> None:
     tokens.add("guest", "viewer", b"token 2", NOW, LATER)
     tokens.add_session(b"session", "guest", NOW, END)
-    assert tokens.of_session(b"session", NOW) == Holder("guest", "viewer", LATER)
+    assert tokens.of_session(b"session", NOW) == Holder("guest", "viewer", LATER, LATER)
     assert tokens.of_session(b"session", LATER) is None

@@ -21,6 +21,7 @@ from grabberd.api.guard.refusals import Refusal
 from grabberd.documents.roles import Role
 from grabberd.errors import AccessExpired, StorageError
 from grabberd.service.access import AT_THE_MACHINE, Access, Identity, hash_of
+from grabberd.storage.state.file_version import NotRemembered
 
 log = logging.getLogger(__name__)
 
@@ -162,7 +163,7 @@ class Credentials(NamedTuple):
 
 
 class Authenticator:
-    """Identifies clients; the look-up reads the disk, so it runs in a thread."""
+    """Identifies clients; what is not remembered is read from the disk in a thread."""
 
     def __init__(self, access: Access, private: bool, attempts: Attempts) -> None:
         self._access = access
@@ -179,7 +180,7 @@ class Authenticator:
         if shown.secret is not None:
             self._attempts.check(client, shown.secret)
         try:
-            identity = await run_in_threadpool(self._look_up, shown, scope)
+            identity = await self._find(shown, scope)
         except AccessExpired as error:
             raise Refusal(401, "token-expired", error.message, error.hint, _INVALID_TOKEN) from error
         if identity is None:
@@ -193,18 +194,23 @@ class Authenticator:
     async def still_is(self, scope: Scope, least: Role) -> bool:
         """True if a request's credentials are still valid; rechecked during a long response."""
         with suppress(AccessExpired):
-            identity = await run_in_threadpool(self._look_up, Credentials.of(scope), scope)
+            identity = await self._find(Credentials.of(scope), scope)
             return identity is not None and identity.covers(least)
         return False
 
-    def _look_up(self, shown: Credentials, scope: Scope) -> Identity | None:
+    async def _find(self, shown: Credentials, scope: Scope) -> Identity | None:
+        with suppress(NotRemembered):
+            return self._look_up(shown, scope, at_once=True)
+        return await run_in_threadpool(self._look_up, shown, scope)
+
+    def _look_up(self, shown: Credentials, scope: Scope, at_once: bool = False) -> Identity | None:
         try:
             if shown.bearer is not None:
-                return self._access.of_token(shown.bearer)
-            if shown.session and (identity := self._access.of_session(shown.session)):
+                return self._access.of_token(shown.bearer, at_once=at_once)
+            if shown.session and (identity := self._access.of_session(shown.session, at_once=at_once)):
                 return identity
             here = self._private and is_here(scope)
-            return AT_THE_MACHINE if here and not self._access.needs_token else None
+            return AT_THE_MACHINE if here and not self._access.is_guarded(at_once=at_once) else None
         except StorageError as error:
             raise Refusal(507, "storage-error", error.message, error.hint) from error
 

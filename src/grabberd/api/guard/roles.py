@@ -27,6 +27,7 @@ LEAST_ROLE: Mapping[str, Role | None] = {
     "GET /api/v1/state": Role.VIEWER,
     "GET /api/v1/events": Role.VIEWER,
     "WEBSOCKET /api/v1/preview": Role.VIEWER,
+    "WEBSOCKET /api/v1/points/stream": Role.VIEWER,
     "GET /api/v1/preview.png": Role.VIEWER,
     "GET /api/v1/devices": Role.VIEWER,
     "GET /api/v1/devices/{name}": Role.VIEWER,
@@ -106,6 +107,11 @@ def _find(scope: Scope) -> _Row | None:
 @lru_cache(REMEMBERED)
 def _row_of(method: str, path: str) -> _Row | None:
     return next((row for row in _ROWS if row.method == method and row.path.match(path)), None)
+
+
+def is_declared(method: str, path: str) -> bool:
+    """True if the table has a row for the requests of this method to an address."""
+    return _row_of(method, path) is not None
 
 
 def least_role(scope: Scope) -> Role | None:

@@ -5,6 +5,7 @@ from typing import Annotated
 from fastapi import Depends, Path, Request, Response
 
 from grabberd.api.etags import Responses
+from grabberd.api.snapshots import Snapshots
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.problems import Problem
 from grabberd.service.service import Service
@@ -17,6 +18,14 @@ async def _service(request: Request) -> Service:
 
 
 ServiceOf = Annotated[Service, Depends(_service)]
+
+
+async def _snapshots(request: Request) -> Snapshots:
+    snapshots: Snapshots = request.app.state.snapshots
+    return snapshots
+
+
+SnapshotsOf = Annotated[Snapshots, Depends(_snapshots)]
 
 CaptureId = Annotated[str, Path(pattern=r"^[0-9A-Za-z_-]{1,80}$", description="Id of the capture.")]
 DeviceName = Annotated[str, Path(max_length=32, description="Name of the device.")]

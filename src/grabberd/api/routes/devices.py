@@ -4,10 +4,11 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response, status
 
+from grabberd.api.etags import NOT_MODIFIED, IfNoneMatch
 from grabberd.api.problems import problem
 from grabberd.api.reading.readings import reads
 from grabberd.api.rendering import RenderedRoute
-from grabberd.api.routes.dependencies import PROBLEMS, DeviceName, ServiceOf, accepted
+from grabberd.api.routes.dependencies import PROBLEMS, DeviceName, ServiceOf, SnapshotsOf, accepted
 from grabberd.documents.devices import (
     DeviceDocument,
     DeviceList,
@@ -24,7 +25,7 @@ from grabberd.documents.problems import NotReadyProblem
 from grabberd.documents.requests import CheckRequest
 from grabberd.service.archive.analysis_documents import pulsation_document
 from grabberd.service.jobs.check_job import CheckJob
-from grabberd.service.live.live_document import newest_points, object_document
+from grabberd.service.live.live_document import object_document
 from grabberd.service.live.newest_field import light_document
 from grabberd.service.readiness import lacks_of
 
@@ -43,10 +44,18 @@ def get_device(name: DeviceName, service: ServiceOf) -> DeviceDocument:
     return service.device_document(service.instrument(name))
 
 
-@router.get("/api/v1/devices/{name}/points", responses=PROBLEMS, summary="Get the newest points")
-def get_newest_points(name: DeviceName, service: ServiceOf) -> NewestPoints:
+@router.get(
+    "/api/v1/devices/{name}/points",
+    response_class=Response,
+    responses={**PROBLEMS, 200: {"model": NewestPoints}, **NOT_MODIFIED},
+    summary="Get the newest points",
+)
+async def get_newest_points(
+    name: DeviceName, service: ServiceOf, snapshots: SnapshotsOf, if_none_match: IfNoneMatch = None
+) -> Response:
     """The points of the newest measured field with their standard deviations. 409 before the first one."""
-    return newest_points(service.instrument(name), service.clock)
+    snapshot = await snapshots.points[service.instrument(name).name].get()
+    return snapshot.response(if_none_match)
 
 
 @router.get("/api/v1/devices/{name}/object", responses=PROBLEMS, summary="Get the object model")

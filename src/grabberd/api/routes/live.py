@@ -1,7 +1,8 @@
-"""Live data: the state as server-sent events, the newest field as a picture and over a WebSocket."""
+"""Live data: the state as server-sent events, the newest field as a picture, fields over WebSockets."""
 
 import asyncio
-from typing import Annotated
+from collections.abc import Awaitable, Callable
+from typing import Annotated, TypeVar
 
 from fastapi import APIRouter, Header, Query, Request, Response, WebSocket
 from starlette.websockets import WebSocketDisconnect
@@ -9,9 +10,13 @@ from starlette.websockets import WebSocketDisconnect
 from grabberd.api.guard.stream_limit import OneStream
 from grabberd.api.rendering import RenderedRoute
 from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf
-from grabberd.api.streams.broadcast import Broadcast
+from grabberd.api.streams.broadcast import Channel
 from grabberd.api.streams.events import EventStream
 from grabberd.api.streams.feeds import Feeds
+from grabberd.api.streams.points_feed import PointsMessage
+from grabberd.documents.points_frame import PROTOCOL as POINTS_PROTOCOL
+
+T = TypeVar("T")
 
 PATIENCE_S = 60.0
 GOING_AWAY = 1001
@@ -63,18 +68,37 @@ async def preview(socket: WebSocket, _: OneStream, device: DeviceOf = None) -> N
     feeds: Feeds = socket.app.state.feeds
     broadcast = feeds.preview(device)
     await socket.accept()
+    await _first_to_end(_until_gone(socket), _send(socket, broadcast, socket.send_bytes))
+
+
+@router.websocket("/points/stream")
+async def stream_points(socket: WebSocket, _: OneStream, device: DeviceOf = None) -> None:
+    """Binary messages of every field's points, and a description in JSON before the first that needs it."""
+    feeds: Feeds = socket.app.state.feeds
+    feed = feeds.points(device)
+    offered = socket.scope.get("subprotocols", ())
+    await socket.accept(POINTS_PROTOCOL if POINTS_PROTOCOL in offered else None)
+    described = 0
+
+    async def send(message: PointsMessage) -> None:
+        nonlocal described
+        if message.number != described:
+            described = message.number
+            await socket.send_text(message.description)
+        await socket.send_bytes(message.content)
+
+    await _first_to_end(_until_gone(socket), _send(socket, feed, send))
+
+
+async def _send(socket: WebSocket, channel: Channel[T], send: Callable[[T], Awaitable[None]]) -> None:
+    """Sends the messages as fast as the client reads; gives up on a client that does not read."""
     timeout_s = socket.app.state.front.limits.write_timeout_s
-    await _first_to_end(_until_gone(socket), _send(socket, broadcast, timeout_s))
-
-
-async def _send(socket: WebSocket, broadcast: Broadcast[bytes], timeout_s: float) -> None:
-    """Sends the newest message as fast as the client reads; gives up on a client that does not read."""
-    with broadcast.listening() as listener:
-        while not broadcast.closed:
+    with channel.listening() as listener:
+        while not channel.closed:
             message = await listener.next(PATIENCE_S)
             if message is not None:
                 async with asyncio.timeout(timeout_s):
-                    await socket.send_bytes(message)
+                    await send(message)
     await socket.close(GOING_AWAY)
 
 

@@ -7,10 +7,11 @@ from fastapi.responses import HTMLResponse
 
 from grabberd import __version__
 from grabberd.api.docs.docs_page import POLICY, page
+from grabberd.api.etags import NOT_MODIFIED, IfNoneMatch
 from grabberd.api.problems import problem
 from grabberd.api.reading.readings import reads
 from grabberd.api.rendering import RenderedRoute
-from grabberd.api.routes.dependencies import BUSY, ServiceOf
+from grabberd.api.routes.dependencies import BUSY, ServiceOf, SnapshotsOf
 from grabberd.documents.problems import Problem
 from grabberd.documents.state import HealthDocument, StateDocument
 from grabberd.service.diagnostics import bundle, daemon_parts
@@ -20,10 +21,17 @@ router = APIRouter(tags=["system"], route_class=RenderedRoute)
 ZIP = "application/zip"
 
 
-@router.get("/api/v1/state", summary="Get the state at a glance")
-def get_state(service: ServiceOf) -> StateDocument:
-    """State at a glance: devices, rings, newest points, storage."""
-    return service.state()
+@router.get(
+    "/api/v1/state",
+    response_class=Response,
+    responses={200: {"model": StateDocument}, **NOT_MODIFIED},
+    summary="Get the state at a glance",
+)
+async def get_state(snapshots: SnapshotsOf, if_none_match: IfNoneMatch = None) -> Response:
+    """State at a glance: devices, rings, newest points, storage. Its numbers are a fifth of a second old at
+    most; what a request has changed is in it from that request's response on.
+    """
+    return (await snapshots.state.get()).response(if_none_match)
 
 
 @router.get(

@@ -1,7 +1,8 @@
-"""A repeated message that is made once for all listeners, and only while there are any."""
+"""Messages that are made once for all listeners, and only while there are any."""
 
 import asyncio
 import logging
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Generic, TypeVar
@@ -13,51 +14,88 @@ log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 
-class Broadcast(Generic[T]):
-    """Repeats a message without a queue: a late listener gets the newest one and misses the rest.
+class Channel(Generic[T]):
+    """The newest messages for all listeners, without a queue for any of them.
 
-    Used within one event loop; the messages are made in a thread.
+    A listener that is later than the messages that are kept gets the newest one and misses the rest. Used
+    within one event loop.
 
     Args:
-        make: Makes a message, or returns None if there is nothing new; called in a thread of the server's
-            pool.
-        every_s: Shortest time between two calls of `make`.
+        kept: Number of messages that are kept.
 
     Attributes:
         closed: True once no further message will come.
     """
 
-    def __init__(self, make: Callable[[], T | None], every_s: float) -> None:
+    def __init__(self, kept: int = 1) -> None:
         self.closed = False
-        self._make = make
-        self._every_s = every_s
-        self._newest: T | None = None
+        self._newest: deque[T] = deque(maxlen=kept)
         self._count = 0
         self._changed = asyncio.Event()
         self._listeners = 0
-        self._task: asyncio.Task[None] | None = None
-        self._failed = False
 
     @contextmanager
     def listening(self) -> Iterator["Listener[T]"]:
         """A listener for the duration of the block."""
+        if not self._listeners:
+            self._newest.clear()  # they may be old
+            self._begin()
         self._listeners += 1
-        if self._task is None:
-            self._newest = None  # it may be old
-            self._task = asyncio.create_task(self._run())
         try:
             # One less than the count if there is a message: the new listener has not seen it.
-            yield Listener(self, self._count - (self._newest is not None))
+            yield Listener(self, self._count - bool(self._newest))
         finally:
             self._listeners -= 1
             if not self._listeners:
-                self._task.cancel()
-                self._task = None
+                self._end()
 
     def close(self) -> None:
         """Ends every listener; to be called in the event loop."""
         self.closed = True
         self._wake()
+
+    def _begin(self) -> None:
+        """Has messages made from now on."""
+        raise NotImplementedError
+
+    def _end(self) -> None:
+        """Has none made any longer."""
+        raise NotImplementedError
+
+    def _put(self, message: T) -> None:
+        self._newest.append(message)
+        self._count += 1
+        self._wake()
+
+    def _wake(self) -> None:
+        # Replaced before it is set: a listener that wakes up and waits again needs an event that is not set.
+        changed, self._changed = self._changed, asyncio.Event()
+        changed.set()
+
+
+class Broadcast(Channel[T]):
+    """Repeats a message, of which a late listener gets the newest; the messages are made in a thread.
+
+    Args:
+        make: Makes a message, or returns None if there is nothing new; called in a thread of the server's
+            pool.
+        every_s: Shortest time between two calls of `make`.
+    """
+
+    def __init__(self, make: Callable[[], T | None], every_s: float) -> None:
+        super().__init__()
+        self._make = make
+        self._every_s = every_s
+        self._task: asyncio.Task[None] | None = None
+        self._failed = False
+
+    def _begin(self) -> None:
+        self._task = asyncio.create_task(self._run())
+
+    def _end(self) -> None:
+        assert self._task is not None
+        self._task.cancel()
+        self._task = None
 
     async def _run(self) -> None:
         loop = asyncio.get_running_loop()
@@ -76,29 +114,28 @@ class Broadcast(Generic[T]):
             return
         self._failed = False
         if made is not None:
-            self._newest, self._count = made, self._count + 1
-            self._wake()
-
-    def _wake(self) -> None:
-        # Replaced before it is set: a listener that wakes up and waits again needs an event that is not set.
-        changed, self._changed = self._changed, asyncio.Event()
-        changed.set()
+            self._put(made)
 
 
 class Listener(Generic[T]):
-    """One listener's position in a broadcast."""
+    """One listener's position in a channel."""
 
-    def __init__(self, broadcast: Broadcast[T], seen: int) -> None:
-        self._broadcast = broadcast
+    def __init__(self, channel: Channel[T], seen: int) -> None:
+        self._channel = channel
         self._seen = seen
 
     async def next(self, patience_s: float) -> T | None:
-        """The newest message if it is unseen, else the next one; None if none comes in time, or ever."""
+        """The next message, or the newest if that is kept no more; None if none comes in time, or ever."""
+        channel = self._channel
         with suppress(TimeoutError):
             async with asyncio.timeout(patience_s):
-                while self._broadcast._count == self._seen and not self._broadcast.closed:
-                    await self._broadcast._changed.wait()
-        if self._broadcast._count == self._seen or self._broadcast.closed:
+                while channel._count == self._seen and not channel.closed:
+                    await channel._changed.wait()
+        late = channel._count - self._seen
+        if not late or channel.closed:
             return None
-        self._seen = self._broadcast._count
-        return self._broadcast._newest
+        if late > len(channel._newest):
+            late = 1
+        message = channel._newest[-late]
+        self._seen = channel._count - late + 1
+        return message

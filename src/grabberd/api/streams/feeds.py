@@ -2,6 +2,7 @@
 
 from grabberd.api.streams.broadcast import Broadcast
 from grabberd.api.streams.events import EventFeed
+from grabberd.api.streams.points_feed import PointsFeed
 from grabberd.service.live.newest_field import PreviewPicture
 from grabberd.service.live.preview import Preview
 from grabberd.service.service import Service
@@ -24,6 +25,7 @@ class Feeds:
             name: Broadcast(Preview(one, service.clock).make, PREVIEW_EVERY_S)
             for name, one in service.instruments.items()
         }
+        self._points = {name: PointsFeed(one, service.clock) for name, one in service.instruments.items()}
         self.pictures = {name: PreviewPicture(one) for name, one in service.instruments.items()}
 
     def preview(self, device: str | None) -> Broadcast[bytes]:
@@ -34,8 +36,18 @@ class Feeds:
         """
         return self._previews[self._service.instrument(device).name]
 
+    def points(self, device: str | None) -> PointsFeed:
+        """The points of a device's fields; its name can be left out as above.
+
+        Raises:
+            NotFound: As above.
+        """
+        return self._points[self._service.instrument(device).name]
+
     def close(self) -> None:
         """Ends every stream, because the server waits for responses to end before it stops."""
         self.events.broadcast.close()
         for preview in self._previews.values():
             preview.close()
+        for points in self._points.values():
+            points.close()

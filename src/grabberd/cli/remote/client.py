@@ -62,7 +62,7 @@ class Daemon(NamedTuple):
     @contextmanager
     def _open(self, path: str, method: str, data: bytes | None) -> Iterator[http.client.HTTPResponse]:
         headers = {"Content-Type": "application/json", "Accept": "application/json"}
-        if token := _token(self.token_file):
+        if token := token_of(self.token_file):
             headers["Authorization"] = f"Bearer {token}"
         address = self.url.rstrip("/") + path
         try:
@@ -70,7 +70,7 @@ class Daemon(NamedTuple):
             with _opener.open(request, timeout=TIMEOUT_S) as answer:
                 yield answer
         except urllib.error.HTTPError as error:
-            raise _refusal(error) from None
+            raise refusal_of(error.read(), f"{error.code} {error.reason}") from None
         except (OSError, ValueError) as error:
             raise NotReady(f"no daemon answers at {self.url}: {error}", "start one: grabberd serve") from None
 
@@ -100,7 +100,12 @@ class _NoRedirects(urllib.request.HTTPRedirectHandler):
 _opener = urllib.request.build_opener(_NoRedirects)
 
 
-def _token(file: Path | None) -> str | None:
+def token_of(file: Path | None) -> str | None:
+    """The token in a file, else that in the environment, if any.
+
+    Raises:
+        InputError: There is none in the file.
+    """
     if file is None:
         return os.environ.get(TOKEN_VARIABLE, "").strip() or None
     try:
@@ -112,12 +117,17 @@ def _token(file: Path | None) -> str | None:
     return token
 
 
-def _refusal(error: urllib.error.HTTPError) -> GrabberdError:
+def refusal_of(body: bytes, status: str) -> GrabberdError:
+    """The error that a daemon answered with.
+
+    Args:
+        body: What it said.
+        status: Status of the answer.
+    """
     try:
-        problem = json.load(error)
+        problem = json.loads(body)
         return GrabberdError(problem["detail"], problem["hint"])
     except (ValueError, KeyError, TypeError):
         return GrabberdError(
-            f"the daemon answered {error.code} {error.reason}",
-            "check that the address is that of a grabberd daemon",
+            f"the daemon answered {status}", "check that the address is that of a grabberd daemon"
         )

@@ -26,11 +26,19 @@ class TokenRow(NamedTuple):
 
 
 class Holder(NamedTuple):
-    """Holder of a token, and when the token expires."""
+    """Holder of a token or of a session.
+
+    Attributes:
+        name: Name of the token.
+        role: Role of the token.
+        expires_utc: Time when the token expires; None: never.
+        ends_utc: Time when the session ends, which is never after that; None for a token.
+    """
 
     name: str
     role: str
     expires_utc: str | None = None
+    ends_utc: str | None = None
 
 
 class TokenStore(StateDatabase):
@@ -89,7 +97,9 @@ class TokenStore(StateDatabase):
     def of_session(self, session_hash: bytes, now_utc: str) -> Holder | None:
         """Holder of the token behind a session, if neither has expired."""
         query = (
-            "SELECT name, role, tokens.expires_utc FROM sessions JOIN tokens ON token = name "
+            "SELECT name, role, tokens.expires_utc, "
+            "min(sessions.expires_utc, ifnull(tokens.expires_utc, sessions.expires_utc)) "
+            "FROM sessions JOIN tokens ON token = name "
             "WHERE sessions.hash = ?1 AND sessions.expires_utc > ?2 "
             "AND (tokens.expires_utc IS NULL OR tokens.expires_utc > ?2)"
         )

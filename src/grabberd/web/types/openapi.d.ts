@@ -967,7 +967,8 @@ export interface paths {
         };
         /**
          * Get the state at a glance
-         * @description State at a glance: devices, rings, newest points, storage.
+         * @description State at a glance: devices, rings, newest points, storage. Its numbers are a fifth of a second old at
+         *     most; what a request has changed is in it from that request's response on.
          */
         get: operations["get_state"];
         put?: never;
@@ -6596,7 +6597,10 @@ export interface operations {
     get_newest_points: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description ETag of the client's copy; 304 if it is current. */
+                "if-none-match"?: string | null;
+            };
             path: {
                 /** @description Name of the device. */
                 name: string;
@@ -6613,6 +6617,13 @@ export interface operations {
                 content: {
                     "application/json": components["schemas"]["NewestPoints"];
                 };
+            };
+            /** @description The client's copy is current. */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
             401: components["responses"]["Problem401"];
             403: components["responses"]["Problem403"];
@@ -6814,7 +6825,10 @@ export interface operations {
     get_state: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description ETag of the client's copy; 304 if it is current. */
+                "if-none-match"?: string | null;
+            };
             path?: never;
             cookie?: never;
         };
@@ -6829,11 +6843,19 @@ export interface operations {
                     "application/json": components["schemas"]["StateDocument"];
                 };
             };
+            /** @description The client's copy is current. */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
             401: components["responses"]["Problem401"];
             403: components["responses"]["Problem403"];
             408: components["responses"]["Problem408"];
             413: components["responses"]["Problem413"];
             421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
             429: components["responses"]["Problem429"];
             500: components["responses"]["Problem500"];
         };

@@ -1,8 +1,9 @@
-// The newest points, requested again when an event tells of a new field.
+// The points of every field as they are measured, of which as many are shown as can be drawn.
 import { measuredMoment } from "./moments.js";
 import { frustaOf } from "./frustum.js";
 import { gridOf } from "./grid.js";
-import { deviceOf } from "../core/store.js";
+import { createStream } from "../core/stream.js";
+import { columnsOf, PROTOCOL, readPoints } from "../live/points_message.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { Moment } from "./moments.js" */
@@ -12,13 +13,14 @@ import { deviceOf } from "../core/store.js";
 /** @import { Api } from "types/routes" */
 
 export const REACH_MM = 120;
+const DRAWN_EVERY_MS = 50;
 export const MEASURED = ["displacement_mm", "sigma_mm", "residual_px"];
 
 /**
  * @typedef {object} LiveSource
  * @property {Grid} grid
  * @property {Frustum[]} frusta none without a calibration
- * @property {(show: (moment: Moment) => void, failed: (problem: unknown) => void) => () => void} follow returns what ends it
+ * @property {(show: (moment: Moment) => void) => () => void} follow returns what ends it
  */
 
 /**
@@ -33,27 +35,34 @@ export async function openLive(context) {
   const [object, calibration] = await Promise.all([api.get(`${path}/object`), calibrationOf(api, device)]);
   const grid = gridOf(object);
 
-  /** @param {(moment: Moment) => void} show @param {(problem: unknown) => void} failed @returns {() => void} ends it */
-  function follow(show, failed) {
-    let busy = false;
-    let ended = false;
+  /** @param {(moment: Moment) => void} show @returns {() => void} ends it */
+  function follow(show) {
+    let timer = 0;
+    let drawn_ms = -Infinity;
+    /** @type {ArrayBuffer | null} */
+    let newest = null;
 
-    async function look() {
-      if (busy || document.hidden) return;
-      busy = true;
-      try {
-        const points = await api.get(`${path}/points`);
-        if (!ended) show(measuredMoment(grid, points));
-      } catch (problem) {
-        if (!ended) failed(problem);
-      } finally {
-        busy = false;
-      }
+    /** The newest of the fields that came since the last was drawn. */
+    function draw() {
+      timer = 0;
+      const message = newest;
+      newest = null;
+      if (!message || document.hidden) return;
+      drawn_ms = performance.now();
+      show(measuredMoment(grid, columnsOf(readPoints(message))));
     }
-    const end = store.subscribe((known) => deviceOf(known)?.live?.n, look);
+
+    /** @param {ArrayBuffer | string} message */
+    function take(message) {
+      if (typeof message === "string") return; // the description
+      newest = message;
+      timer ||= setTimeout(draw, Math.max(0, drawn_ms + DRAWN_EVERY_MS - performance.now()));
+    }
+    const stream = createStream(store, "/api/v1/points/stream", take, [PROTOCOL]);
     return () => {
-      ended = true;
-      end();
+      clearTimeout(timer);
+      newest = null;
+      stream.end();
     };
   }
   return { grid, frusta: calibration ? frustaOf(calibration, REACH_MM) : [], follow };

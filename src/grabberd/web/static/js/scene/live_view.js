@@ -38,7 +38,7 @@ export function createLiveView(context, body) {
     const end = live.follow((moment) => {
       badge.see(moment);
       calm(moment);
-    }, badge.failed);
+    });
     fill(body, badge.element, viewer.element);
     ends.push(end, viewer.end, badge.end);
   }
@@ -89,7 +89,6 @@ function createBadge({ t, now_ms, format }) {
       utc = moment.utc ?? "";
       look();
     },
-    failed: look,
     end: () => clearInterval(timer),
   };
 }

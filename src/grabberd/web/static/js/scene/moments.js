@@ -1,7 +1,8 @@
 // The points of one moment, in the order of the target grid.
 
 /** @import { Grid } from "./grid.js" */
-/** @import { FieldPoints, NewestPoints } from "types/documents" */
+/** @import { FieldPoints } from "types/documents" */
+/** @import { StreamedPoints } from "../live/points_message.js" */
 /** @import { PlacedColumns } from "types/open_documents" */
 
 /**
@@ -43,7 +44,7 @@ export function momentOf(grid, columns, names, when = {}) {
 /**
  * A moment of measured points: with their displacement from their nominal places and their σ.
  * @param {Grid} grid
- * @param {FieldPoints | NewestPoints} field of a points document, or the newest points
+ * @param {FieldPoints | StreamedPoints} field of a points document, or of the stream
  * @returns {Moment}
  */
 export function measuredMoment(grid, field) {
@@ -61,7 +62,7 @@ export function displacement(xyz_mm, reference_mm) {
   });
 }
 
-/** σ of the place, from pointing and line jitter: root of the sum over the axes. @param {FieldPoints | NewestPoints} field @returns {number[]} */
+/** σ of the place, from pointing and line jitter: root of the sum over the axes. @param {FieldPoints | StreamedPoints} field @returns {number[]} */
 function spread(field) {
   return field.sigma_x_mm.map((x, i) => Math.hypot(x, field.sigma_y_mm[i], field.sigma_z_mm[i]));
 }
