@@ -14,6 +14,12 @@ def test_a_capture_is_complete_and_its_file_holds_every_field(service: Machine) 
     assert inside["integrity"] == "ok"
 
 
+def test_the_thread_that_takes_fields_runs_in_real_time_and_no_other(service: Machine) -> None:
+    counts = service.call(unit.count_real_time_threads)
+    assert counts["real time"] == 1
+    assert counts["ordinary"] > 1
+
+
 def test_a_member_of_the_daemons_group_reads_it_and_a_stranger_does_not(service: Machine) -> None:
     capture_id = service.call(client.capture, fields=10)["id"]
     service.call(unit.add_user, name="researcher", group="grabberd")

@@ -152,6 +152,15 @@ def _restarts() -> dict[str, Any]:
     return {"restarts": int(now["NRestarts"]), "journal": journal(60)}
 
 
+def count_real_time_threads() -> dict[str, int]:
+    """Threads of the daemon, by whether they run in real time (round robin)."""
+    counts = {"real time": 0, "ordinary": 0}
+    for task in Path(f"/proc/{main_pid()}/task").iterdir():
+        after_name = (task / "stat").read_text().rpartition(")")[2].split()
+        counts["real time" if int(after_name[38]) == os.SCHED_RR else "ordinary"] += 1
+    return counts
+
+
 def systemctl(verb: str) -> float:
     """Starts, stops or restarts the service; seconds until that was done, well or not."""
     started = time.monotonic()
