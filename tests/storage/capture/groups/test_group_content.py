@@ -129,6 +129,8 @@ HOSTILE = {
         (np.array([0, 2, 1, 3], "<u4").tobytes(),),
     ),
     "another last number": ("UPDATE points SET last_n = 9 WHERE first_n = 4",),
+    "a huge column": ("UPDATE points SET xyz_mm = zeroblob(30000000) WHERE first_n = 4",),
+    "huge numbers": ("UPDATE points SET field_n = zeroblob(30000000) WHERE first_n = 4",),
     "a column of text": ("UPDATE points SET xyz_mm = 'points' WHERE first_n = 4",),
     "bytes for the names of columns": ("UPDATE points SET exact = x'00' WHERE first_n = 4",),
     "a column that is not exact": ("UPDATE points SET exact = 'xyz_mm' WHERE first_n = 4",),

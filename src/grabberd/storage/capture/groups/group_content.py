@@ -2,7 +2,7 @@
 
 import sqlite3
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,11 +29,20 @@ from grabberd.storage.patience import check_patience
 
 _AT_ONCE = 2
 """Groups read under one lock: about as many fields as a reader of format 1 takes."""
-_INDEX_COLUMNS = "run, first_n, last_n, fields, points, field_n, field_points"
+_LARGEST_COLUMN = 4 << 20
+"""Bytes of a column of points: a little more than those of as many as a group may have, kept whole."""
+
+
+def _bounded(names: Iterable[str]) -> str:
+    """Columns that are read if they are not too large, and are no bytes otherwise."""
+    return ", ".join(f"CASE WHEN length({name}) <= {_LARGEST_COLUMN} THEN {name} END" for name in names)
+
+
+_INDEX_COLUMNS = f"run, first_n, last_n, fields, points, {_bounded(('field_n', 'field_points'))}"
 _PICTURES = """SELECT first_n, last_n, fields, rows, columns, bits, data FROM pictures
     WHERE first_n >= :first AND first_n < :end ORDER BY first_n LIMIT :some"""
 _FIELDS_OF = f"SELECT {FIELD_COLUMNS} FROM fields WHERE n BETWEEN ? AND ? ORDER BY n LIMIT ?"  # noqa: S608 - constants
-_POINTS = f"""SELECT {_INDEX_COLUMNS}, exact, {", ".join(COLUMNS)} FROM points
+_POINTS = f"""SELECT {_INDEX_COLUMNS}, {_bounded(("exact", *COLUMNS))} FROM points
     WHERE run = :run AND first_n >= :first AND first_n < :end ORDER BY first_n LIMIT :some"""  # noqa: S608 - constants
 _INDEX = f"""SELECT {_INDEX_COLUMNS} FROM points
     WHERE run = ? AND first_n >= ? AND first_n < ? ORDER BY first_n LIMIT ?"""  # noqa: S608 - constants
