@@ -15,7 +15,7 @@ from storage.captures import slots, write
 
 @pytest.fixture
 def capture(tmp_path: Path) -> Path:
-    return write(tmp_path, slots(4), measured=range(4))
+    return write(tmp_path, slots(4), measured=range(4), fields_a_commit=1)
 
 
 def run(*words: object) -> Result:
@@ -44,7 +44,7 @@ def test_what_the_disk_has_changed_is_left_out_and_listed(capture: Path, tmp_pat
     if format == "parquet":
         pytest.importorskip("pyarrow")
     with closing(sqlite3.connect(capture)) as connection, connection:
-        connection.execute("UPDATE points SET data = zeroblob(9) WHERE n = 2")
+        connection.execute("UPDATE points SET target = zeroblob(9) WHERE first_n = 2")
         connection.execute("UPDATE fields SET threshold = threshold + 1 WHERE n = 3")
         connection.execute("UPDATE meta SET value = '\"second\"' WHERE key = 'note'")
     result = run(capture, "--format", format, "--out", tmp_path / "out")
@@ -62,7 +62,7 @@ def test_points_that_are_gone_are_listed_too(capture: Path, tmp_path: Path, form
     if format == "parquet":
         pytest.importorskip("pyarrow")
     with closing(sqlite3.connect(capture)) as connection, connection:
-        connection.execute("DELETE FROM points WHERE n = 2")
+        connection.execute("DELETE FROM points WHERE first_n = 2")
     result = run(capture, "--format", format, "--out", tmp_path / "out")
     assert "15 points" in result.stdout
     with (tmp_path / "out" / "left_out.csv").open() as file:
@@ -71,7 +71,7 @@ def test_points_that_are_gone_are_listed_too(capture: Path, tmp_path: Path, form
 
 def test_a_damaged_field_that_was_asked_for_is_an_error(capture: Path, tmp_path: Path) -> None:
     with closing(sqlite3.connect(capture)) as connection, connection:
-        connection.execute("UPDATE points SET data = zeroblob(9) WHERE n = 2")
+        connection.execute("UPDATE points SET target = zeroblob(9) WHERE first_n = 2")
     words = ("--format", "ply", "--field")
     assert run(capture, *words, 1, "--out", tmp_path / "one").exit_code == 0
     assert isinstance(run(capture, *words, 2, "--out", tmp_path / "two").exception, CaptureFileError)

@@ -21,6 +21,7 @@ from grabberd.storage.state.annotation_store import Annotation, AnnotationStore
 from grabberd.storage.state.state_backups import CAPTURES_FOLDER, StateBackups, origin_of
 from grabberd.storage.state.state_store import StateStore
 from storage.captures import meta, slots, write
+from storage.first_format import write_first_format
 
 
 @pytest.fixture
@@ -35,7 +36,7 @@ def barn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     captures.mkdir()
     for day in (5, 40, 50):
         moment = f"{datetime.now(UTC) - timedelta(days=day):%FT%TZ}"
-        path = write(captures, slots(2), name=f"d{day}", id=f"d{day}", created_utc=moment)
+        path = write(captures, slots(2), fields_a_commit=1, name=f"d{day}", id=f"d{day}", created_utc=moment)
         os.utime(path, 2 * (time.time() - day * 86_400,))
     return folder
 
@@ -199,3 +200,23 @@ def test_the_status_has_a_line_for_each_fault_of_the_daemon() -> None:
     fault = {"level": "fault", "since_utc": "2026-03-01T09:30:00.000Z", "message": "gone", "hint": "mount it"}
     assert fault_words([fault]) == ["fault since 2026-03-01T09:30:00.000Z: gone; mount it"]
     assert fault_words([]) == []
+
+
+def test_captures_are_converted_or_kept(barn: Path) -> None:
+    captures = barn / "captures"
+    old = write_first_format(captures, slots(20), name="old", id="old")
+    broken = write_first_format(captures, slots(20), name="broken", id="broken")
+    with closing(sqlite3.connect(broken)) as connection, connection:
+        connection.execute("UPDATE fields SET threshold = threshold + 1 WHERE n = 1")
+    result = run("storage", "convert", old)
+    assert result.exit_code == 0, result.output
+    assert result.stdout.startswith(f"{old}: converted, ")
+    result = run("storage", "convert")
+    assert result.exit_code == 65
+    assert f"{broken}: kept as it is: " in result.stdout
+    assert "field 1: it is not what was written" in result.stdout
+    assert f"{old}: has today's format already" in result.stdout
+    documents = json.loads(run("storage", "convert", old, broken, "--json").stdout)
+    assert [document["file"] for document in documents] == [str(old), str(broken)]
+    assert documents[0]["before_bytes"] == documents[0]["after_bytes"]
+    assert documents[1]["hint"]

@@ -35,7 +35,7 @@ CELLS: tuple[Any, ...] = (
     ),
     *(b"", b"\0" * 30, b"x\x9c\x03\0\0\0\0\x01", bytes.fromhex("28b52ffd e0") + b"\0" * 5),
 )
-TABLES = ("meta", "fields", "ledger", "runs", "points")
+TABLES = ("meta", "fields", "pictures", "ledger", "runs", "points")
 
 
 def changed(random: Random, content: bytes, others: Sequence[bytes]) -> bytes:

@@ -17,6 +17,8 @@ from grabberd.storage.state.state_store import StateStore
 
 CONFIGS = default_config_file().parent
 FIELDS = 14
+FIRST_FORMAT = Path(__file__).parents[1] / "storage" / "format_1"
+"""Captures of format 1, which are read for ever."""
 
 
 def make_samples(folder: Path) -> Path:
@@ -63,7 +65,9 @@ def _texts(folder: Path) -> None:
 
 
 def _captures(folder: Path) -> None:
-    """The liner at 1 and at 8 bits, and the calibration frame; the truth is the first's."""
+    """The liner at 1 and at 8 bits, also of format 1, and the calibration frame; the truth is the first's."""
+    for name in ("one-bit.grab", "eight-bits.grab"):
+        shutil.copy(FIRST_FORMAT / name, folder / "capture")
     for name, config, bits in (
         ("capture/liner.grab", "fake.yaml", "1"),
         ("capture/grey.grab", "fake.yaml", "8"),

@@ -8,6 +8,7 @@ from grabberd.acquisition import LedgerEntry, Outcome, Slot
 from grabberd.field import Field, NumberedField, double_lines, quantise
 from grabberd.reconstruction.points import Points
 from grabberd.storage import CaptureMeta, CaptureReader, CaptureWriter
+from grabberd.storage.capture.groups.quanta import quantised
 
 START_NS = 5_000_000_000_000
 PERIOD_NS = 20_000_000
@@ -66,6 +67,11 @@ def slots(count, **how):
 
 
 def points(n, count=5):
+    """Points as a capture gives them back."""
+    return quantised(computed_points(n, count))
+
+
+def computed_points(n, count=5):
     rng = np.random.default_rng(1000 + n)
     spread = rng.normal(size=(2, count, 3, 3))
     covariance = spread @ spread.swapaxes(2, 3) * 1e-3
@@ -88,17 +94,43 @@ def ledger_of(taken):
     return ledger
 
 
-def write(directory, taken, *, measured=(), name="liner", coverage=None, **changes):
-    """A sealed capture."""
+def write(directory, taken, *, measured=(), name="liner", coverage=None, fields_a_commit=10**9, **changes):
+    """A sealed capture; what is committed together is a group."""
     writer = CaptureWriter.create(directory / f"{name}.grab.part", meta(**changes))
     if measured:
         writer.begin_run(1, "live", META.created_utc, "0.1.0", MADE_WITH)
-    writer.append(taken)
-    for n in measured:
+    measured = set(measured)
+    for some in batches(taken, fields_a_commit):
+        writer.append(some)
+        for n in sorted(measured & {one.n for one in some}):
+            writer.append_points(1, n, points(n))
+        writer.commit()
+    for n in sorted(measured - {one.n for one in taken}):
         writer.append_points(1, n, points(n))
     writer.commit()
     ledger = ledger_of(taken)
     return writer.seal(ledger, complete=ledger.complete, ended_because="length reached", coverage=coverage)
+
+
+def batches(taken, size):
+    return [taken[first : first + size] for first in range(0, len(taken), size)]
+
+
+def regrouped(path, fields_a_commit):
+    """Writes a capture again, in groups of so many fields; without its points."""
+    with CaptureReader(path) as reader:
+        taken = [
+            Slot(one.numbered, one.numbered.n, one.outcome, one.reason, (), one.numbered.time_ns)
+            for one in reader.fields()
+        ]
+        part = path.with_name(f"regrouped-{path.name}.part")
+        writer = CaptureWriter.create(part, replace(reader.meta, state="recording", complete=None))
+        for some in batches(taken, fields_a_commit):
+            writer.append(some)
+            writer.commit()
+        ended = {"complete": reader.meta.complete, "ended_because": reader.meta.ended_because or ""}
+        sealed = writer.seal(reader.ledger, **ended)
+    return sealed.replace(path)
 
 
 def same_field(one, other):

@@ -11,7 +11,7 @@ import pytest
 from grabberd.storage.capture.codec import POINT
 from grabberd.storage.capture.schema import APPLICATION_ID, VERSION
 from grabberd.storage.export.field_pictures import MANIFEST_COLUMNS
-from storage.captures import points, slots, write
+from storage.captures import packed, points, slots, write
 
 TEXT = (Path(__file__).parents[2] / "docs" / "reference" / "capture-file.md").read_text(encoding="utf-8")
 
@@ -27,6 +27,15 @@ def capture(tmp_path, monkeypatch):
 
 def section(name):
     return TEXT.split(f"## {name}\n")[1].split("\n## ")[0]
+
+
+def program(name):
+    """Everything that the program in a section makes."""
+    code = "\n".join(line[4:] for line in section(name).splitlines() if line.startswith("    "))
+    found = {}
+    exec(code, found)
+    found["capture"].close()
+    return found
 
 
 def test_every_table_and_column_is_described(capture):
@@ -52,8 +61,26 @@ def test_the_numbers_are_right():
 
 
 def test_the_program_in_it_reads_the_points(capture):
-    code = "\n".join(line[4:] for line in section("points").splitlines() if line.startswith("    "))
-    found = {}
-    exec(code, found)
-    found["capture"].close()
-    np.testing.assert_array_equal(found["points"]["xyz_mm"], points(2).xyz_mm)
+    found = program("points")
+    for name in ("target", "xyz_mm"):
+        expected = np.concatenate([getattr(points(n), name) for n in range(3)])
+        np.testing.assert_array_equal(found[name], expected)
+    assert found["n"].tolist() == [0] * 5 + [1] * 5 + [2] * 5
+    np.testing.assert_array_equal(found["image_px"][5:10], points(1).image_px.reshape(5, 4))
+    np.testing.assert_allclose(found["covariance_mm2"][10:], points(2).covariance_mm2, rtol=1e-12)
+
+
+@pytest.mark.parametrize("bits", [1, 6, 8])
+def test_the_program_in_it_reads_the_pictures(tmp_path, monkeypatch, bits):
+    write(tmp_path, slots(3, bits=bits), bits=bits)
+    monkeypatch.chdir(tmp_path)
+    found = program("pictures")
+    if bits == 8:
+        np.testing.assert_array_equal(found["grey"][1], packed(1, 8).data[0])
+    else:
+        expected = np.unpackbits(packed(1, bits).data, axis=2)[..., : found["columns"]]
+        np.testing.assert_array_equal(found["pixels"][1], expected)
+
+
+def test_columns_of_format_1_are_described():
+    assert [name for name in POINT.names if f"`{name}`" not in section("Format 1")] == []

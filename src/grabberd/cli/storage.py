@@ -7,7 +7,15 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from grabberd.cli.options import ConfigOption, JsonOption, console, load, print_json, print_result
+from grabberd.cli.options import (
+    ConfigOption,
+    JsonOption,
+    console,
+    load,
+    print_json,
+    print_result,
+    progress_bar,
+)
 
 DAMAGED_EXIT = 65
 """EX_DATAERR of sysexits.h."""
@@ -83,6 +91,55 @@ def verify(
         typer.echo(f"{len(captures)} captures, {damaged} damaged")
     if damaged:
         raise typer.Exit(DAMAGED_EXIT)
+
+
+@commands.command()
+def convert(
+    captures: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Capture files, NAME.grab; default: all of the configuration's folder."),
+    ] = None,
+    config: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Convert captures of earlier versions to today's format, which is smaller; exit with 65 if one stays.
+
+    Pictures, times and runs stay as they are, points to far below their σ. A capture is replaced when its new
+    file has been compared with it whole, and kept if anything fails. The daemon may be running.
+
+    Example: grabberd storage convert liner.grab
+
+    Example: grabberd storage convert --config /etc/grabberd/grabberd.yaml
+    """
+    from grabberd.errors import GrabberdError  # noqa: PLC0415
+    from grabberd.storage.capture.conversion import convert as convert_file  # noqa: PLC0415
+    from grabberd.storage.capture.schema import SUFFIX  # noqa: PLC0415
+
+    if not captures:
+        captures = sorted((load(config).state_directory / "captures").glob(f"*{SUFFIX}"))
+    documents: list[dict[str, object]] = []
+    for path in captures:
+        try:
+            with progress_bar(path.name) as progress:
+                converted = convert_file(path, datetime.now(UTC), progress)
+        except GrabberdError as error:
+            documents.append({"file": str(path), "kept": error.message, "hint": error.hint})
+            words = f"kept as it is: {error.message}; hint: {error.hint}"
+        else:
+            documents.append({"file": str(path), **converted._asdict()})
+            words = _sizes(*converted)
+        if not json:
+            typer.echo(f"{path}: {words}")
+    if json:
+        print_json(documents)
+    if any("kept" in document for document in documents):
+        raise typer.Exit(DAMAGED_EXIT)
+
+
+def _sizes(before: int, after: int) -> str:
+    if before == after:
+        return "has today's format already"
+    return f"converted, {before / 1e6:.1f} MB before, {after / 1e6:.1f} MB now"
 
 
 @commands.command()

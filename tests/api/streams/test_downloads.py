@@ -30,7 +30,7 @@ def taken(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Served, Pa
         path = capture(service, fields=4)
         add_run(path, LARGE)
         with closing(sqlite3.connect(path)) as database, database:
-            database.execute("DELETE FROM points WHERE run = 2 AND n < 200")
+            database.execute("DELETE FROM points WHERE run = 2 AND last_n < 200")
         yield daemon, path
 
 

@@ -42,7 +42,7 @@ class Barn:
     def __init__(self, folder: Path) -> None:
         folder.mkdir()
         for name in ("c1", "c2"):
-            write(folder, slots(3), name=name, id=name, measured=range(3))
+            write(folder, slots(3), name=name, id=name, measured=range(3), fields_a_commit=1)
         self.clock, self.store, self.faults, self.recording = Clock(), Store(), FaultBoard(), False
         self.archive = Archive(folder, list)
         self.archive.open()

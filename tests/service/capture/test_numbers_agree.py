@@ -14,6 +14,7 @@ from grabberd.service.capture.recording import Recording
 from grabberd.service.device.worker import Worker
 from grabberd.service.jobs.measurement import measure_file
 from grabberd.storage import CaptureReader
+from grabberd.storage.capture.groups.quanta import quantised
 
 FAULTS = {
     "nothing": [],
@@ -71,7 +72,12 @@ def test_live_numbers_are_those_of_the_file_and_of_measuring_again(
         recording = sealed(service)
         path, first_n = recording.path, recording.first_n
     shown = [
-        Known(one.n, one.time_ns, one.points.target.astype(np.int32).tobytes(), one.points.xyz_mm.tobytes())
+        Known(
+            one.n,
+            one.time_ns,
+            one.points.target.astype(np.int32).tobytes(),
+            quantised(one.points).xyz_mm.tobytes(),  # live, they are as they were computed
+        )
         for _, one in published
         if any(one is another for another in recorded)
     ]

@@ -24,6 +24,7 @@ from grabberd.storage import CaptureReader, append_run
 from grabberd.storage.capture.content_digest import document_sha256
 from grabberd.storage.export.dataset import DataSet
 from grabberd.storage.export.points_columns import DATASET_COLUMNS
+from storage.captures import regrouped
 
 
 @pytest.fixture(scope="module")
@@ -250,10 +251,10 @@ def test_one_bad_file_does_not_stop_the_others(captures: list[Path], tmp_path: P
 
 
 def test_a_field_that_the_disk_has_changed_is_left_out_and_told(tmp_path: Path) -> None:
-    path = add_capture(tmp_path, "one")
+    path = regrouped(add_capture(tmp_path, "one"), 1)
     with CaptureReader(path) as reader:
         fields = reader.field_count
-    change(path, "UPDATE fields SET data = x'0102' WHERE n = 4")
+    change(path, "UPDATE pictures SET data = x'0102' WHERE first_n = 4")
     summary = measured(path, tmp_path / "out")
     assert (summary.refused, summary.fields) == ([], fields - 1)
     assert ["field 4: it is not what was written" in one.reason for one in summary.warned] == [True]

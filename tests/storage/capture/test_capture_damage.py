@@ -64,9 +64,9 @@ def test_a_truncated_capture_is_refused_not_half_read(tmp_path):
 
 
 def test_a_damaged_field_is_named_and_the_others_can_be_read(tmp_path):
-    path = write(tmp_path, slots(3))
+    path = write(tmp_path, slots(3), fields_a_commit=1)
     connection = connect(path, writable=True)
-    connection.execute("UPDATE fields SET data = x'00' WHERE n = 1")
+    connection.execute("UPDATE pictures SET data = x'00' WHERE first_n = 1")
     connection.close()
     with CaptureReader(path) as reader:
         with pytest.raises(CaptureFileError, match="field 1"):
@@ -90,7 +90,7 @@ def test_a_locked_file_is_not_called_damaged(tmp_path):
 def columns_of(path):
     """(table, column) of everything that a reader reads."""
     with closing(sqlite3.connect(path)) as connection:
-        for table in ("meta", "fields", "ledger", "runs", "points"):
+        for table in ("meta", "fields", "pictures", "ledger", "runs", "points"):
             for column in connection.execute(f"PRAGMA table_info({table})").fetchall():
                 yield table, column[1]
 

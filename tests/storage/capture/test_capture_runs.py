@@ -9,8 +9,15 @@ import pytest
 
 from grabberd.errors import CaptureFileError, NotFound, StorageError
 from grabberd.storage import CaptureReader, append_run
+from grabberd.storage.capture.groups.picture_codec import MOST_FIELDS
+from grabberd.storage.capture.point_table import GROUPED
 from grabberd.storage.capture.schema import connect
 from storage.captures import MADE_WITH, ledger_of, points, slots, write
+
+OTHERS = (
+    "first_n + 100, last_n + 100, fields, points, field_n, field_points, exact, target, xyz_mm, "
+    "covariance_mm2, calibration_covariance_mm2, image_px, residual_px"
+)
 
 
 def test_points_of_the_live_run_come_back(tmp_path):
@@ -98,13 +105,12 @@ def test_readers_are_not_kept_waiting_while_a_run_is_made(tmp_path):
 
 def test_memory_holds_few_points_however_long_a_run_is(tmp_path):
     path = write(tmp_path, slots(4))
-    one = points(0, 100)
     tracemalloc.start()
-    append_run(path, "measure", "", "", {}, ((n, one) for n in range(1500)))
+    append_run(path, "measure", "", "", {}, ((n, points(n % 7, 100)) for n in range(1500)))
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert path.stat().st_size > 8_000_000
-    assert most < 2_000_000
+    assert path.stat().st_size > 1_500_000
+    assert most < 4_000_000  # all of them would take 40 MB
     with CaptureReader(path) as reader:
         assert [n for n, _ in reader.points(1)] == [0, 1, 2, 3]
 
@@ -135,9 +141,11 @@ def test_a_run_is_seen_when_it_is_whole_and_others_read_while_it_is_copied(tmp_p
         with CaptureReader(path) as reader:
             seen.append((len(reader.runs), [n for n, _ in reader.points()]))
 
-    monkeypatch.setattr("grabberd.storage.capture.runs.FIELDS_A_COMMIT", 10)
+    monkeypatch.setattr(
+        "grabberd.storage.capture.runs.point_table", lambda _: GROUPED._replace(rows_a_commit=1)
+    )
     monkeypatch.setattr("grabberd.storage.capture.runs.time.sleep", look)
-    append_run(path, "measure", "", "", {}, ((n, points(n)) for n in range(25)))
+    append_run(path, "measure", "", "", {}, ((n, points(n)) for n in range(2 * MOST_FIELDS)))
     assert seen == [(1, [0, 1, 2, 3])] * 3
     with CaptureReader(path) as reader:
         assert [info.run for info in reader.runs] == [1, 2]
@@ -146,12 +154,12 @@ def test_a_run_is_seen_when_it_is_whole_and_others_read_while_it_is_copied(tmp_p
 def test_what_a_killed_program_left_of_a_run_is_nobodys_and_removed_by_the_next(tmp_path):
     path = write(tmp_path, slots(4), measured=range(4))
     with closing(sqlite3.connect(path)) as connection, connection:
-        connection.execute("INSERT INTO points SELECT 2, n + 100, count, data FROM points")
+        connection.execute(f"INSERT INTO points SELECT 2, {OTHERS} FROM points")
     with CaptureReader(path) as reader:
         assert [n for n, _ in reader.points()] == [0, 1, 2, 3]
     assert append_run(path, "measure", "", "", {}, [(0, points(0))]) == 2
     with closing(sqlite3.connect(path)) as connection:
-        assert connection.execute("SELECT n FROM points WHERE run = 2").fetchall() == [(0,)]
+        assert connection.execute("SELECT first_n FROM points WHERE run = 2").fetchall() == [(0,)]
 
 
 def test_two_programs_do_not_add_a_run_at_once(tmp_path):

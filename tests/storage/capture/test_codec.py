@@ -1,4 +1,4 @@
-"""Fields and points come out of a capture file as they went in."""
+"""Single fields and their points come out of a capture file of format 1 as they went in."""
 
 import struct
 import tracemalloc
@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from grabberd.field import BIT_DEPTHS, Field, quantise
 from grabberd.reconstruction.points import Points
-from grabberd.storage.capture.codec import POINT, decode_field, decode_points, encode_field, encode_points
+from grabberd.storage.capture.codec import POINT, decode_field, decode_points, encode_points
 from storage.captures import packed, points
+from storage.first_format import encode_field
 
 
 @pytest.mark.parametrize("doubled", [False, True])

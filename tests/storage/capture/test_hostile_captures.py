@@ -83,7 +83,7 @@ def test_another_schema_is_refused_before_anything_in_it_runs(changed, statement
 
 def test_a_large_schema_is_refused_before_it_is_read(changed):
     path = changed(*(f"CREATE TABLE t{number} (a)" for number in range(2000)))
-    refused_soon(path, "schema has more than 6 entries")
+    refused_soon(path, "schema has more than 8 entries")
 
 
 def test_the_schema_may_be_laid_out_otherwise(whole, tmp_path):
@@ -92,7 +92,7 @@ def test_the_schema_may_be_laid_out_otherwise(whole, tmp_path):
         new.executescript(TABLES.replace(" ", "  ").replace(", ", ",\n"))
         for name in ("application_id", "user_version"):
             new.execute(f"PRAGMA {name} = {old.execute(f'PRAGMA {name}').fetchone()[0]}")
-        for table in ("meta", "fields", "ledger", "runs", "points"):
+        for table in ("meta", "fields", "pictures", "ledger", "runs", "points"):
             rows = old.execute(f"SELECT * FROM {table}").fetchall()
             for row in rows:
                 new.execute(f"INSERT INTO {table} VALUES ({', '.join('?' * len(row))})", row)
@@ -194,7 +194,7 @@ def test_a_key_of_a_later_version_is_ignored(changed):
         "UPDATE fields SET n = 4000000000000 WHERE n = 2",
         "UPDATE fields SET n = -5 WHERE n = 2",
         "UPDATE fields SET time_ns = 9223372036854775807 WHERE n = 2",
-        "UPDATE fields SET rows = 16000, columns = 16000 WHERE n = 2",
+        "UPDATE pictures SET rows = 16000, columns = 16000",
         "INSERT INTO ledger VALUES (3, 4000000000000, 'lost', 'time gap')",
         "INSERT INTO ledger VALUES (3, 2.5, 'lost', 'time gap')",
         "INSERT INTO ledger VALUES (3, 1, 'stolen', 'time gap')",
@@ -214,22 +214,24 @@ def test_pictures_are_read_in_parts_that_fit_into_memory(changed):
     whole = changed(
         *(
             (
-                "INSERT INTO fields SELECT ?, time_ns, sequence, parity, y0, y_step, rows, columns, "
-                "bits, threshold, outcome, reason, codec, zeroblob(20000000) FROM fields WHERE n = 0",
+                "INSERT INTO pictures SELECT ?, last_n, fields, rows, columns, bits, zeroblob(20000000) "
+                "FROM pictures WHERE first_n = 0",
                 (n,),
             )
             for n in range(3, 9)
         )
     )
     with closing(sqlite3.connect(whole)) as connection:
-        assert len(some_rows(connection.execute("SELECT * FROM fields ORDER BY n"))) == 5
+        assert len(some_rows(connection.execute("SELECT * FROM pictures ORDER BY first_n"))) == 3
 
 
 def test_damage_that_only_adding_a_run_meets_is_damage_of_the_file(whole):
     content = bytearray(whole.read_bytes())
     with closing(sqlite3.connect(whole)) as connection:
         size = connection.execute("PRAGMA page_size").fetchone()[0]
-        root = connection.execute("SELECT rootpage FROM sqlite_schema WHERE name = 'points'").fetchone()[0]
+        root = connection.execute(
+            "SELECT rootpage FROM sqlite_schema WHERE name = 'sqlite_autoindex_points_1'"
+        ).fetchone()[0]
     content[(root - 1) * size : root * size] = bytes(size)
     whole.write_bytes(content)
     with pytest.raises(CaptureFileError, match="malformed"):

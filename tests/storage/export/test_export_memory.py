@@ -9,7 +9,8 @@ import pytest
 
 from grabberd.storage import points_csv, points_ply
 from grabberd.storage.export.points_document import PointsQuery, points_json
-from storage.captures import slots, write
+from storage.captures import slots
+from storage.first_format import write_first_format
 
 FIELDS = 2_000
 MOST = 3 << 20
@@ -20,7 +21,7 @@ _MORE = "WITH RECURSIVE more(n) AS (SELECT 3 UNION ALL SELECT n + 1 FROM more WH
 @pytest.fixture(scope="module")
 def long(tmp_path_factory):
     """Many fields alike, each with five points; without digests, as earlier versions wrote it."""
-    path = write(tmp_path_factory.mktemp("long"), slots(3), measured=[0, 1, 2])
+    path = write_first_format(tmp_path_factory.mktemp("long"), slots(3), measured=[0, 1, 2])
     with closing(sqlite3.connect(path)) as connection, connection:
         connection.execute("DELETE FROM meta WHERE key GLOB 'digest*'")
         connection.execute(

@@ -105,7 +105,7 @@ def test_a_run_can_be_chosen_and_must_exist(tmp_path):
 
 
 def test_the_table_is_given_in_pieces(tmp_path):
-    assert len(list(points_csv(write(tmp_path, slots(70), measured=range(70))))) > 10
+    assert len(list(points_csv(write(tmp_path, slots(70), measured=range(70), fields_a_commit=5)))) > 10
 
 
 def test_points_are_written_into_a_new_folder(tmp_path):

@@ -11,10 +11,10 @@ from grabberd.storage.disk import storage_errors
 
 GB = 1_000_000_000
 DEFAULT_RESERVE_BYTES = GB // 5
-SHARE = {1: 0.06, 2: 0.06, 3: 0.12, 4: 0.21, 5: 0.36, 6: 0.5, 8: 0.6}
+SHARE = {1: 0.04, 2: 0.04, 3: 0.12, 4: 0.21, 5: 0.36, 6: 0.5, 8: 0.6}
 """Share of a packed field that is left after compression, by its bits; measured on pictures with 2 % noise,
 rounded up."""
-POINTS_BYTES = 8_000
+POINTS_BYTES = 2_500
 """Bytes of one field's points and the rows around them, with some seventy targets."""
 _CAUSES = {
     errno.ENOENT: Cause.DISK_MISSING,

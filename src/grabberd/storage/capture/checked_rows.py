@@ -1,7 +1,8 @@
 """Rows of fields and points, read some at a time and held against their digests."""
 
 import sqlite3
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -33,15 +34,24 @@ class Kind(NamedTuple):
 
     Attributes:
         what: The kind in words.
-        query: Selects rows whose first cell is n, in order, with `:first` ≤ n < `:end`, at most `:some`.
-        stored: Gives a row the form that it has in its table.
+        fetch: Selects some rows in the order of their keys, with `first` ≤ key < `end`.
+        stored: Gives a row the form that its digest covers.
+        key: Number of a row's field, or of its first.
+        lost: Numbers of the fields that are lost with the row whose key is `first`; None: that field alone.
         whole: True if the query leaves none out.
     """
 
     what: str
-    query: str
-    stored: Callable[[Row], Row]
+    fetch: Callable[[sqlite3.Connection, Mapping[str, int]], Sequence[Any]]
+    stored: Callable[[Any], Row] = lambda row: row
+    key: Callable[[Any], int] = lambda row: row[0]
+    lost: Callable[[sqlite3.Connection, Mapping[str, int]], list[int]] | None = None
     whole: bool = True
+
+
+def query_rows(query: str) -> Callable[[sqlite3.Connection, Mapping[str, int]], list[Row]]:
+    """Fetches the rows of a query, at most `:some`."""
+    return lambda connection, values: some_rows(connection.execute(query, {**values, "some": FIELDS_AT_ONCE}))
 
 
 class CheckedRows:
@@ -70,12 +80,13 @@ class CheckedRows:
         self,
         kind: Kind,
         prefix: str,
-        decode: Callable[[Row], T],
+        decode: Callable[[Any], T],
         first_n: int = 0,
         end_n: int = END,
+        told_from: int = 0,
         **values: int,
     ) -> Iterator[T]:
-        """Decoded rows with first_n ≤ n < end_n, in order.
+        """Decoded rows with first_n ≤ key < end_n, in order.
 
         Args:
             kind: Their kind.
@@ -83,6 +94,7 @@ class CheckedRows:
             decode: Decodes a row; raises one of `DAMAGE` if it is damaged.
             first_n: Number of the first field.
             end_n: Number after the last.
+            told_from: Number of the first field that is asked for, and whose damage matters.
             values: Further parameters of the query.
 
         Raises:
@@ -92,54 +104,84 @@ class CheckedRows:
         """
         while True:
             check_patience(self._path.name)
-            rows, digests = self._some(kind, prefix, {**values, "first": first_n, "end": end_n})
-            for row in rows:
-                try:
-                    decoded = self._decoded(kind, row, digests, decode)
-                except DAMAGE as error:
-                    self._leave_out(Damage(kind.what, row[0], f"{error}"), error)
-                else:
-                    yield decoded
-            if kind.whole:
-                self._leave_out_missing(kind, digests, rows)
+            limits = {**values, "first": first_n, "end": end_n}
+            rows, digests = self._some(kind, prefix, limits)
+            keys = [kind.key(row) for row in rows]
+            damages = _Damages(kind, limits, told_from, sorted({*keys, *digests}))
+            yield from self._sound(damages, dict(zip(keys, rows, strict=True)), digests, decode)
             if not rows:
                 return
-            last_n = rows[-1][0]
-            if last_n < first_n:  # in a damaged tree, and would be read for ever
-                raise self._error(Damage(kind.what, last_n, f"it stands behind field {first_n}"))
-            first_n = last_n + 1
+            if keys[-1] < first_n:  # in a damaged tree, and would be read for ever
+                raise self._error(Damage(kind.what, keys[-1], f"it stands behind field {first_n}"))
+            first_n = keys[-1] + 1
+
+    def _sound(
+        self,
+        damages: "_Damages",
+        rows: Mapping[int, Any],
+        digests: Mapping[int, str],
+        decode: Callable[[Any], T],
+    ) -> Iterator[T]:
+        """Decodes rows, by their keys, and leaves out those that are damaged or missing."""
+        for key, row in rows.items():
+            try:
+                decoded = self._decoded(damages.kind, row, digests.get(key), decode)
+            except DAMAGE as error:
+                self._leave_out(damages, key, f"{error}", error)
+            else:
+                yield decoded
+        if damages.kind.whole:
+            for key in sorted(set(digests) - set(rows)):
+                self._leave_out(damages, key, MISSING)
 
     def _some(
         self, kind: Kind, prefix: str, values: Mapping[str, int]
-    ) -> tuple[list[Row], Mapping[int, str]]:
+    ) -> tuple[Sequence[Any], Mapping[int, str]]:
         """Some rows, and the digests up to the last of them, or to the end if there is none."""
         first_n, end_n = values["first"], values["end"]
         with reading_errors(self._path), self._connection:
             # One moment for both: what is committed in between would seem to be missing.
             self._connection.execute("BEGIN")
-            rows = some_rows(self._connection.execute(kind.query, {**values, "some": FIELDS_AT_ONCE}))
+            rows = kind.fetch(self._connection, values)
             if not self.has_digests:
                 return rows, {}
-            last_n = rows[-1][0] if rows else end_n - 1
+            last_n = kind.key(rows[-1]) if rows else end_n - 1
             return rows, read_row_digests(self._connection, prefix, first_n, last_n)
 
-    def _decoded(self, kind: Kind, row: Row, digests: Mapping[int, str], decode: Callable[[Row], T]) -> T:
+    def _decoded(self, kind: Kind, row: Any, digest: str | None, decode: Callable[[Any], T]) -> T:
         if self.has_digests:
-            check_row(kind.stored(row), digests.get(row[0]))
+            check_row(kind.stored(row), digest)
         return decode(row)
 
-    def _leave_out_missing(self, kind: Kind, digests: Iterable[int], rows: Iterable[Row]) -> None:
-        for n in sorted(set(digests) - {row[0] for row in rows}):
-            self._leave_out(Damage(kind.what, n, MISSING))
-
-    def _leave_out(self, damage: Damage, error: Exception | None = None) -> None:
-        if self.left_out is None:
-            raise self._error(damage) from error
-        self.left_out.append(damage)
+    def _leave_out(self, damages: "_Damages", key: int, reason: str, error: Exception | None = None) -> None:
+        with reading_errors(self._path):
+            found = damages.of(self._connection, key, reason)
+        if found and self.left_out is None:
+            raise self._error(found[0]) from error
+        if self.left_out is not None:
+            self.left_out += found
 
     def _error(self, damage: Damage) -> CaptureFileError:
         hint = "all others can be read; grabberd storage verify tells what else is damaged"
         return CaptureFileError(f"{self._path}: {damage.in_words}", hint)
+
+
+class _Damages(NamedTuple):
+    """Fields that are lost with damaged rows."""
+
+    kind: Kind
+    limits: Mapping[str, int]
+    told_from: int
+    keys: Sequence[int]
+
+    def of(self, connection: sqlite3.Connection, key: int, reason: str) -> list[Damage]:
+        """The fields that are lost with one row, of those that are asked for."""
+        lost = [key]
+        if self.kind.lost is not None:
+            following = bisect_right(self.keys, key)
+            end = self.keys[following] if following < len(self.keys) else self.limits["end"]
+            lost = self.kind.lost(connection, {**self.limits, "first": key, "end": end}) or lost
+        return [Damage(self.kind.what, n, reason) for n in lost if self.told_from <= n < self.limits["end"]]
 
 
 def some_rows(cursor: sqlite3.Cursor) -> list[tuple[Any, ...]]:

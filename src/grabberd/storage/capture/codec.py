@@ -1,4 +1,4 @@
-"""Encoding and decoding of fields and points in a capture file."""
+"""Encoding and decoding of single fields and their points in a capture file of format 1."""
 
 import math
 import zlib
@@ -7,7 +7,6 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from grabberd.field import PackedField
 from grabberd.field.field import packed_shape
 from grabberd.reconstruction.points import Points
 
@@ -33,18 +32,6 @@ Positions are exact; single precision keeps seven digits of the rest, which is m
 _UPPER = np.triu_indices(3)
 
 
-def encode_field(packed: PackedField) -> tuple[str, bytes]:
-    """Codec and bytes of a picture: zlib for one bit, zstandard for more.
-
-    Both at level 1: fields are encoded as fast as they arrive, on the thread that writes the capture.
-    """
-    raw = packed.data.tobytes()
-    # A capture has to be readable with anything, and every language reads zlib: one bit is the default.
-    if packed.bits == 1:
-        return ZLIB, zlib.compress(raw, 1)
-    return ZSTD, zstandard.ZstdCompressor(level=1).compress(raw)
-
-
 def decode_field(codec: str, data: bytes, rows: int, columns: int, bits: int) -> NDArray[np.uint8]:
     """Decodes the bytes of a picture into `PackedField.data`.
 
@@ -56,7 +43,7 @@ def decode_field(codec: str, data: bytes, rows: int, columns: int, bits: int) ->
     if codec == ZLIB:
         return np.frombuffer(_inflated(data, size), np.uint8).reshape(shape)
     if codec == ZSTD:
-        return np.frombuffer(_unpacked(data, size), np.uint8).reshape(shape)
+        return np.frombuffer(unpacked(data, size), np.uint8).reshape(shape)
     raise ValueError(f"codec {codec!r} is none of {ZLIB}, {ZSTD}")
 
 
@@ -74,8 +61,12 @@ def _inflated(data: bytes, size: int) -> bytes:
     return content
 
 
-def _unpacked(data: bytes, size: int) -> bytes:
-    """Decompresses a frame to exactly `size` bytes, which it may not claim to be more or fewer of."""
+def unpacked(data: bytes, size: int) -> bytes:
+    """Decompresses a zstandard frame to exactly `size` bytes.
+
+    Raises:
+        ValueError: It claims or holds more or fewer of them, is damaged, or something follows it.
+    """
     try:
         claimed = zstandard.frame_content_size(data)
         if claimed >= 0:

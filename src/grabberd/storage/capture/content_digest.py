@@ -2,15 +2,17 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+import sqlite3
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from grabberd.storage.capture.checked_rows import FIELDS_AT_ONCE, some_rows
-from grabberd.storage.capture.meta import CaptureMeta
+from grabberd.storage.capture.checked_rows import END, FIELDS_AT_ONCE, some_rows
+from grabberd.storage.capture.groups.group_content import picture_groups
+from grabberd.storage.capture.meta import CaptureMeta, read_conversion
 from grabberd.storage.capture.rows import FIELD_COLUMNS
-from grabberd.storage.capture.schema import connect, reading_errors
+from grabberd.storage.capture.schema import FORMAT_1, connect, format_of, reading_errors
 
 _OF_META = ("id", "created_utc", "start_ns", "device", "config", "site", "labels", "note")
 
@@ -29,22 +31,39 @@ def document_bytes(document: Any) -> bytes:
 def content_sha256(path: Path, meta: CaptureMeta) -> str:
     """SHA-256 of a capture's fields as they are stored, and of its metadata.
 
-    The verdict and everything else that sealing or a new run writes is left out.
+    The verdict and everything else that sealing or a new run writes is left out. A capture that was converted
+    keeps that of its first format: it was compared with it field by field.
 
     Raises:
         CaptureFileError: It is damaged.
         StorageError: It cannot be read now.
     """
-    digest = hashlib.sha256(document_bytes({key: getattr(meta, key) for key in _OF_META}))
+    with reading_errors(path), closing(connect(path)) as connection:
+        if (before := read_conversion(connection)) is not None:
+            return before.content_sha256
+        digest = hashlib.sha256(document_bytes({key: getattr(meta, key) for key in _OF_META}))
+        stored = _single_fields if format_of(connection) == FORMAT_1 else _groups
+        for head, data in stored(connection):
+            # The length first, so that the digest fixes where the data end.
+            digest.update(document_bytes({**head, "data": len(data)}))
+            digest.update(data)
+    return digest.hexdigest()
+
+
+def _single_fields(connection: sqlite3.Connection) -> Iterator[tuple[dict[str, Any], bytes]]:
     query = f"SELECT {FIELD_COLUMNS} FROM fields WHERE n > ? ORDER BY n LIMIT ?"  # noqa: S608 - constants
     last_n = -1
-    with reading_errors(path), closing(connect(path)) as connection:
-        while rows := some_rows(connection.execute(query, (last_n, FIELDS_AT_ONCE))):
-            for row in rows:
-                cells: Mapping[str, Any] = dict(zip(FIELD_COLUMNS.split(", "), row, strict=True))
-                data = cells["data"]
-                # The length first, so that the digest fixes where the data of a field end.
-                digest.update(document_bytes({**cells, "data": len(data)}))
-                digest.update(data)
-            last_n = rows[-1][0]
-    return digest.hexdigest()
+    while rows := some_rows(connection.execute(query, (last_n, FIELDS_AT_ONCE))):
+        for row in rows:
+            *cells, data = row
+            yield dict(zip(FIELD_COLUMNS.split(", ")[:-1], cells, strict=True)), data
+        last_n = rows[-1][0]
+
+
+def _groups(connection: sqlite3.Connection) -> Iterator[tuple[dict[str, Any], bytes]]:
+    first_n = 0
+    while groups := picture_groups(connection, {"first": first_n, "end": END}):
+        for group in groups:
+            head = group._asdict()
+            yield head, head.pop("data")
+        first_n = groups[-1].first_n + 1

@@ -12,10 +12,11 @@ from grabberd.acquisition import Ledger, LedgerEntry, Outcome
 from grabberd.acquisition.clock import Now
 from grabberd.errors import CaptureFileError, LaterVersion
 from grabberd.storage.capture.digests import write_sealed_digest
+from grabberd.storage.capture.ledger_table import write_ledger
 from grabberd.storage.capture.meta import SEALED, CaptureMeta, write_meta
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.capture.schema import DAMAGED, connect, reading_errors
-from grabberd.storage.capture.writer import FAILED, RUNNING, publish, write_ledger
+from grabberd.storage.capture.writer import FAILED, RUNNING, publish
 from grabberd.storage.disk import storage_errors
 from grabberd.storage.guarded_database import JOURNAL
 

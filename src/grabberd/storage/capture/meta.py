@@ -12,6 +12,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from grabberd.field import BIT_DEPTHS
 from grabberd.storage.json_value import read_json
 
+CONVERSION = "conversion"
+"""Key of what is known of a capture from before it was converted."""
 RECORDING = "recording"
 SEALED = "sealed"
 LONGEST_TEXT = 10_000
@@ -228,3 +230,29 @@ def read_coverage(connection: sqlite3.Connection) -> dict[str, str]:
     """The coverage of runs as JSON, by their keys."""
     rows = connection.execute("SELECT key, value FROM meta WHERE key GLOB 'coverage.*'")
     return dict(rows.fetchall())
+
+
+class Conversion(BaseModel):
+    """Knowledge of a capture from before it was converted to another format.
+
+    Attributes:
+        version: Version of its layout.
+        content_sha256: Digest of what its points are measured from.
+        converted_utc: When it was converted.
+    """
+
+    model_config = ConfigDict(extra="ignore", strict=True)
+
+    version: int
+    content_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+    converted_utc: _Utc
+
+
+def read_conversion(connection: sqlite3.Connection) -> Conversion | None:
+    """The conversion of a capture; None if it has the format that it was written in.
+
+    Raises:
+        ValueError: It is damaged.
+    """
+    row = connection.execute("SELECT value FROM meta WHERE key = ?", (CONVERSION,)).fetchone()
+    return None if row is None else Conversion.model_validate(read_json(row[0]))

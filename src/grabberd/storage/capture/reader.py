@@ -1,7 +1,7 @@
 """Reading a capture file, also while it is being written."""
 
 import os
-from collections import deque
+import sqlite3
 from collections.abc import Collection, Iterator
 from contextlib import closing, suppress
 from pathlib import Path
@@ -11,55 +11,22 @@ from grabberd.acquisition import Ledger, Outcome
 from grabberd.errors import CaptureFileError, NotFound
 from grabberd.field import NumberedField
 from grabberd.reconstruction.points import Points
-from grabberd.storage.capture.checked_rows import END, CheckedRows, Kind
-from grabberd.storage.capture.codec import decode_points
-from grabberd.storage.capture.digests import (
-    CHANGED,
-    FIELDS,
-    Damage,
-    Row,
-    changed_parts,
-    points_prefix,
-)
-from grabberd.storage.capture.meta import (
-    LARGEST_TIME_NS,
-    SEALED,
-    CaptureMeta,
-    coverage_key,
-    read_coverage,
-    read_meta,
-)
+from grabberd.storage.capture.checked_rows import END
+from grabberd.storage.capture.content import Content, PointArrays
+from grabberd.storage.capture.digests import CHANGED, Damage, changed_parts
+from grabberd.storage.capture.groups.group_content import GroupContent
+from grabberd.storage.capture.meta import SEALED, CaptureMeta, coverage_key, read_coverage, read_meta
 from grabberd.storage.capture.rebases import rebases_in
-from grabberd.storage.capture.rows import (
-    FIELD_COLUMNS,
-    RecordedField,
-    RunInfo,
-    ledger,
-    recorded_field,
-    run_info,
-)
-from grabberd.storage.capture.schema import DAMAGE, connect, reading_errors
+from grabberd.storage.capture.row_content import RowContent
+from grabberd.storage.capture.rows import RecordedField, RunInfo, ledger, run_info
+from grabberd.storage.capture.schema import DAMAGE, FORMAT_1, connect, format_of, reading_errors
 from grabberd.storage.guarded_database import check_kind
 from grabberd.storage.patience import check_patience
 
-ALL_FIELDS = Kind(
-    "field",
-    f"SELECT {FIELD_COLUMNS} FROM fields WHERE n >= :first AND n < :end ORDER BY n LIMIT :some",  # noqa: S608 - constants
-    lambda row: row,
-)
-_POINTS = Kind(
-    "points",
-    "SELECT p.n, f.time_ns, p.run, p.count, p.data FROM points AS p JOIN fields AS f ON f.n = p.n "
-    "WHERE p.run = :run AND p.n >= :first AND p.n < :end AND p.n % :every = 0 ORDER BY p.n LIMIT :some",
-    lambda row: (row[2], row[0], *row[3:]),
-    whole=False,
-)
-ALL_POINTS = Kind(
-    "points",
-    "SELECT n, run, count, data FROM points WHERE run = :run AND n >= :first AND n < :end "
-    "ORDER BY n LIMIT :some",
-    lambda row: (row[1], row[0], *row[2:]),
-)
+
+def content_of(path: Path, connection: sqlite3.Connection, left_out: list[Damage] | None = None) -> Content:
+    """The fields and points of a file, by its format."""
+    return (RowContent if format_of(connection) == FORMAT_1 else GroupContent)(path, connection, left_out)
 
 
 class CaptureReader:
@@ -69,6 +36,11 @@ class CaptureReader:
         path: The file.
         left_out: Takes up the fields and points that are damaged and are left out of what `fields`,
             `received`, `points` and `timed_points` give; None: the first one of them is an error.
+
+    Attributes:
+        path: The file.
+        meta: Its metadata when it was opened.
+        content: Its fields and points, by its format.
 
     Raises:
         CaptureFileError: From any method: missing, no capture, damaged, or of a later version.
@@ -80,7 +52,7 @@ class CaptureReader:
         self._connection = connect(self.path)
         with reading_errors(self.path):
             self.meta = self._read_meta()
-        self._rows = CheckedRows(self.path, self._connection, left_out)
+        self.content = content_of(self.path, self._connection, left_out)
 
     def __enter__(self) -> Self:
         return self
@@ -148,8 +120,8 @@ class CaptureReader:
             return [run_info(row, coverage.get(coverage_key(row[0]))) for row in rows]
 
     def fields(self, first_n: int = 0, end_n: int | None = None) -> Iterator[RecordedField]:
-        """The fields with first_n ≤ n < end_n in order, fifty at a time."""
-        return self._rows.each(ALL_FIELDS, FIELDS, recorded_field, first_n, END if end_n is None else end_n)
+        """The fields with first_n ≤ n < end_n in order, about fifty at a time."""
+        return self.content.fields(first_n, END if end_n is None else end_n)
 
     def received(
         self, first_n: int = 0, end_n: int | None = None, *, and_damaged: bool = False
@@ -197,7 +169,7 @@ class CaptureReader:
     def timed_points(
         self, run: int | None = None, first_n: int = 0, end_n: int = END, every: int = 1
     ) -> Iterator[tuple[int, int, Points]]:
-        """(n, time_ns, points) of a run in order of n, fifty fields at a time.
+        """(n, time_ns, points) of a run in order of n, about fifty fields at a time.
 
         Only fields with first_n ≤ n < end_n whose n is a multiple of `every`. Points that a crash left
         without their field are skipped.
@@ -205,9 +177,18 @@ class CaptureReader:
         Raises:
             NotFound: The run does not exist.
         """
-        number = self.run(run).run
-        prefix = points_prefix(number)
-        yield from self._rows.each(_POINTS, prefix, _timed_points, first_n, end_n, run=number, every=every)
+        for arrays in self.point_arrays(run, first_n, end_n, every):
+            yield from arrays.by_field()
+
+    def point_arrays(
+        self, run: int | None = None, first_n: int = 0, end_n: int = END, every: int = 1
+    ) -> Iterator[PointArrays]:
+        """The same, several fields together where the file has them together.
+
+        Raises:
+            NotFound: The run does not exist.
+        """
+        yield from self.content.points(self.run(run).run, first_n, end_n, every)
 
     def check_points(self, run: int, first_n: int = 0, end_n: int = END) -> None:
         """Holds points of a run against their digests, without decoding them.
@@ -215,27 +196,19 @@ class CaptureReader:
         Raises:
             CaptureFileError: Some are not what was written.
         """
-        if self._rows.has_digests:
-            rows = self._rows.each(ALL_POINTS, points_prefix(run), lambda _: None, first_n, end_n, run=run)
-            deque(rows, maxlen=0)
+        if self.content.has_digests:
+            self.content.check_points(run, first_n, end_n)
 
     def point_count(self, run: int, first_n: int = 0, end_n: int = END, every: int = 1) -> int:
         """Number of points that `timed_points` would give."""
-        query = "SELECT coalesce(sum(count), 0) FROM points WHERE run = ? AND n >= ? AND n < ? AND n % ? = 0"
-        return self._number(query, run, first_n, end_n, every) or 0
+        return self.content.point_count(run, first_n, end_n, every)
 
     def point_span(self, run: int, first_n: int = 0, end_n: int = END) -> tuple[int, int]:
         """Number of points that `timed_points` gives now, and the number after the last field that has some.
 
         A capture that is being written gets no more points below that number.
         """
-        query = (
-            "SELECT coalesce(sum(p.count), 0), coalesce(max(p.n) + 1, 0) FROM points AS p "
-            "JOIN fields AS f ON f.n = p.n WHERE p.run = ? AND p.n >= ? AND p.n < ?"
-        )
-        with reading_errors(self.path):
-            count, end = self._connection.execute(query, (run, first_n, end_n)).fetchone()
-            return int(count), int(end)
+        return self.content.point_span(run, first_n, end_n)
 
     @property
     def first_time_ns(self) -> int | None:
@@ -262,13 +235,6 @@ class CaptureReader:
         with reading_errors(self.path):
             row = self._connection.execute(query, values).fetchone()
             return None if row is None or row[0] is None else int(row[0])
-
-
-def _timed_points(row: Row) -> tuple[int, int, Points]:
-    n, time_ns, _, count, data = row
-    if not isinstance(time_ns, int) or not 0 <= time_ns < LARGEST_TIME_NS:
-        raise ValueError(f"time_ns is {time_ns!r}")
-    return n, time_ns, decode_points(data, count)
 
 
 def stat_at_rest(path: Path) -> os.stat_result:

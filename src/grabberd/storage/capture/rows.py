@@ -1,7 +1,7 @@
-"""Rows of a capture file as objects; an invalid row is an error, never a guess."""
+"""Rows of a capture file as objects (fields: of format 1); an invalid row is an error, never a guess."""
 
 from bisect import bisect_right
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from grabberd.acquisition import Ledger, LedgerEntry, LedgerEvent, Outcome
@@ -13,8 +13,21 @@ from grabberd.storage.json_value import read_json
 FIELD_COLUMNS = (
     "n, time_ns, sequence, parity, y0, y_step, rows, columns, bits, threshold, outcome, reason, codec, data"
 )
-"""In the order of the table, in which they have their digests."""
+"""In the order of the table of format 1, in which they have their digests."""
 _LARGEST_RUN = 1_000_000
+_OF_PICTURES = {
+    "bits": BIT_DEPTHS,
+    "rows": range(1, LARGEST_SIDE_PX + 1),
+    "columns": range(1, LARGEST_SIDE_PX + 1),
+}
+_OF_FIELDS = {
+    "parity": (0, 1),
+    "y0": range(LARGEST_SIDE_PX),
+    "y_step": (1, 2),
+    "threshold": range(256),
+    "n": range(LARGEST_N),
+    "time_ns": range(LARGEST_TIME_NS),
+}
 
 
 class RunInfo(NamedTuple):
@@ -48,32 +61,40 @@ def recorded_field(row: tuple[Any, ...]) -> RecordedField:
         ValueError: It is damaged.
     """
     cells = dict(zip(FIELD_COLUMNS.split(", "), row, strict=True))
-    _check_numbers(cells)
+    check_picture(cells)
+    check_field(cells)
     bits, columns = cells["bits"], cells["columns"]
     planes = decode_field(cells["codec"], cells["data"], cells["rows"], columns, bits)
     image = (cells[name] for name in ("parity", "y0", "y_step", "threshold"))
     packed = PackedField(planes, bits, columns, *image)
     numbered = NumberedField(cells["n"], cells["time_ns"], cells["sequence"], packed)
-    return RecordedField(numbered, Outcome(cells["outcome"]), _text(cells["reason"]))
+    return RecordedField(numbered, Outcome(cells["outcome"]), text_of(cells["reason"]))
 
 
-def _check_numbers(cells: Mapping[str, Any]) -> None:
-    among = {
-        "parity": (0, 1),
-        "bits": BIT_DEPTHS,
-        "rows": range(1, LARGEST_SIDE_PX + 1),
-        "columns": range(1, LARGEST_SIDE_PX + 1),
-        "y0": range(LARGEST_SIDE_PX),
-        "y_step": (1, 2),
-        "threshold": range(256),
-        "n": range(LARGEST_N),
-        "time_ns": range(LARGEST_TIME_NS),
-    }
+def check_picture(cells: Mapping[str, Any]) -> None:
+    """Checks the size of a picture and its bits per pixel.
+
+    Raises:
+        ValueError: A picture cannot have them.
+    """
+    _check_among(cells, _OF_PICTURES)
+
+
+def check_field(cells: Mapping[str, Any]) -> None:
+    """Checks the numbers of a field.
+
+    Raises:
+        ValueError: A field cannot have one of them.
+    """
+    _check_among(cells, _OF_FIELDS)
+    if not isinstance(cells["sequence"], int | None):
+        raise ValueError(f"sequence is {cells['sequence']!r}")
+
+
+def _check_among(cells: Mapping[str, Any], among: Mapping[str, Container[int]]) -> None:
     for name, values in among.items():
         if not isinstance(cells[name], int) or cells[name] not in values:
             raise ValueError(f"{name} is {cells[name]!r}")
-    if not isinstance(cells["sequence"], int | None):
-        raise ValueError(f"sequence is {cells['sequence']!r}")
 
 
 def run_info(row: tuple[Any, ...], coverage: str | None = None) -> RunInfo:
@@ -89,7 +110,7 @@ def run_info(row: tuple[Any, ...], coverage: str | None = None) -> RunInfo:
     run, *texts = row[:6]
     if not isinstance(run, int) or run not in range(1, _LARGEST_RUN):
         raise ValueError(f"a run has the number {run!r}")
-    kind, created_utc, version, state, reason = map(_text, texts)
+    kind, created_utc, version, state, reason = map(text_of, texts)
     if None in (kind, created_utc, version, state):
         raise ValueError(f"run {run} of {created_utc!r} is a {kind!r} by {version!r}, {state!r}")
     covered = None if coverage is None else read_json(coverage)
@@ -109,7 +130,7 @@ def ledger(
         ValueError: They contradict each other.
     """
     listed = [_entry(*row) for row in entries]
-    rows = [(_n(n), Outcome(outcome), _text(reason)) for n, outcome, reason in fields]
+    rows = [(_n(n), Outcome(outcome), text_of(reason)) for n, outcome, reason in fields]
     received = [n for n, outcome, _ in rows if outcome is Outcome.RECEIVED]
     damaged = [
         LedgerEntry(n, 1, outcome, reason or outcome)
@@ -121,7 +142,7 @@ def ledger(
 
 def _entry(first_n: Any, count: Any, outcome: Any, reason: Any) -> LedgerEntry:
     end_n = _n(_n(first_n) + _n(count))
-    return LedgerEntry(first_n, end_n - first_n, Outcome(outcome), _text(reason) or "")
+    return LedgerEntry(first_n, end_n - first_n, Outcome(outcome), text_of(reason) or "")
 
 
 def _n(value: Any) -> int:
@@ -136,7 +157,12 @@ def _covers(entries: Sequence[LedgerEntry], n: int) -> bool:
     return before > 0 and n < entries[before - 1].end_n
 
 
-def _text(value: Any) -> str | None:
+def text_of(value: Any) -> str | None:
+    """A text of a cell, or None.
+
+    Raises:
+        ValueError: It is neither, or too long.
+    """
     if isinstance(value, str | None) and len(value or "") <= LONGEST_REASON:
         return value
     raise ValueError(f"a text is {type(value).__name__}, or has more than {LONGEST_REASON} characters")

@@ -1,6 +1,8 @@
 """Adding a run to a sealed capture."""
 
 import fcntl
+import json
+import os
 import sqlite3
 import struct
 import tempfile
@@ -13,8 +15,8 @@ from typing import IO, Any
 
 from grabberd.errors import StorageError
 from grabberd.reconstruction.points import Points
-from grabberd.storage.capture.codec import encode_points
 from grabberd.storage.capture.digests import (
+    Row,
     forget_points_after,
     points_prefix,
     row_digest,
@@ -22,21 +24,22 @@ from grabberd.storage.capture.digests import (
     write_run_digest,
 )
 from grabberd.storage.capture.meta import coverage_key, write_meta
+from grabberd.storage.capture.point_table import PointTable, point_table
 from grabberd.storage.capture.read_back import check_staged
-from grabberd.storage.capture.schema import connect, reading_errors
-from grabberd.storage.capture.writer import DONE, INSERT_POINTS, INSERT_RUN, run_row
+from grabberd.storage.capture.schema import connect, format_of, reading_errors
+from grabberd.storage.capture.writer import DONE, INSERT_RUN, run_row
 from grabberd.storage.disk import storage_errors
 
-_HEAD = struct.Struct("<qII")
-"""Head of one field's points in the temporary file: number of the field, points, bytes."""
+_SIZE = struct.Struct("<I")
+"""In the temporary file, size of a row's cells as JSON, with the sizes of its blobs, which follow."""
 CACHE_KIB = 64 * 1024
 """SQLite's page cache: while a transaction fits into it, its pages reach the file only with the commit."""
-FIELDS_A_COMMIT = 500
-"""Few enough for the cache: a transaction that outgrows it locks readers out until it ends."""
 PAUSE_S = 0.02
 """Pause between two commits, in which waiting readers get the lock."""
-_REMOVE = """DELETE FROM points WHERE (run, n) IN
-    (SELECT run, n FROM points WHERE run > (SELECT coalesce(max(run), 0) FROM runs) LIMIT ?)"""
+_UNKNOWN = 0
+"""Number of a run while its points are staged."""
+_REMOVE = """DELETE FROM points WHERE (run, {key}) IN
+    (SELECT run, {key} FROM points WHERE run > (SELECT coalesce(max(run), 0) FROM runs) LIMIT ?)"""
 
 
 def append_run(
@@ -62,20 +65,22 @@ def append_run(
             adding a run to it.
     """
     # Staged before the lock is taken: measuring may take minutes, copying what was measured seconds.
+    with reading_errors(path):
+        inode = path.stat().st_ino
     with (
         closing(connect(path, writable=True)) as connection,
-        _staged(path, points) as staged,
+        _staged(path, (table := point_table(format_of(connection))).encode(_UNKNOWN, points)) as staged,
         reading_errors(path),  # damage beyond what was read so far
         storage_errors(path),
-        _alone(path),
+        alone(path, inode),
     ):
         connection.execute(f"PRAGMA cache_size = -{CACHE_KIB:d}")
-        _remove_unfinished(connection)
+        _remove_unfinished(connection, table)
         run: int = connection.execute("SELECT coalesce(max(run), 0) + 1 FROM runs").fetchone()[0]
         try:
-            _copy(staged, connection, run)
+            _copy(staged, connection, table, run)
             staged.seek(0)
-            check_staged(path, connection, run, _rows(staged))
+            check_staged(path, connection, table, _rows(staged, run))
             with _transaction(connection):
                 connection.execute(INSERT_RUN, run_row(run, kind, created_utc, version, DONE, made_with))
                 if coverage is not None:
@@ -83,47 +88,56 @@ def append_run(
                 write_run_digest(connection, run)
         except BaseException:
             with suppress(sqlite3.Error):
-                _remove_unfinished(connection)
+                _remove_unfinished(connection, table)
             raise
         return run
 
 
 @contextmanager
-def _alone(path: Path) -> Iterator[None]:
-    """Prevents other programs from adding a run while the block lasts."""
+def alone(path: Path, inode: int) -> Iterator[None]:
+    """Prevents other programs from adding a run or converting the file while the block lasts.
+
+    Args:
+        path: The file.
+        inode: Its number when it was opened.
+
+    Raises:
+        StorageError: Another program is at it, or has replaced it.
+    """
     with path.open("rb") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             hint = "wait until it has finished, then try again"
             raise StorageError(f"another program is adding a run to {path.name}", hint) from None
+        if os.fstat(file.fileno()).st_ino != inode:  # what was written would be lost with the old file
+            raise StorageError(f"{path.name} was replaced meanwhile, by its conversion perhaps", "try again")
         yield
 
 
-def _copy(staged: IO[bytes], connection: sqlite3.Connection, run: int) -> None:
+def _copy(staged: IO[bytes], connection: sqlite3.Connection, table: PointTable, run: int) -> None:
     digests: dict[int, str] = {}
 
-    def rows() -> Iterator[tuple[Any, ...]]:
-        for stored in _rows(staged):
-            row = (run, *stored)
-            digests[row[1]] = row_digest(row)
+    def rows() -> Iterator[Row]:
+        for row in _rows(staged, run):
+            digests[row[1]] = row_digest(table.digested(row))
             yield row
 
-    remaining, copied = rows(), FIELDS_A_COMMIT
-    while copied == FIELDS_A_COMMIT:
+    remaining, copied = rows(), table.rows_a_commit
+    while copied == table.rows_a_commit:
         with _transaction(connection):
-            copied = connection.executemany(INSERT_POINTS, islice(remaining, FIELDS_A_COMMIT)).rowcount
+            copied = connection.executemany(table.insert, islice(remaining, table.rows_a_commit)).rowcount
             write_row_digests(connection, points_prefix(run), digests)
         digests.clear()
         time.sleep(PAUSE_S)
 
 
-def _remove_unfinished(connection: sqlite3.Connection) -> None:
+def _remove_unfinished(connection: sqlite3.Connection, table: PointTable) -> None:
     """Removes points whose run was never entered, batch by batch."""
     removed = 1
     while removed:
         with _transaction(connection):
-            removed = connection.execute(_REMOVE, (FIELDS_A_COMMIT,)).rowcount
+            removed = connection.execute(_REMOVE.format(key=table.key), (table.rows_a_commit,)).rowcount
     with _transaction(connection):
         newest: int = connection.execute("SELECT coalesce(max(run), 0) FROM runs").fetchone()[0]
         forget_points_after(connection, newest)
@@ -136,15 +150,16 @@ def _transaction(connection: sqlite3.Connection) -> Iterator[None]:
         yield
 
 
-def _staged(path: Path, points: Iterable[tuple[int, Points]]) -> IO[bytes]:
-    """A temporary file with all points, positioned at its beginning."""
+def _staged(path: Path, rows: Iterable[Row]) -> IO[bytes]:
+    """A temporary file with all rows, positioned at its beginning."""
     with storage_errors(path):
         file = tempfile.TemporaryFile(dir=path.parent)  # noqa: SIM115 - the caller closes it
     try:
-        for n, field_points in points:
-            data = encode_points(field_points)
+        for _, *cells in rows:
+            blobs = [cell for cell in cells if isinstance(cell, bytes)]
+            head = json.dumps([[len(cell)] if isinstance(cell, bytes) else cell for cell in cells]).encode()
             with storage_errors(path):
-                file.write(_HEAD.pack(n, len(field_points), len(data)) + data)
+                file.write(b"".join((_SIZE.pack(len(head)), head, *blobs)))
         with storage_errors(path):
             file.seek(0)
     except BaseException:
@@ -153,7 +168,8 @@ def _staged(path: Path, points: Iterable[tuple[int, Points]]) -> IO[bytes]:
     return file
 
 
-def _rows(file: IO[bytes]) -> Iterator[tuple[int, int, bytes]]:
-    while head := file.read(_HEAD.size):
-        n, count, size = _HEAD.unpack(head)
-        yield n, count, file.read(size)
+def _rows(file: IO[bytes], run: int) -> Iterator[Row]:
+    """The rows of a temporary file, as those of a run."""
+    while size := file.read(_SIZE.size):
+        cells = json.loads(file.read(*_SIZE.unpack(size)))
+        yield (run, *(file.read(*cell) if isinstance(cell, list) else cell for cell in cells))

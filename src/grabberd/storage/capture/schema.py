@@ -8,12 +8,13 @@ from pathlib import Path
 
 from grabberd.errors import CaptureFileError, LaterVersion, StorageError
 from grabberd.storage.disk import storage_errors
-from grabberd.storage.guarded_database import JOURNAL, GuardedConnection, Header, open_tables, read_header
+from grabberd.storage.guarded_database import JOURNAL, GuardedConnection, open_tables, read_header
 from grabberd.storage.patience import check_patience
 
 APPLICATION_ID = 0x67726162
 """The letters `grab` in the database's header: tells a capture from other SQLite files."""
-VERSION = 1
+FORMAT_1, VERSION = 1, 2
+"""The layout with a row for each field, which is read for ever, and the one that is written."""
 
 PART = ".part"
 """Ending of a capture's name until it is sealed."""
@@ -22,24 +23,48 @@ SUFFIX = ".grab"
 DAMAGED = "damaged"
 """Folder beside the captures for those that cannot be read."""
 
-TABLES = """
-CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
-CREATE TABLE fields (
-    n INTEGER PRIMARY KEY, time_ns INTEGER NOT NULL, sequence INTEGER, parity INTEGER NOT NULL,
-    y0 INTEGER NOT NULL, y_step INTEGER NOT NULL, rows INTEGER NOT NULL, columns INTEGER NOT NULL,
-    bits INTEGER NOT NULL, threshold INTEGER NOT NULL, outcome TEXT NOT NULL, reason TEXT,
-    codec TEXT NOT NULL, data BLOB NOT NULL);
+_META = "CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;"
+_LEDGER_AND_RUNS = """
 CREATE TABLE ledger (
     first_n INTEGER PRIMARY KEY, count INTEGER NOT NULL, outcome TEXT NOT NULL, reason TEXT NOT NULL);
 CREATE TABLE runs (
     run INTEGER PRIMARY KEY, kind TEXT NOT NULL, created_utc TEXT NOT NULL, version TEXT NOT NULL,
     state TEXT NOT NULL, reason TEXT, calibration TEXT NOT NULL, object TEXT NOT NULL,
     settings TEXT NOT NULL);
+"""
+_RESERVE = "CREATE TABLE reserve (data BLOB NOT NULL);"
+TABLES_1 = f"""
+{_META}
+CREATE TABLE fields (
+    n INTEGER PRIMARY KEY, time_ns INTEGER NOT NULL, sequence INTEGER, parity INTEGER NOT NULL,
+    y0 INTEGER NOT NULL, y_step INTEGER NOT NULL, rows INTEGER NOT NULL, columns INTEGER NOT NULL,
+    bits INTEGER NOT NULL, threshold INTEGER NOT NULL, outcome TEXT NOT NULL, reason TEXT,
+    codec TEXT NOT NULL, data BLOB NOT NULL);
+{_LEDGER_AND_RUNS}
 CREATE TABLE points (
     run INTEGER NOT NULL, n INTEGER NOT NULL, count INTEGER NOT NULL, data BLOB NOT NULL,
     PRIMARY KEY (run, n)) WITHOUT ROWID;
-CREATE TABLE reserve (data BLOB NOT NULL);
+{_RESERVE}
 """
+TABLES = f"""
+{_META}
+CREATE TABLE fields (
+    n INTEGER PRIMARY KEY, time_ns INTEGER NOT NULL, sequence INTEGER, parity INTEGER NOT NULL,
+    y0 INTEGER NOT NULL, y_step INTEGER NOT NULL, threshold INTEGER NOT NULL, outcome TEXT NOT NULL,
+    reason TEXT);
+CREATE TABLE pictures (
+    first_n INTEGER PRIMARY KEY, last_n INTEGER NOT NULL, fields INTEGER NOT NULL, rows INTEGER NOT NULL,
+    columns INTEGER NOT NULL, bits INTEGER NOT NULL, data BLOB NOT NULL);
+{_LEDGER_AND_RUNS}
+CREATE TABLE points (
+    run INTEGER NOT NULL, first_n INTEGER NOT NULL, last_n INTEGER NOT NULL, fields INTEGER NOT NULL,
+    points INTEGER NOT NULL, field_n BLOB NOT NULL, field_points BLOB NOT NULL, exact TEXT NOT NULL,
+    target BLOB NOT NULL, xyz_mm BLOB NOT NULL, covariance_mm2 BLOB NOT NULL,
+    calibration_covariance_mm2 BLOB NOT NULL, image_px BLOB NOT NULL, residual_px BLOB NOT NULL,
+    PRIMARY KEY (run, first_n));
+{_RESERVE}
+"""
+_TABLES = {FORMAT_1: TABLES_1, VERSION: TABLES}
 # Errors that may pass while the file is sound; all others mean that it is damaged.
 _NOT_THE_FILES_FAULT = (
     sqlite3.SQLITE_BUSY,
@@ -59,7 +84,9 @@ JOURNAL_BYTES = 256 * 1024
 """Size of the journal from the start: the sealing transaction must not need to extend it either."""
 
 
-def create(path: Path, max_pages: int | None = None) -> sqlite3.Connection:
+def create(
+    path: Path, max_pages: int | None = None, reserve_bytes: int = RESERVE_BYTES
+) -> sqlite3.Connection:
     """Creates a capture file; `max_pages` limits its size, for tests of a full disk.
 
     Raises:
@@ -85,7 +112,7 @@ def create(path: Path, max_pages: int | None = None) -> sqlite3.Connection:
             connection.execute(f"PRAGMA max_page_count = {max_pages:d}")
         # One transaction: a kill leaves a file with all of its tables, or an empty one.
         connection.executescript("BEGIN;" + TABLES)
-        connection.execute("INSERT INTO reserve VALUES (zeroblob(?))", (RESERVE_BYTES,))
+        connection.execute("INSERT INTO reserve VALUES (zeroblob(?))", (reserve_bytes,))
         connection.execute("COMMIT")
         _reserve_journal(path.with_name(path.name + JOURNAL))
         return connection
@@ -115,8 +142,7 @@ def connect(path: Path, *, writable: bool = False) -> GuardedConnection:
         StorageError: The disk or another program prevents reading it.
     """
     with reading_errors(path):
-        _check(path, read_header(path))
-        connection = open_tables(path, TABLES)
+        connection = _opened(path, _version(path))
         try:
             connection.execute("PRAGMA synchronous = FULL")
             if not writable:
@@ -127,7 +153,18 @@ def connect(path: Path, *, writable: bool = False) -> GuardedConnection:
     return connection
 
 
-def _check(path: Path, header: Header) -> None:
+def _opened(path: Path, version: int) -> GuardedConnection:
+    try:
+        return open_tables(path, _TABLES[version])
+    except ValueError:
+        # Converted since its version was read?
+        if (now := _version(path)) == version:
+            raise
+        return open_tables(path, _TABLES[now])
+
+
+def _version(path: Path) -> int:
+    header = read_header(path)
     if header.application_id != APPLICATION_ID:
         raise CaptureFileError(f"{path} is a database, but no capture", "choose a file that grabberd wrote")
     if header.user_version > VERSION:
@@ -135,6 +172,14 @@ def _check(path: Path, header: Header) -> None:
             f"{path} has version {header.user_version}, this program reads up to {VERSION}",
             "use a newer grabberd",
         )
+    if header.user_version not in _TABLES:
+        raise ValueError(f"its version is {header.user_version}")
+    return header.user_version
+
+
+def format_of(connection: sqlite3.Connection) -> int:
+    """Version of the layout of an open capture."""
+    return int(connection.execute("PRAGMA user_version").fetchone()[0])
 
 
 def _damaged(path: Path, error: Exception) -> CaptureFileError:

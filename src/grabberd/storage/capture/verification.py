@@ -8,13 +8,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from grabberd.errors import CaptureFileError, StorageError
-from grabberd.reconstruction.points import Points
-from grabberd.storage.capture.checked_rows import CheckedRows
-from grabberd.storage.capture.codec import decode_points
-from grabberd.storage.capture.digests import CHANGED, FIELDS, Damage, Row, changed_parts, points_prefix
+from grabberd.storage.capture.checked_rows import END
+from grabberd.storage.capture.digests import CHANGED, Damage, changed_parts
 from grabberd.storage.capture.meta import read_meta
-from grabberd.storage.capture.reader import ALL_FIELDS, ALL_POINTS
-from grabberd.storage.capture.rows import recorded_field
+from grabberd.storage.capture.reader import content_of
 from grabberd.storage.capture.schema import connect, reading_errors
 from grabberd.storage.disk import is_disk_error
 
@@ -59,19 +56,14 @@ def verify(path: Path) -> Verification:
             told += [f"{part}: {CHANGED}" for part in changed_parts(connection)]
         with _told(path, told):
             runs += [run for (run,) in connection.execute("SELECT run FROM runs ORDER BY run")]
-        rows = CheckedRows(path, connection, left_out)
+        content = content_of(path, connection, left_out)
         with _told(path, told):
-            fields = _number(rows.each(ALL_FIELDS, FIELDS, recorded_field))
+            fields = sum(1 for _ in content.fields(0, END))
+            told += content.unaccounted()
         for run in runs:
             with _told(path, told):
-                of_run = ALL_POINTS._replace(what="points" if run == 1 else f"points of run {run}")
-                points += _number(rows.each(of_run, points_prefix(run), _decoded_points, run=run))
-    return Verification(fields, points, rows.has_digests, [*told, *(one.in_words for one in left_out)])
-
-
-def _decoded_points(row: Row) -> Points:
-    _, _, count, data = row
-    return decode_points(data, count)
+                points += content.measured(run)
+    return Verification(fields, points, content.has_digests, [*told, *(one.in_words for one in left_out)])
 
 
 @contextmanager
@@ -92,7 +84,3 @@ def _of_the_database(connection: sqlite3.Connection) -> list[str]:
     # Digests tell of every row that is found; this tells of a tree in which not every way finds them.
     rows = connection.execute(f"PRAGMA integrity_check({_OF_DATABASE})").fetchall()
     return [f"the database: {words}" for (words,) in rows if words != "ok"]
-
-
-def _number(items: Iterator[object]) -> int:
-    return sum(1 for _ in items)

@@ -4,33 +4,34 @@ import copy
 import json
 import os
 import sqlite3
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
-from grabberd.acquisition import Ledger, LedgerEntry, LedgerEvent, Outcome, Slot
+from grabberd.acquisition import Ledger, LedgerEntry, LedgerEvent, Slot
 from grabberd.errors import InputError, StorageError
-from grabberd.field import NumberedField
 from grabberd.reconstruction.points import Points
-from grabberd.storage.capture.codec import encode_field, encode_points
 from grabberd.storage.capture.digests import FORM, FORM_KEY, write_sealed_digest
+from grabberd.storage.capture.groups.waiting import PicturesInWaiting, PointsInWaiting
+from grabberd.storage.capture.ledger_table import as_far_as_written, insert_entry, write_ledger
 from grabberd.storage.capture.meta import SEALED, CaptureMeta, check_meta, coverage_key, read_meta, write_meta
+from grabberd.storage.capture.point_table import GROUPED
 from grabberd.storage.capture.read_back import Uncommitted, check_sealed
 from grabberd.storage.capture.rebases import with_rebases
 from grabberd.storage.capture.rows import RunInfo
-from grabberd.storage.capture.schema import connect, create, sealed_path
+from grabberd.storage.capture.schema import RESERVE_BYTES, connect, create, sealed_path
 from grabberd.storage.disk import storage_errors, sync_directory
 from grabberd.storage.guarded_database import JOURNAL
 
 RUNNING = "running"
 DONE = "done"
 FAILED = "failed"
-NOT_WRITTEN = "not written to disk"
 
-_FIELD = "INSERT INTO fields VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+INSERT_FIELD = "INSERT INTO fields VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
+INSERT_PICTURES = "INSERT INTO pictures VALUES (?, ?, ?, ?, ?, ?, ?)"
 INSERT_RUN = "INSERT INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
-INSERT_POINTS = "INSERT INTO points VALUES (?, ?, ?, ?)"
 
 
 class CaptureWriter:
@@ -49,11 +50,24 @@ class CaptureWriter:
         self._uncommitted_runs: list[RunInfo] = []
         self._rebases: list[LedgerEvent] = []
         self._uncommitted = Uncommitted()
+        self._pictures, self._points = PicturesInWaiting(), PointsInWaiting()
         self._connection = connection
 
     @classmethod
-    def create(cls, path: Path, meta: CaptureMeta, max_pages: int | None = None) -> Self:
-        """Creates a file NAME.grab.part; `max_pages` limits its size, for tests of a full disk.
+    def create(
+        cls,
+        path: Path,
+        meta: CaptureMeta,
+        max_pages: int | None = None,
+        reserve_bytes: int = RESERVE_BYTES,
+    ) -> Self:
+        """Creates a file NAME.grab.part.
+
+        Args:
+            path: The file.
+            meta: Its metadata.
+            max_pages: Limits its size, for tests of a full disk.
+            reserve_bytes: Room that is kept for sealing it on a full disk.
 
         Raises:
             InputError: The metadata are none that a capture can have.
@@ -64,7 +78,7 @@ class CaptureWriter:
         except ValueError as error:
             hint = "look at its note and labels, and at the site and the device in the configuration"
             raise InputError(f"capture {meta.id!r} cannot begin: {error}", hint) from error
-        connection = create(path, max_pages)
+        connection = create(path, max_pages, reserve_bytes)
         writer = cls(path, connection, meta)
         with storage_errors(path):
             writer._begin()
@@ -81,7 +95,7 @@ class CaptureWriter:
         """
         if not self.path.exists() and sealed_path(self.path).exists():
             self.path = sealed_path(self.path)  # only to see its new name onto the disk has failed
-        self._uncommitted.forget()  # it went with the connection
+        self._forget()  # it went with the connection
         self._connection = connect(self.path, writable=True)
 
     def begin_run(
@@ -103,12 +117,12 @@ class CaptureWriter:
                 self._append(slot)
 
     def append_points(self, run: int, n: int, points: Points) -> None:
-        """Adds one field's points, with the next commit."""
+        """Adds one field's points, with the next commit; fields of a run come in order."""
         with storage_errors(self.path):
             self._begin()
-            row = (run, int(n), len(points), encode_points(points))
-            self._connection.execute(INSERT_POINTS, row)
-        self._uncommitted.add_points(row, points)
+            if not self._points.takes(run, points):
+                self._write_points()
+            self._points.add(run, n, points)
 
     def commit(self) -> None:
         """Commits everything added so far, which survives a crash from here on, and reads it back.
@@ -118,6 +132,8 @@ class CaptureWriter:
         """
         if self._connection.in_transaction:
             with storage_errors(self.path):
+                self._write_pictures()
+                self._write_points()
                 self._uncommitted.write_digests(self._connection)
                 self._connection.execute("COMMIT")
             # Rebound rather than extended: another thread may be reading the list.
@@ -157,7 +173,7 @@ class CaptureWriter:
         with storage_errors(self.path):
             self._connection.execute("BEGIN IMMEDIATE")
             self._connection.execute("DELETE FROM reserve")  # first: its pages hold what follows
-            written = _as_far_as_written(self._connection, ledger)
+            written = as_far_as_written(self._connection, ledger)
             write_ledger(self._connection, written)
             state, reason = (FAILED, measuring_failure) if measuring_failure else (DONE, None)
             self._connection.execute(
@@ -198,7 +214,12 @@ class CaptureWriter:
             if not self._connection.in_transaction:
                 raise  # committed, but not as it was meant
             self._connection.execute("ROLLBACK")
-            self._uncommitted.forget()
+            self._forget()
+
+    def _forget(self) -> None:
+        """Drops what was added and not committed."""
+        self._uncommitted.forget()
+        self._pictures, self._points = PicturesInWaiting(), PointsInWaiting()
 
     def _append(self, slot: Slot) -> None:
         for entry in slot.lost_before:
@@ -207,13 +228,44 @@ class CaptureWriter:
             self._rebases += slot.rebases
             write_meta(self._connection, {"extra": with_rebases(self.meta.extra, self._rebases)})
         if slot.numbered is not None:
-            row = _field_row(slot.numbered, str(slot.outcome), slot.reason)
-            self._connection.execute(_FIELD, row)
-            self._uncommitted.add_field(row, slot.numbered.packed)
+            if not self._pictures.takes(slot.numbered.packed):
+                self._write_pictures()
+            self._pictures.add(slot.numbered, str(slot.outcome), slot.reason)
         else:
             insert_entry(
                 self._connection, LedgerEntry(slot.n, 1, slot.outcome, slot.reason or str(slot.outcome))
             )
+
+    def _write_pictures(self) -> None:
+        """Writes the fields that wait as a group, whole or not at all."""
+        waiting, self._pictures = self._pictures, PicturesInWaiting()
+        if waiting:
+            group = waiting.group()
+            with _whole(self._connection):
+                self._connection.execute(INSERT_PICTURES, group.row)
+                self._connection.executemany(INSERT_FIELD, group.recorded)
+            self._uncommitted.add_pictures(group, waiting.newest)
+
+    def _write_points(self) -> None:
+        """Writes the points that wait as a group."""
+        waiting, self._points = self._points, PointsInWaiting()
+        if waiting:
+            group = waiting.group()
+            self._connection.execute(GROUPED.insert, group.row)
+            self._uncommitted.add_points(group, waiting.newest)
+
+
+@contextmanager
+def _whole(connection: sqlite3.Connection) -> Iterator[None]:
+    """Undoes the block's part of the transaction if it fails, on a full disk, say."""
+    connection.execute("SAVEPOINT whole")
+    try:
+        yield
+    except BaseException:
+        connection.execute("ROLLBACK TO whole")
+        raise
+    finally:
+        connection.execute("RELEASE whole")
 
 
 def publish(part: Path) -> Path:
@@ -233,32 +285,6 @@ def publish(part: Path) -> Path:
     return final
 
 
-def _as_far_as_written(connection: sqlite3.Connection, ledger: Ledger) -> Ledger:
-    """The ledger, in which received fields that are not in the file are lost."""
-    rows = connection.execute("SELECT n FROM fields WHERE outcome = ? ORDER BY n", (str(Outcome.RECEIVED),))
-    written = [n for (n,) in rows]
-    if len(written) == ledger.received:
-        return ledger
-    kept = Ledger.restore(
-        written, ledger.entries, events=ledger.events, first_n=ledger.first_n, gap=NOT_WRITTEN
-    )
-    kept.close(ledger.end_n or 0, NOT_WRITTEN)
-    return kept
-
-
-def write_ledger(connection: sqlite3.Connection, ledger: Ledger) -> None:
-    """Replaces the table `ledger`."""
-    connection.execute("DELETE FROM ledger")
-    for entry in ledger.entries:
-        insert_entry(connection, entry)
-
-
-def insert_entry(connection: sqlite3.Connection, entry: LedgerEntry) -> None:
-    """Adds one entry of the ledger."""
-    row = (entry.first_n, entry.count, str(entry.outcome), entry.reason)
-    connection.execute("INSERT INTO ledger VALUES (?, ?, ?, ?)", row)
-
-
 def run_row(
     run: int, kind: str, created_utc: str, version: str, state: str, made_with: Mapping[str, Any]
 ) -> tuple[object, ...]:
@@ -267,13 +293,3 @@ def run_row(
         json.dumps(made_with.get(key), ensure_ascii=False) for key in ("calibration", "object", "settings")
     ]
     return (run, kind, created_utc, version, state, None, *documents)
-
-
-def _field_row(numbered: NumberedField, outcome: str, reason: str | None) -> tuple[object, ...]:
-    packed = numbered.packed
-    codec, data = encode_field(packed)
-    sequence = None if numbered.sequence is None else int(numbered.sequence)
-    # sqlite3 stores numpy's integers as blobs
-    where = (int(numbered.n), int(numbered.time_ns), sequence, packed.parity, packed.y0, packed.y_step)
-    what = (packed.rows, packed.columns, packed.bits, int(packed.threshold))
-    return (*where, *what, outcome, reason, codec, data)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,8 +59,12 @@ DATASET_COLUMNS = (
 
 def rows_of(n: int, time_s: float, moment: datetime | None, points: Points) -> Rows:
     """One field's points by the names of `POINT_COLUMNS`."""
+    return _rows(n, _utc(moment), time_s, points)
+
+
+def _rows(n: Any, utc: Any, time_s: Any, points: Points) -> Rows:
+    """Points by the names of `POINT_COLUMNS`; the first three are those of all points, or of each."""
     sigma, calibration = sigma_mm(points.covariance_mm2), sigma_mm(points.calibration_covariance_mm2)
-    utc = np.datetime64("NaT", "ms") if moment is None else np.datetime64(moment.replace(tzinfo=None), "ms")
     images = points.image_px.reshape(len(points), 4)
     values = (n, utc, time_s, points.target, *points.xyz_mm.T, *sigma.T, *calibration.T)
     values = (*values, points.residual_px, *images.T)
@@ -69,17 +74,24 @@ def rows_of(n: int, time_s: float, moment: datetime | None, points: Points) -> R
     }
 
 
+def _utc(moment: datetime | None) -> np.datetime64:
+    return np.datetime64("NaT", "ms") if moment is None else np.datetime64(moment.replace(tzinfo=None), "ms")
+
+
 def sigma_mm(covariance_mm2: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N, 3) standard deviations from (N, 3, 3) covariances."""
     sigma: NDArray[np.float64] = np.sqrt(np.diagonal(covariance_mm2, axis1=1, axis2=2))
     return sigma
 
 
-def rows_by_field(reader: CaptureReader, run: int, first_n: int = 0, end_n: int = END) -> Iterator[Rows]:
-    """The points of a run, field by field."""
+def rows_by_group(reader: CaptureReader, run: int, first_n: int = 0, end_n: int = END) -> Iterator[Rows]:
+    """The points of a run, as many fields together as the file has together."""
     first_ns = reader.first_time_ns or 0
-    for n, time_ns, points in reader.timed_points(run, first_n, end_n):
-        yield rows_of(n, (time_ns - first_ns) / 1e9, moment_of(time_ns, reader.meta), points)
+    for n, times_ns, counts, points in reader.point_arrays(run, first_n, end_n):
+        moments = [_utc(moment_of(time_ns, reader.meta)) for time_ns in times_ns.tolist()]
+        times_s = (times_ns - first_ns) / 1e9
+        utc = np.repeat(np.array(moments, "M8[ms]"), counts)
+        yield _rows(np.repeat(n, counts), utc, np.repeat(times_s, counts), points)
 
 
 def moment_of(time_ns: int, meta: CaptureMeta) -> datetime | None:

@@ -1,15 +1,14 @@
 """Points of a capture as CSV, PLY and Parquet: streams and files, some fields at a time."""
 
 import json
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
-from itertools import islice
 from pathlib import Path
 from typing import IO, Any
 
 from grabberd import __version__
 from grabberd.errors import NotFound
-from grabberd.processes.columns import joined
+from grabberd.processes.columns import Rows, joined
 from grabberd.storage.capture.checked_rows import END
 from grabberd.storage.capture.digests import MISSING, Damage
 from grabberd.storage.capture.reader import CaptureReader
@@ -19,11 +18,11 @@ from grabberd.storage.export.csv_file import csv_text
 from grabberd.storage.export.ledger_file import write_ledger_file, write_left_out_file
 from grabberd.storage.export.parquet_file import check_parquet, write_parquet
 from grabberd.storage.export.ply_file import ply_head, ply_vertex, ply_vertices
-from grabberd.storage.export.points_columns import CLOUD_COLUMNS, POINT_COLUMNS, rows_by_field
+from grabberd.storage.export.points_columns import CLOUD_COLUMNS, POINT_COLUMNS, rows_by_group
 from grabberd.storage.export.read_back import csv_check, parquet_check, ply_check
 
-FIELDS_A_GROUP = 500
-"""Fields in a row group of Parquet, and so in memory at once: ten seconds of them."""
+POINTS_A_GROUP = 40_000
+"""Points in a row group of Parquet, and so in memory at once: about ten seconds of them."""
 
 
 def points_csv(
@@ -72,11 +71,21 @@ def points_parquet(path: Path, run: int | None, file: IO[bytes], left_out: list[
     check_parquet()
     reader, number = open_run(path, run, left_out)
     with reader:
-        fields = rows_by_field(reader, number)
-        groups = iter(lambda: list(islice(fields, FIELDS_A_GROUP)), [])
-        parts = (joined(POINT_COLUMNS, group) for group in groups)
+        parts = (joined(POINT_COLUMNS, some) for some in _row_groups(rows_by_group(reader, number)))
         metadata = {"grabberd": json.dumps(_about(reader, number), ensure_ascii=False)}
         return write_parquet(file, POINT_COLUMNS, parts, metadata)
+
+
+def _row_groups(parts: Iterable[Rows]) -> Iterator[list[Rows]]:
+    """Parts of a table, so many together that they have `POINTS_A_GROUP` rows."""
+    some: list[Rows] = []
+    for rows in parts:
+        some.append(rows)
+        if sum(len(one["n"]) for one in some) >= POINTS_A_GROUP:
+            yield some
+            some = []
+    if some:
+        yield some
 
 
 def open_run(
@@ -185,7 +194,7 @@ def export_parquet(
 
 def _csv(reader: CaptureReader, run: int) -> Generator[str, None, None]:
     with reader:
-        yield from csv_text(POINT_COLUMNS, rows_by_field(reader, run))
+        yield from csv_text(POINT_COLUMNS, rows_by_group(reader, run))
 
 
 def _ply(
@@ -197,7 +206,7 @@ def _ply(
     )
     with reader:
         yield ply_head(CLOUD_COLUMNS, count, comments)
-        for rows in rows_by_field(reader, run, first_n, end_n):
+        for rows in rows_by_group(reader, run, first_n, end_n):
             yield ply_vertices(CLOUD_COLUMNS, rows)
 
 
