@@ -1,7 +1,8 @@
 """The columns of exported points and of data sets, and how a field's points fill them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime, timedelta
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,17 +57,37 @@ DATASET_COLUMNS = (
 )
 
 
-def rows_of(n: int, time_s: float, moment: datetime | None, points: Points) -> Rows:
-    """One field's points by the names of `POINT_COLUMNS`."""
-    sigma, calibration = sigma_mm(points.covariance_mm2), sigma_mm(points.calibration_covariance_mm2)
-    utc = np.datetime64("NaT", "ms") if moment is None else np.datetime64(moment.replace(tzinfo=None), "ms")
-    images = points.image_px.reshape(len(points), 4)
-    values = (n, utc, time_s, points.target, *points.xyz_mm.T, *sigma.T, *calibration.T)
-    values = (*values, points.residual_px, *images.T)
+class FieldPoints(NamedTuple):
+    """One field's points: its number, the time since the first field, the time of day if it is known."""
+
+    n: int
+    time_s: float
+    moment: datetime | None
+    points: Points
+
+
+def rows_of(fields: Sequence[FieldPoints]) -> Rows:
+    """The points of some fields by the names of `POINT_COLUMNS`."""
+    points = [one.points for one in fields]
+    counts = [len(one) for one in points]
+    n, time_s = (
+        np.repeat(values, counts) for values in zip(*((one.n, one.time_s) for one in fields), strict=True)
+    )
+    utc = np.repeat([_datetime(one.moment) for one in fields], counts)
+    sigma = sigma_mm(np.concatenate([one.covariance_mm2 for one in points]))
+    calibration = sigma_mm(np.concatenate([one.calibration_covariance_mm2 for one in points]))
+    target = np.concatenate([one.target for one in points])
+    xyz_mm = np.concatenate([one.xyz_mm for one in points])
+    residual_px = np.concatenate([one.residual_px for one in points])
+    images_px = np.concatenate([one.image_px for one in points]).reshape(-1, 4)
+    values = (n, utc, time_s, target, *xyz_mm.T, *sigma.T, *calibration.T, residual_px, *images_px.T)
     return {
-        column.name: np.broadcast_to(np.asarray(value, column.dtype), len(points))
-        for column, value in zip(POINT_COLUMNS, values, strict=True)
+        column.name: value.astype(column.dtype) for column, value in zip(POINT_COLUMNS, values, strict=True)
     }
+
+
+def _datetime(moment: datetime | None) -> np.datetime64:
+    return np.datetime64("NaT", "ms") if moment is None else np.datetime64(moment.replace(tzinfo=None), "ms")
 
 
 def sigma_mm(covariance_mm2: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -79,7 +100,7 @@ def rows_by_field(reader: CaptureReader, run: int, first_n: int = 0, end_n: int 
     """The points of a run, field by field."""
     first_ns = reader.first_time_ns or 0
     for n, time_ns, points in reader.timed_points(run, first_n, end_n):
-        yield rows_of(n, (time_ns - first_ns) / 1e9, moment_of(time_ns, reader.meta), points)
+        yield rows_of([FieldPoints(n, (time_ns - first_ns) / 1e9, moment_of(time_ns, reader.meta), points)])
 
 
 def moment_of(time_ns: int, meta: CaptureMeta) -> datetime | None:
