@@ -18,16 +18,24 @@ import numpy as np
 from tests.bench.peers.given import SETTLED, given
 
 from grabberd.field import NumberedField
-from grabberd.kernel import in_use
+from grabberd.kernel import KERNEL, in_use
+from grabberd.processes import locating
 from grabberd.processes import measure as process
+from grabberd.processes.engine import Engine
 from grabberd.processes.measure import MeasureSetup, measure_fields
 from grabberd.reconstruction import Tracker
 
-STAGES = {
-    "location": (process, "measure"),
+STEPS: dict[str, tuple[Any, str]] = {
+    "location": (locating, "measure"),
     "blobs of a view, both": (process, "whole_blobs"),
     "tracking and intersection": (Tracker, "step"),
 }
+ENGINE: dict[str, tuple[Any, str]] = {
+    "inputs and room": (Engine, "_take"),
+    "the kernel, bits to points": (KERNEL, "measure"),
+}
+STAGES = ENGINE if KERNEL else STEPS
+"""Where a kernel does all in one call, `perf record` shows its functions."""
 
 
 def main() -> None:

@@ -1,18 +1,21 @@
 """Run under sanitisers: pictures and blobs as a fault or an enemy may make them, into the kernel."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from geometry.rigs import calibration
 from grabberd.acquisition import ContentCheck, GrabbedField
 from grabberd.field import BIT_DEPTHS, Field, PackedField, Packing, pack
 from grabberd.field.field import INTERPOLATIONS
-from grabberd.geometry import Rig
+from grabberd.geometry import LocalField, Rig, project
 from grabberd.kernel import load
 from grabberd.measurement import LocationSettings
 from grabberd.measurement.compiled.binary_location import measure_compiled
 from grabberd.measurement.compiled.grey_location import measure_grey, takes_grey
 from grabberd.measurement.locators.locator import GREY
-from grabberd.reconstruction import ImageNoise, ViewBlobs
+from grabberd.processes.engine import Engine
+from grabberd.reconstruction import ImageNoise, Track, Tracker, ViewBlobs
 from grabberd.reconstruction.correspondence.compiled_identification import Identification
 from grabberd.reconstruction.correspondence.correspondence import Correspondence
 from grabberd.reconstruction.correspondence.displacement_field import DisplacementField
@@ -81,6 +84,7 @@ def main():
         take_in(rng, size)
     for one in (model(), grid(520)):
         look_for(rng, one)
+    follow(rng, model())
     for count in (0, 1, 7):
         bend(rng, count)
     print("no harm")
@@ -138,6 +142,57 @@ def look_for(rng, liner):
                 correspondence.near(places, sigma, wild_blobs(rng, count), wild_blobs(rng, count + 1))
         if isinstance(correspondence.agreement.field, DisplacementField):
             identify(rng, known, correspondence)
+
+
+def follow(rng, liner):
+    """Its targets, through fields that show anything, from tracks that may be anything."""
+    shift, sigma = rng.normal(0, 9, (41, 50, 2)), rng.uniform(0, 9, (41, 50, 2))
+    local = LocalField.through((-0.5, -0.5), 15.0, shift, sigma)
+    made = replace(calibration(covariance=np.eye(36) * 1e-8), local_fields=(local, None))
+    known = Rig.of(made)
+    tracker = Tracker(known, liner, ImageNoise.of(known, liner, 0.12, 2))
+    seen = {True: list(pictures(rng)), False: list(grey_pictures(rng))}
+    with np.errstate(all="ignore"):
+        for scale in (0.0, 1e-3, 1.0, 1e3, 1e300, np.nan):
+            engine = Engine(KERNEL, tracker, made.views)
+            for one in [*seen[True], *seen[False]]:
+                settings = LocationSettings("centroid" if one.bits == 1 else "template", 0.0, 1e3)
+                if engine.takes(one, settings):
+                    engine.track = wild_track(rng, liner, scale)
+                    passed_s = [0.02, float(rng.choice([0.0, 0.02, -1.0, np.inf, np.nan])), 0.02]
+                    list(engine.run([one] * 3, passed_s, settings))
+        track_blobs(rng, tracker, made)
+
+
+def wild_track(rng, liner, scale):
+    start = Track.start(liner)
+    return replace(
+        start,
+        xyz_mm=liner.xyz_mm + scale * rng.normal(size=liner.xyz_mm.shape),
+        sigma_mm=scale * rng.random(len(liner)),
+        velocity_mm_s=scale * rng.normal(size=liner.xyz_mm.shape),
+        speed_sigma_mm_s=float(scale),
+        unseen_s=rng.choice([0.0, 0.02, np.inf], len(liner)),
+        age_s=0.0,
+        found=int(rng.integers(0, 60)),
+    ).numbers
+
+
+def track_blobs(rng, tracker, made):
+    """Discs where its targets are, so that they are found, lost and contradicted."""
+    engine = Engine(KERNEL, tracker, made.views)
+    for _ in range(12):
+        bits = np.zeros((288, 720), np.uint8)
+        for view in tracker.rig.views:
+            for x, y in np.nan_to_num(project(view, tracker.model.xyz_mm)) + rng.normal(0, 0.4, 2):
+                row, column = int(np.clip(y / 2, 2, 284)), int(np.clip(x, 4, 714))
+                if rng.random() < 0.9:
+                    bits[row - 1 : row + 2, column - 2 : column + 3] = 1
+        packed = PackedField(np.packbits(bits, axis=1)[np.newaxis], 1, 720, 0, 0, 2, 60)
+        engine.track = wild_track(rng, tracker.model, 0.3)
+        for way in engine.run([packed] * 2, [0.02] * 2, LocationSettings("centroid")):
+            if way.is_followed:
+                assert len(way.track.sighting) >= len(way.points) > 0
 
 
 def identify(rng, known, correspondence):

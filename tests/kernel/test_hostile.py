@@ -10,6 +10,7 @@ import pytest
 from grabberd.kernel import DONE, KERNEL, REFUSED, load
 from grabberd.measurement.compiled.binary_location import Settings
 from grabberd.measurement.compiled.grey_location import GreySettings
+from grabberd.processes.engine_inputs import Following
 from grabberd.reconstruction.correspondence.compiled_search import World
 from kernel.sanitised import HERE, build, run, runtime
 
@@ -83,14 +84,57 @@ def test_arrays_that_are_too_short_are_refused():
     world, some, indices = World(targets=5), np.zeros(3), np.zeros(20, np.int64)
     assert KERNEL.near(world, some, some, *[some] * 6, 2.0, indices, np.zeros(180))[0] == REFUSED
     with pytest.raises(ValueError, match="do not belong together"):
-        KERNEL.whole(some, some, some, some, np.zeros(9, np.bool_), 0, 9, np.zeros(45))
-    with pytest.raises(ValueError, match="do not belong together"):
         KERNEL.agree(world, *[some] * 7, some)
     values, rest = np.zeros((5, 2, 4)), np.zeros((7, 2))
     with pytest.raises(ValueError, match="do not belong together"):
         KERNEL.wall_forces(values[:, :1].copy(), rest, 1.0, np.zeros((2, 6, 4)), np.zeros((2, 6, 4, 4)))
     with pytest.raises(ValueError, match="do not belong together"):
         KERNEL.wall_stiffness(values, rest, 1.0, 0.0, np.zeros(1), np.zeros((2, 24, 24)))
+
+
+@needs_kernel
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"fields": ()},
+        {"fields": (bytes(64),) * 65},
+        {"room": -1},
+        {"room": 1 << 40},
+        {"settings": bytes(8)},
+        {"world": bytes(8)},
+        {"following": bytes(8)},
+        {"track": 42},
+        {"about": 7},
+        {"indices": 49},
+        {"kept": 481},
+        {"held": 361},
+    ],
+)
+def test_fields_with_too_little_room_are_refused(wrong):
+    def measure(fields=(bytes(64),) * 2, room=9, world=None, following=None, settings=None, **lengths):
+        given = {"track": 43, "about": 8, "indices": 50, "kept": 482, "held": 2 * 181} | lengths
+        arrays = [
+            np.zeros(count, np.intp if name == "indices" else np.float64) for name, count in given.items()
+        ]
+        return KERNEL.measure(
+            fields,
+            (1, 8, 8, 64, 2),
+            (room, 0),
+            Settings(max_diameter_px=15) if settings is None else settings,
+            World(targets=5) if world is None else world,
+            Following() if following is None else following,
+            *arrays,
+        )
+
+    assert measure() == 0
+    with pytest.raises(ValueError, match="do not belong together"):
+        measure(**wrong)
+
+
+@needs_kernel
+def test_a_field_that_is_no_buffer_is_an_error():
+    with pytest.raises(TypeError):
+        KERNEL.measure((bytes(64), 7), (1, 8, 8, 64, 2), (9, 0), *[bytes(8)] * 5, *[bytearray(8)] * 3)
 
 
 PACKED = (1, 0, 0, 0, 60)

@@ -8,7 +8,8 @@ import pytest
 from grabberd.field import TOP, Field, quantise
 from grabberd.geometry import LocalField
 from grabberd.measurement import Blobs
-from grabberd.processes.measure import measure_fields, whole_blobs
+from grabberd.processes.locating import whole_blobs
+from grabberd.processes.measure import measure_fields
 from grabberd.reconstruction.accuracy.accuracy import accuracy
 from grabberd.reconstruction.accuracy.ground_truth import Coordinates
 from processes.fake_scene import take_scene

@@ -9,10 +9,10 @@ from typing import Any, Protocol, cast
 
 Buffer = Any
 """Anything with contiguous memory: an array, a ctypes structure, bytes; `lines` in any strides."""
-LAYOUT = 6
+LAYOUT = 7
 """Version of functions and structures (module.c); a kernel with another one is left over from an older
 build."""
-DONE, NO_MEMORY, REFUSED, MORE_ROOM, NO_TABLE, NO_FULLNESS = range(6)
+DONE, NO_MEMORY, REFUSED, MORE_ROOM, NO_TABLE, NO_FULLNESS, UNFOLLOWED, NO_SAY = range(8)
 """Status codes of a call (kernel.h)."""
 
 
@@ -34,8 +34,15 @@ class Kernel(Protocol):
     ) -> tuple[int, int, float, float]:
         """Locate the blobs of a packed field of more bits."""
 
-    def whole(self, xy_px: Buffer, /, *arguments: Buffer | float) -> int:
-        """Select blobs that lie wholly inside a view."""
+    def measure(
+        self,
+        fields: tuple[Buffer, ...],
+        picture: tuple[int, int, int, int, int],
+        how: tuple[int, int],
+        /,
+        *arguments: Buffer,
+    ) -> int:
+        """Measure packed fields of one kind, as far as their targets can be followed."""
 
     def near(self, world: Buffer, /, *arguments: Buffer | float) -> tuple[int, int, float]:
         """Find targets near their expected positions, with their points."""

@@ -109,7 +109,7 @@ static void fill(const World *world, int64_t pair, const double *start_mm, const
     weigh(world, sigma, common, y, reach_px, pairs, lane);
 }
 
-static double sigma_at(const LocalField *field, const double xy[2], int channel) {
+double local_value(const LocalField *field, const double *coefficients, const double xy[2], int channel) {
     double along[2][4], value = 0;
     int64_t first[2], size[2] = {field->columns, field->rows};
     for (int c = 0; c < 2; c++) {
@@ -123,7 +123,7 @@ static double sigma_at(const LocalField *field, const double xy[2], int channel)
     for (int row = 0; row < 4; row++)
         for (int column = 0; column < 4; column++)
             value += along[1][row] * along[0][column] *
-                     field->sigma_px[2 * ((first[1] + row) * field->columns + first[0] + column) + channel];
+                     coefficients[2 * ((first[1] + row) * field->columns + first[0] + column) + channel];
     return value;
 }
 
@@ -188,7 +188,7 @@ static void calibration_share(const Rig *rig, const Pairs *pairs, const Image4 s
         if (!rig->local[v].rows) continue;
         double xy[2] = {pairs->observed[0][v][lane], pairs->observed[1][v][lane]};
         for (int c = 0; c < 2; c++, errors++)
-            for (int i = 0; i < 3; i++) moved[i][errors] = pull[i][c][v] * sigma_at(rig->local + v, xy, c);
+            for (int i = 0; i < 3; i++) moved[i][errors] = pull[i][c][v] * local_value(rig->local + v, rig->local[v].sigma_px, xy, c);
     }
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {

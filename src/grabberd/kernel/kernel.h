@@ -25,7 +25,7 @@
 #endif
 #define PI 3.141592653589793
 
-enum status { DONE = 0, NO_MEMORY = 1, REFUSED = 2, MORE_ROOM = 3, NO_TABLE = 4, NO_FULLNESS = 5 };
+enum status { DONE = 0, NO_MEMORY = 1, REFUSED = 2, MORE_ROOM = 3, NO_TABLE = 4, NO_FULLNESS = 5, UNFOLLOWED = 6, NO_SAY = 7 };
 
 /* A packed bit picture: eight pixels a byte, the leftmost in its highest bit. */
 typedef struct {
@@ -96,7 +96,7 @@ typedef struct {
 
 int find_components(const Picture *, const Settings *, Seen *);
 void free_components(Seen *);
-void sizes_of(const Picture *, const Seen *, Size *);
+int sizes_of(const Picture *, const Seen *, Size *);
 int locate_by_locale(const Picture *, const Settings *, const Seen *, Place *, Outcome *);
 int line_shares(const Picture *, const Settings *, const Seen *, double *common_px, double *reach_px);
 double median_of(double *values, int64_t count); /* of one at least; reorders them */

@@ -26,27 +26,33 @@ INLINE Lanes choose(WholeLanes which, Lanes one, Lanes other) {
 }
 INLINE Lanes greater(Lanes one, Lanes other) { return choose(one > other, one, other); }
 
+INLINE Lanes only(WholeLanes which, Lanes lanes) { return (Lanes)(which & (WholeLanes)lanes); }
+
 INLINE float greatest_of(Lanes lanes) {
-    float most = lanes[0];
-    for (int i = 1; i < EIGHT; i++) most = lanes[i] > most ? lanes[i] : most;
-    return most;
+    lanes = greater(lanes, PICK(lanes, lanes, 4, 5, 6, 7, 0, 1, 2, 3));
+    lanes = greater(lanes, PICK(lanes, lanes, 2, 3, 0, 1, 6, 7, 4, 5));
+    return lanes[0] > lanes[1] ? lanes[0] : lanes[1];
 }
 
+/* ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7)) */
 INLINE float sum_of(Lanes lanes) {
-    return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) + ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));
+    lanes += PICK(lanes, lanes, 4, 5, 6, 7, 0, 1, 2, 3);
+    lanes += PICK(lanes, lanes, 2, 3, 0, 1, 6, 7, 4, 5);
+    return lanes[0] + lanes[1];
 }
 
-/* e to the power of numbers from −80 to 0, to 1e-7 of itself (Cephes' polynomial). */
-INLINE Lanes exponential(Lanes x) {
-    Lanes whole = (x * 1.44269504f + 12582912.0f) - 12582912.0f;
-    Lanes rest = (x - whole * 0.693359375f) + whole * 2.12194440e-4f;
-    Lanes value = 1.9875691500e-4f * rest + 1.3981999507e-3f;
-    value = value * rest + 8.3334519073e-3f;
-    value = value * rest + 4.1665795894e-2f;
-    value = value * rest + 1.6666665459e-1f;
-    value = value * rest + 5.0000001201e-1f;
-    value = value * rest * rest + rest + 1.0f;
-    return value * (Lanes)((__builtin_convertvector(whole, WholeLanes) + 127) << 23);
+/* e to the power of numbers from −80 to 0, to 1e-7 of itself (Cephes' polynomial). Several at once, step by step: each
+   one's steps wait for one another, and a processor looks only so far ahead for others. */
+INLINE void exponentials(Lanes *x, int count) {
+    static const float TERMS[6] = {1.9875691500e-4f, 1.3981999507e-3f, 8.3334519073e-3f, 4.1665795894e-2f, 1.6666665459e-1f, 5.0000001201e-1f};
+    Lanes whole[count], value[count];
+    for (int i = 0; i < count; i++) whole[i] = (x[i] * 1.44269504f + 12582912.0f) - 12582912.0f;
+    for (int i = 0; i < count; i++) x[i] = (x[i] - whole[i] * 0.693359375f) + whole[i] * 2.12194440e-4f;
+    for (int i = 0; i < count; i++) value[i] = TERMS[0] * x[i] + TERMS[1];
+    for (int term = 2; term < 6; term++)
+        for (int i = 0; i < count; i++) value[i] = value[i] * x[i] + TERMS[term];
+    for (int i = 0; i < count; i++) value[i] = value[i] * x[i] * x[i] + x[i] + 1.0f;
+    for (int i = 0; i < count; i++) x[i] = value[i] * (Lanes)((__builtin_convertvector(whole[i], WholeLanes) + 127) << 23);
 }
 
 #endif

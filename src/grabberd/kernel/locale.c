@@ -15,23 +15,21 @@ typedef struct {
 } Sums;
 
 /* A column of places after the other, LANES high; those beyond the height are neighbours' and count for nothing. */
-INLINE Lanes look_up(const float *values, int64_t rows, const int64_t *entry, int64_t entries, const Lanes inside[2],
+INLINE Lanes look_up(const float *values, int64_t rows, const int64_t *entry, int64_t entries, const WholeLanes inside[2],
                      Lanes likelihood[WIDTH][2]) {
     Lanes most = all(-INFINITY);
     for (int column = 0; column < WIDTH; column += ABREAST) {
-        Lanes sum[ABREAST][2] = {{{0}}}, more;
-        for (int64_t k = 0; k < entries; k++) {
-            const float *from = values + column * rows + entry[k];
-            for (int beside = 0; beside < ABREAST; beside++, from += rows)
-                for (int part = 0; part < 2; part++) {
-                    memcpy(&more, from + part * EIGHT, sizeof more);
-                    sum[beside][part] += more;
-                }
-        }
+        const float *from = values + column * rows;
+        Lanes sum[ABREAST][2];
+        for (int beside = 0; beside < ABREAST; beside++)
+            for (int part = 0; part < 2; part++) sum[beside][part] = lanes_at(from + entry[0] + beside * rows + part * EIGHT);
+        for (int64_t k = 1; k < entries; k++)
+            for (int beside = 0; beside < ABREAST; beside++)
+                for (int part = 0; part < 2; part++) sum[beside][part] += lanes_at(from + entry[k] + beside * rows + part * EIGHT);
         for (int beside = 0; beside < ABREAST; beside++) {
             memcpy(likelihood[column + beside], sum[beside], sizeof sum[beside]);
             most = greater(most, sum[beside][0]);
-            most = greater(most, choose(inside[1] > 0.0f, sum[beside][1], sum[beside][0]));
+            most = greater(most, choose(inside[1], sum[beside][1], sum[beside][0]));
         }
     }
     return most;
@@ -39,24 +37,24 @@ INLINE Lanes look_up(const float *values, int64_t rows, const int64_t *entry, in
 
 /* The likelihoods of all places, the greatest of which is 1; and how likely that one is. */
 WIDE static float weigh(const float *values, int64_t rows, const int64_t *entry, int64_t entries, int height, Sums *sums) {
-    Lanes likelihood[WIDTH][2], inside[2], down[2] = {{0}};
-    for (int lane = 0; lane < LANES; lane++) inside[lane / EIGHT][lane % EIGHT] = lane < height;
+    Lanes likelihood[WIDTH][2], down[2] = {{0}};
+    const WholeLanes from = {0, 1, 2, 3, 4, 5, 6, 7}, inside[2] = {from < height, from < height - EIGHT};
     float greatest = greatest_of(look_up(values, rows, entry, entries, inside, likelihood));
-    for (int column = 0; column < WIDTH; column++) {
-        Lanes along = {0};
-        for (int part = 0; part < 2; part++) {
-            Lanes below = greater(likelihood[column][part] - greatest, all(NEVER));
-            Lanes weight = exponential(choose(below < 0.0f, below, all(0.0f))) * inside[part];
-            down[part] += weight;
-            along += weight;
-        }
-        sums->along[column] = sum_of(along);
+    for (int column = 0; column < WIDTH; column += ABREAST) {
+        Lanes weight[ABREAST][2];
+        for (int i = 0; i < 2 * ABREAST; i++) weight[i / 2][i % 2] = greater(likelihood[column + i / 2][i % 2] - greatest, all(NEVER));
+        exponentials(weight[0], 2 * ABREAST);
+        for (int i = 0; i < 2 * ABREAST; i++) weight[i / 2][i % 2] = only(inside[i % 2], weight[i / 2][i % 2]);
+        for (int i = 0; i < 2 * ABREAST; i++) down[i % 2] += weight[i / 2][i % 2];
+        for (int beside = 0; beside < ABREAST; beside++) sums->along[column + beside] = sum_of(weight[beside][0] + weight[beside][1]);
     }
     sums->total = 0;
     for (int column = 0; column < WIDTH; column++) sums->total += sums->along[column];
     for (int lane = 0; lane < LANES; lane++) sums->down[lane] = down[lane / EIGHT][lane % EIGHT];
     return greatest;
 }
+
+static double evidence_of(const Sums *sums, float greatest) { return (double)greatest + log(sums->total); }
 
 /* Of places from the right and from below, in steps of 1/10 column and 1/8 frame line. */
 static Posterior posterior_of(const Sums *sums, float greatest, int height) {
@@ -73,7 +71,7 @@ static Posterior posterior_of(const Sums *sums, float greatest, int height) {
     found.x /= sums->total, found.y /= sums->total;
     found.variance_x = xx / sums->total - found.x * found.x;
     found.variance_y = yy / sums->total - found.y * found.y;
-    found.evidence = (double)greatest + log(sums->total);
+    found.evidence = evidence_of(sums, greatest);
     return found;
 }
 
@@ -100,36 +98,43 @@ static int64_t looked_up(const Work *work, int64_t blob, const Kind *kind, Patte
     return fits(kind->table, work->entry, entries) ? entries : -1;
 }
 
-/* What some blobs of the most frequent kind say, if the noise is this one. */
-static int64_t ask_some(const Work *work, int noise, Posterior found[NOISE_BLOBS]) {
+/* Weights of places, and how likely the greatest is. */
+typedef struct {
+    Sums sums;
+    float greatest;
+} Weighed;
+
+/* Some blobs of the most frequent kind, weighed by each of the noises. */
+static int64_t ask_some(const Work *work, Weighed some[NOISES][NOISE_BLOBS]) {
     const Kind *kind = work->kinds->kinds + work->kinds->first;
     int64_t asked = at_most(kind->blobs, NOISE_BLOBS);
     for (int64_t k = 0; k < asked; k++) {
         Pattern pattern;
-        Sums sums;
         int64_t entries = looked_up(work, work->kinds->order[kind->begin + k], kind, &pattern);
         if (entries < 0) return -1;
-        float greatest = weigh(kind->table->values[noise], kind->table->rows, work->entry, entries, work->height, &sums);
-        found[k] = posterior_of(&sums, greatest, work->height);
+        for (int noise = 0; noise < NOISES; noise++) {
+            Weighed *own = some[noise] + k;
+            own->greatest = weigh(kind->table->values[noise], kind->table->rows, work->entry, entries, work->height, &own->sums);
+        }
     }
     return asked;
 }
 
 /* The one of the noises that explains these blobs best, and what they then say. */
 static int likeliest_noise(const Work *work, int *likeliest, Posterior found[NOISE_BLOBS]) {
-    Posterior some[NOISE_BLOBS];
+    Weighed some[NOISES][NOISE_BLOBS];
     double evidence[NOISE_BLOBS], best = -INFINITY;
+    int64_t asked = ask_some(work, some);
+    if (asked <= 0) return REFUSED;
     *likeliest = 0;
     for (int noise = 0; noise < NOISES; noise++) {
-        int64_t asked = ask_some(work, noise, some);
-        if (asked <= 0) return REFUSED;
-        for (int64_t k = 0; k < asked; k++) evidence[k] = some[k].evidence;
+        for (int64_t k = 0; k < asked; k++) evidence[k] = evidence_of(&some[noise][k].sums, some[noise][k].greatest);
         double least = median_of(evidence, asked) - UNEXPLAINED, sum = 0;
         for (int64_t k = 0; k < asked; k++) sum += larger(evidence[k], least);
         if (noise && !(sum > best)) continue;
         best = sum, *likeliest = noise;
-        memcpy(found, some, (size_t)asked * sizeof *some);
     }
+    for (int64_t k = 0; k < asked; k++) found[k] = posterior_of(&some[*likeliest][k].sums, some[*likeliest][k].greatest, work->height);
     return DONE;
 }
 
@@ -194,10 +199,8 @@ int locate_by_locale(const Picture *picture, const Settings *settings, const See
     Size *sizes = malloc((size_t)seen->component_count * sizeof *sizes);
     int64_t *entry = malloc((size_t)(2 * picture->rows + 2) * sizeof *entry);
     int status = sizes && entry ? DONE : NO_MEMORY;
-    if (status == DONE) {
-        sizes_of(picture, seen, sizes);
-        status = threshold_fraction(picture, settings, seen, sizes, &fraction, outcome);
-    }
+    if (status == DONE) status = sizes_of(picture, seen, sizes);
+    if (status == DONE) status = threshold_fraction(picture, settings, seen, sizes, &fraction, outcome);
     if (status == DONE) status = kinds_of(seen, sizes, &kinds);
     if (status == DONE) status = find_tables(settings, fraction, &kinds, outcome);
     if (status == DONE && kinds.blobs) {

@@ -28,21 +28,6 @@ static void write_out(const Picture *picture, const Seen *seen, const Place *pla
             write_blob(seen->components + i, places + i, common_px[i], (double)picture->y0, (double)picture->y_step, out, capacity, k++);
 }
 
-/* Those that lie in the columns of a view as a whole (as processes.measure.whole_blobs), with room for all. */
-int64_t whole_ones(int64_t count, const double *xy_px, const double *sigma_px, const double *common_px, const double *width_px,
-                   const bool *at_border, const double edges[2], double *out) {
-    int64_t kept = 0;
-    double *sigma = out + 2 * count, *common = out + 4 * count;
-    for (int64_t i = 0; i < count; i++) {
-        double x = xy_px[2 * i], half = width_px[i] / 2;
-        if (at_border[i] || !(x - half >= edges[0] - 0.5) || !(x + half <= edges[1] - 0.5)) continue;
-        out[2 * kept] = x, out[2 * kept + 1] = xy_px[2 * i + 1];
-        sigma[2 * kept] = sigma_px[2 * i], sigma[2 * kept + 1] = sigma_px[2 * i + 1];
-        common[kept++] = common_px[i];
-    }
-    return kept;
-}
-
 static bool is_sound(const Picture *picture, const Settings *settings) {
     return picture->bits && settings && picture->rows > 0 && picture->stride > 0 && picture->rows < 1 << 24 &&
            picture->stride < 1 << 24 && picture->rows * picture->stride <= picture->length &&
@@ -68,8 +53,7 @@ static int locate_seen(const Picture *picture, const Settings *settings, const S
 }
 
 /* Writes (COLUMNS · capacity) numbers at most; where there are more blobs, `outcome->count` says how many. */
-int grabberd_locate(const Picture *picture, const Settings *settings, double *out, int64_t capacity,
-                           Outcome *outcome) {
+int grabberd_locate(const Picture *picture, const Settings *settings, double *out, int64_t capacity, Outcome *outcome) {
     Seen seen = {0};
     *outcome = (Outcome){.common_reach_px = 2.0};
     if (!is_sound(picture, settings) || capacity < 0) return REFUSED;

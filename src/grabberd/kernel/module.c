@@ -55,22 +55,6 @@ static PyObject *locate_grey(PyObject *self, PyObject *arguments) {
     return Py_BuildValue("iLdd", status, (long long)outcome.count, outcome.common_reach_px, outcome.jitter_px);
 }
 
-/* whole(xy, σ, common, widths, at border, first column, end column, out) → how many of them */
-static PyObject *whole_of(PyObject *self, PyObject *arguments) {
-    Py_buffer xy, sigma, common, width, border, out;
-    double edges[2];
-    int64_t kept = -1;
-    (void)self;
-    if (!PyArg_ParseTuple(arguments, "y*y*y*y*y*ddw*", &xy, &sigma, &common, &width, &border, edges, edges + 1, &out)) return NULL;
-    int64_t count = border.len;
-    if (holds(&xy, 2 * count, sizeof(double)) && holds(&sigma, 2 * count, sizeof(double)) && holds(&common, count, sizeof(double)) &&
-        holds(&width, count, sizeof(double)) && holds(&out, 5 * count, sizeof(double)))
-        kept = whole_ones(count, xy.buf, sigma.buf, common.buf, width.buf, border.buf, edges, out.buf);
-    Py_buffer *all[] = {&xy, &sigma, &common, &width, &border, &out};
-    for (size_t i = 0; i < sizeof all / sizeof *all; i++) PyBuffer_Release(all[i]);
-    return kept < 0 ? refused("arrays that do not belong together") : PyLong_FromLongLong(kept);
-}
-
 static bool is_wall(const Py_buffer *values, const Py_buffer *rest, double shear_mpa, Wall *wall) {
     int64_t count = rest->len / ((FORMS + 1) * (Py_ssize_t)sizeof(double));
     *wall = (Wall){count, values->buf, rest->buf, shear_mpa};
@@ -119,7 +103,7 @@ static PyObject *stiffness_of(PyObject *self, PyObject *arguments) {
 
 static PyMethodDef FUNCTIONS[] = {{"locate", locate, METH_VARARGS, "Blobs of a packed field of 1 bit."},
                                   {"locate_grey", locate_grey, METH_VARARGS, "Blobs of a packed field of more bits."},
-                                  {"whole", whole_of, METH_VARARGS, "Blobs that lie in a view as a whole."},
+                                  {"measure", measure_of, METH_VARARGS, "Fields to points, as far as they can be followed."},
                                   {"near", near_of, METH_VARARGS, "Targets near where they must be, and their points."},
                                   {"agree", agree_of, METH_VARARGS, "Whether targets agree, and where all of them are."},
                                   {"hypotheses", hypotheses_of, METH_VARARGS, "Pairs of blobs that may be a target."},
@@ -132,7 +116,7 @@ static PyMethodDef FUNCTIONS[] = {{"locate", locate, METH_VARARGS, "Blobs of a p
                                   {NULL, NULL, 0, NULL}};
 
 /* Changed with every function and structure that Python sees (kernel.LAYOUT). */
-enum { LAYOUT = 6 };
+enum { LAYOUT = 7 };
 
 static int fill(PyObject *module) { return PyModule_AddIntConstant(module, "LAYOUT", LAYOUT); }
 

@@ -2,6 +2,7 @@
 #ifndef GRABBERD_MODULE_H
 #define GRABBERD_MODULE_H
 
+#include "engine.h"
 #include "grey.h"
 #include "kernel.h"
 #include "space.h"
@@ -9,7 +10,5 @@
 
 int grabberd_locate(const Picture *, const Settings *, double *out, int64_t capacity, Outcome *);
 int grabberd_locate_grey(const GreyPicture *, const GreySettings *, double *out, int64_t capacity, GreyOutcome *);
-int64_t whole_ones(int64_t count, const double *xy_px, const double *sigma_px, const double *common_px, const double *width_px,
-                   const bool *at_border, const double edges[2], double *out);
 
 #endif

@@ -12,10 +12,13 @@ PyObject *refused(const char *what); /* sets a ValueError; NULL */
 PyObject *pack_of(PyObject *self, PyObject *arguments);
 PyObject *take_of(PyObject *self, PyObject *arguments);
 PyObject *shifted_of(PyObject *self, PyObject *arguments);
+PyObject *measure_of(PyObject *self, PyObject *arguments);
 PyObject *near_of(PyObject *self, PyObject *arguments);
 PyObject *agree_of(PyObject *self, PyObject *arguments);
 PyObject *hypotheses_of(PyObject *self, PyObject *arguments);
 PyObject *largest_of(PyObject *self, PyObject *arguments);
+
+bool is_world(const Py_buffer *world); /* a World that is sound in itself */
 
 static inline bool holds(const Py_buffer *buffer, int64_t count, size_t size) {
     return count >= 0 && (uint64_t)buffer->len / size >= (uint64_t)count;

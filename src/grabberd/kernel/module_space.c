@@ -3,15 +3,6 @@
 
 #include "agreement.h"
 
-static Found found_in(Py_buffer *whole, Py_buffer *real, int64_t room) {
-    int64_t *index = whole->buf;
-    double *number = real->buf;
-    return (Found){.target = index, .blob = {index + room, index + 2 * room}, .xyz_mm = number,
-                   .covariance = number + 3 * room, .calibration = number + 12 * room, .image_px = number + 21 * room,
-                   .residual_px = number + 25 * room, .displacement_mm = number + 26 * room,
-                   .variance_mm2 = number + 29 * room, .miss = index + 3 * room, .predicted_px = number + 32 * room};
-}
-
 static bool are_blobs(const Py_buffer view[3], ViewBlobs *blobs) {
     *blobs = (ViewBlobs){view[0].buf, view[1].buf, view[2].len ? view[2].buf : NULL,
                          view[0].len / (2 * (Py_ssize_t)sizeof(double))};
@@ -19,7 +10,7 @@ static bool are_blobs(const Py_buffer view[3], ViewBlobs *blobs) {
            (!view[2].len || holds(view + 2, blobs->count, sizeof(double)));
 }
 
-static bool is_sound(const Py_buffer *world) {
+bool is_world(const Py_buffer *world) {
     const World *own = world->buf;
     if (world->len != sizeof(World) || own->targets <= 0 || own->targets >= 1 << 24 || own->pairs < 0) return false;
     for (int v = 0; v < VIEWS; v++)
@@ -39,10 +30,11 @@ PyObject *near_of(PyObject *self, PyObject *arguments) {
                           &view[1][0], &view[1][1], &view[1][2], &reach_px, &whole, &real))
         return NULL;
     const World *own = world.buf;
-    if (is_sound(&world) && holds(&places, 3 * own->targets, sizeof(double)) &&
+    if (is_world(&world) && holds(&places, 3 * own->targets, sizeof(double)) &&
         holds(&sigma, own->targets, sizeof(double)) && are_blobs(view[0], blobs) && are_blobs(view[1], blobs + 1) &&
         holds(&whole, 4 * own->targets, sizeof(int64_t)) && holds(&real, 36 * own->targets, sizeof(double))) {
-        Found found = found_in(&whole, &real, own->targets);
+        double *numbers = real.buf;
+        Found found = found_in(whole.buf, numbers, numbers + FOUND_NUMBERS * own->targets, own->targets);
         Py_BEGIN_ALLOW_THREADS
         status = near(own, places.buf, sigma.buf, blobs, reach_px, &found, &count, &surprise);
         Py_END_ALLOW_THREADS
@@ -70,7 +62,7 @@ PyObject *agree_of(PyObject *self, PyObject *arguments) {
         return NULL;
     const World *own = world.buf;
     int64_t count = target.len / (Py_ssize_t)sizeof(int64_t);
-    if (is_sound(&world) && count <= own->targets &&
+    if (is_world(&world) && count <= own->targets &&
         (!weights.len || holds(&weights, count * own->targets, sizeof(double))) && holds(&sigma, own->targets, sizeof(double)) &&
         holds(&displacement, 3 * count, sizeof(double)) && holds(&variance, 3 * count, sizeof(double)) &&
         holds(&covariance, 9 * count, sizeof(double)) && holds(&expected, 3 * own->targets, sizeof(double)) &&
@@ -115,7 +107,7 @@ PyObject *hypotheses_of(PyObject *self, PyObject *arguments) {
                           &farthest_mm, &whole, &real))
         return NULL;
     int64_t room = whole.len / (3 * (Py_ssize_t)sizeof(int64_t));
-    if (is_sound(&world) && are_blobs(view[0], blobs) && are_blobs(view[1], blobs + 1) &&
+    if (is_world(&world) && are_blobs(view[0], blobs) && are_blobs(view[1], blobs + 1) &&
         are_rays(center, direction, blobs, rays) && are_rays(center + 1, direction + 1, blobs + 1, rays + 1) &&
         holds(&real, 6 * room, sizeof(double))) {
         Hypotheses known = hypotheses_in(&whole, &real, room);
@@ -155,7 +147,7 @@ PyObject *largest_of(PyObject *self, PyObject *arguments) {
     int64_t known_ones = column[0].len / (Py_ssize_t)sizeof(int64_t);
     Hypotheses known = {column[0].buf, {column[1].buf, column[2].buf}, column[3].buf, column[4].buf, known_ones, known_ones};
     judge.covariance_mm2 = covariance.buf;
-    if (is_sound(&world) && holds(&covariance, own->targets * own->targets, sizeof(double)) &&
+    if (is_world(&world) && holds(&covariance, own->targets * own->targets, sizeof(double)) &&
         holds(column + 1, known_ones, sizeof(int64_t)) && holds(column + 2, known_ones, sizeof(int64_t)) &&
         holds(column + 3, 3 * known_ones, sizeof(double)) && holds(column + 4, 3 * known_ones, sizeof(double)) &&
         blobs[0] >= 0 && blobs[0] < INT32_MAX && blobs[1] >= 0 && blobs[1] < INT32_MAX && are_hypotheses(own, &known, most) &&

@@ -31,7 +31,14 @@ static void typical_of(const World *world, const ViewBlobs *blobs, double typica
         typical_px[c] = sqrt(variance[c] / (double)(blobs->count ? blobs->count : 1) + world->unmodelled_px * world->unmodelled_px);
 }
 
-static void take_over(Found *found, int64_t from, int64_t to) {
+Found found_in(int64_t *index, double *number, double *predicted_px, int64_t room) {
+    return (Found){.target = index, .blob = {index + room, index + 2 * room}, .xyz_mm = number,
+                   .covariance = number + 3 * room, .calibration = number + 12 * room, .image_px = number + 21 * room,
+                   .residual_px = number + 25 * room, .displacement_mm = number + 26 * room,
+                   .variance_mm2 = number + 29 * room, .miss = index + 3 * room, .predicted_px = predicted_px};
+}
+
+void take_over(Found *found, int64_t from, int64_t to) {
     if (from == to) return;
     found->target[to] = found->target[from];
     for (int v = 0; v < VIEWS; v++) found->blob[v][to] = found->blob[v][from];
@@ -65,7 +72,7 @@ static int64_t meeting(const World *world, const ViewBlobs blobs[VIEWS], int64_t
 }
 
 /* Mean square distance from the predicted places, in variances of each coordinate; as tracker._surprise. */
-static double surprise_of(const double *places_mm, const double *sigma_mm, int64_t count, const Found *found) {
+double surprise_of(const double *places_mm, const double *sigma_mm, int64_t count, const Found *found) {
     double sum = 0;
     for (int64_t i = 0; i < count; i++)
         for (int k = 0; k < 3; k++) {
@@ -121,17 +128,19 @@ void mark_torn(const World *world, const double *moved_mm, const bool *seen, boo
     }
 }
 
+/* Sums of one column of displacements, some weights abreast: in the same order, with fewer passes over the sums. */
+INLINE void add_weighted(const double *weights, int64_t targets, int abreast, const double *displacement_mm, double *sums) {
+    for (int k = 0; k < 3; k++, sums += targets)
+        for (int64_t i = 0; i < targets; i++)
+            for (int beside = 0; beside < abreast; beside++) sums[i] += weights[beside * targets + i] * displacement_mm[3 * beside + k];
+}
+
 WIDE static void weighted_sum(const double *weights, int64_t targets, int64_t count, const double *displacement_mm, double *sums) {
-    double *x = sums, *y = sums + targets, *z = sums + 2 * targets;
+    enum { ABREAST = 4 };
     memset(sums, 0, (size_t)(3 * targets) * sizeof *sums);
-    for (int64_t k = 0; k < count; k++, weights += targets) {
-        const double *one = displacement_mm + 3 * k;
-        for (int64_t i = 0; i < targets; i++) {
-            x[i] += weights[i] * one[0];
-            y[i] += weights[i] * one[1];
-            z[i] += weights[i] * one[2];
-        }
-    }
+    for (; count >= ABREAST; count -= ABREAST, weights += ABREAST * targets, displacement_mm += 3 * ABREAST)
+        add_weighted(weights, targets, ABREAST, displacement_mm, sums);
+    for (; count; count--, weights += targets, displacement_mm += 3) add_weighted(weights, targets, 1, displacement_mm, sums);
 }
 
 /* Which of the chosen the others contradict most, −1 where none is (as agreement.consistent's loop); and what they

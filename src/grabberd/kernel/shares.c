@@ -3,35 +3,47 @@
 
 static const double LINES_APART = 2.0, TINY = 2.2250738585072014e-308;
 
-/* The share of every line in a low blob's x, (height,); of a doubled picture rows between lines belong to both. */
-static void shares_of(const Picture *picture, const Run *run, int32_t runs, int64_t line, int64_t height,
-                      double *share, double *amount) {
-    int64_t lines = picture->rows * picture->y_step / 2;
+/* One row alone is a line, too. */
+static int64_t last_line(const Picture *picture) { return within(picture->rows * picture->y_step / 2, 1, INT64_MAX) - 1; }
+
+/* The share of every line in a low blob's x, (height,), in half pixels; of a doubled picture rows between lines belong to
+   both, but to the one alone where the other has nothing. */
+static void shares_of(const Picture *picture, const Component *own, const Run *run, int64_t line, int64_t height, int64_t *share,
+                      int64_t *amount) {
+    int64_t last = last_line(picture);
+    bool is_intact = picture->y_step == 2;
     for (int64_t k = 0; k < height; k++) share[k] = amount[k] = 0;
-    for (int32_t i = 0; i < runs; i++) {
-        int64_t half_lines = run[i].row * picture->y_step - first_row(picture);
-        int64_t before = within(half_lines >> 1, 0, lines - 1) - line;
-        if (before < 0 || before >= height) continue;
-        if ((half_lines & 1) == 0) amount[before] += run[i].last - run[i].first + 1;
+    for (int32_t i = 0; i < own->count; i++) {
+        int64_t half_lines = run[i].row * picture->y_step - first_row(picture), length = run[i].last - run[i].first + 1;
+        if (half_lines & 1) continue;
+        amount[within(half_lines >> 1, 0, last) - line] += length;
     }
-    for (int32_t i = 0; i < runs; i++) {
-        int64_t half_lines = run[i].row * picture->y_step - first_row(picture);
-        int64_t before = within(half_lines >> 1, 0, lines - 1) - line;
-        int64_t after = within((half_lines + 1) >> 1, 0, lines - 1) - line;
-        if (before < 0 || after < 0 || before >= height || after >= height) continue;
-        double length = run[i].last - run[i].first + 1;
-        double part = 0.5 + 0.5 * ((amount[before] > 0) - (amount[after] > 0));
+    for (int64_t k = 0; k < height; k++) share[k] = 2 * amount[k];
+    for (int32_t i = 0; i < own->count && !is_intact; i++) {
+        int64_t half_lines = run[i].row * picture->y_step - first_row(picture), length = run[i].last - run[i].first + 1;
+        if (!(half_lines & 1)) continue;
+        int64_t before = within(half_lines >> 1, 0, last) - line, after = within((half_lines + 1) >> 1, 0, last) - line;
+        int64_t part = 1 + (amount[before] > 0) - (amount[after] > 0);
         share[before] += length * part;
-        share[after] += length - length * part;
+        share[after] += length * (2 - part);
     }
-    double total = 0;
-    for (int64_t k = 0; k < height; k++) total += share[k];
-    for (int64_t k = 0; k < height; k++) share[k] /= total;
+}
+
+/* The square sum of a blob's shares, and the sum of the products of neighbours. */
+static void share_products(const Picture *picture, const Seen *seen, const Component *own, int64_t *share, double *square, double *beside) {
+    int64_t last = last_line(picture), total = 0, squares = 0, products = 0;
+    int64_t top = own->first_row * picture->y_step - first_row(picture), bottom = own->last_row * picture->y_step - first_row(picture);
+    int64_t line = within(top >> 1, 0, last), height = within((bottom + 1) >> 1, 0, last) - line + 1;
+    shares_of(picture, own, seen->runs + own->begin, line, height, share, share + height);
+    for (int64_t k = 0; k < height; k++) total += share[k], squares += share[k] * share[k];
+    for (int64_t k = 0; k + 1 < height; k++) products += share[k + 1] * share[k];
+    double all = (double)total * (double)total;
+    *square = (double)squares / all, *beside = (double)products / all;
 }
 
 int line_shares(const Picture *picture, const Settings *settings, const Seen *seen, double *common_px,
                 double *reach_px) {
-    int64_t low = 0, count = seen->component_count;
+    int64_t low = 0, count = seen->component_count, asked = 0;
     double jitter = settings->line_jitter_px;
     *reach_px = LINES_APART;
     for (int64_t i = 0; i < count; i++) {
@@ -39,35 +51,24 @@ int line_shares(const Picture *picture, const Settings *settings, const Seen *se
         low += seen->components[i].low;
     }
     if (jitter == 0 || !low) return DONE;
-    int64_t most = picture->rows + 1;
     double *correlation = malloc((size_t)low * sizeof *correlation);
-    double *share = malloc((size_t)(2 * most) * sizeof *share);
-    if (!correlation || !share) {
-        free(correlation);
-        free(share);
-        return NO_MEMORY;
-    }
-    int64_t lines = picture->rows * picture->y_step / 2, asked = 0;
-    for (int64_t i = 0; i < count; i++) {
-        const Component *own = seen->components + i;
-        if (!own->low) continue;
-        int64_t top = own->first_row * picture->y_step - first_row(picture);
-        int64_t bottom = own->last_row * picture->y_step - first_row(picture);
-        int64_t line = within(top >> 1, 0, lines - 1);
-        int64_t height = within((bottom + 1) >> 1, 0, lines - 1) - line + 1;
-        shares_of(picture, seen->runs + own->begin, own->count, line, at_most(height, most), share, share + most);
-        double square = 0, beside = 0;
-        for (int64_t k = 0; k < height; k++) square += share[k] * share[k];
-        for (int64_t k = 0; k + 1 < height; k++) beside += share[k + 1] * share[k];
+    int64_t *share = malloc((size_t)(2 * (picture->rows + 1)) * sizeof *share);
+    bool is_room = correlation && share;
+    for (int64_t i = 0; i < count && is_room; i++) {
+        double square, beside;
+        if (!seen->components[i].low) continue;
+        share_products(picture, seen, seen->components + i, share, &square, &beside);
         double common = jitter * jitter * square;
         common_px[i] = sqrt(common);
         correlation[asked++] = jitter * jitter * beside / larger(common, TINY);
     }
-    double middle = smaller(larger(median_of(correlation, low), 0.05), 0.99);
-    *reach_px = LINES_APART / sqrt(-2.0 * log(middle));
+    if (is_room) {
+        double middle = smaller(larger(median_of(correlation, low), 0.05), 0.99);
+        *reach_px = LINES_APART / sqrt(-2.0 * log(middle));
+    }
     free(correlation);
     free(share);
-    return DONE;
+    return is_room ? DONE : NO_MEMORY;
 }
 
 static double greatest(const double *values, int64_t count) {
@@ -77,21 +78,35 @@ static double greatest(const double *values, int64_t count) {
     return most;
 }
 
+/* The middle one of three, so that values that stand in order already are halved. */
+static double pivot_of(const double *values, int64_t low, int64_t high) {
+    double first = values[low], middle = values[low + (high - low) / 2], last = values[high];
+    return larger(smaller(first, middle), smaller(larger(first, middle), last));
+}
+
+/* Every value is moved, whichever side it belongs to: half of the branches that ask would be guessed wrong. */
 double ranked(double *values, int64_t count, int64_t rank) {
     int64_t low = 0, high = count - 1;
     while (low < high) {
-        double pivot = values[low + (high - low) / 2];
-        int64_t i = low, j = high;
-        while (i <= j) {
-            while (i <= high && values[i] < pivot) i++;
-            while (j >= low && values[j] > pivot) j--;
-            if (i > j) break;
-            double kept = values[i];
-            values[i++] = values[j], values[j--] = kept;
+        double pivot = pivot_of(values, low, high);
+        int64_t below = low, equal;
+        for (int64_t i = low; i <= high; i++) {
+            double own = values[i];
+            values[i] = values[below], values[below] = own;
+            below += own < pivot;
         }
-        if (rank <= j) high = j;
-        else if (rank >= i) low = i;
-        else break;
+        if (rank < below) {
+            high = below - 1;
+            continue;
+        }
+        equal = below;
+        for (int64_t i = below; i <= high; i++) {
+            double own = values[i];
+            values[i] = values[equal], values[equal] = own;
+            equal += !(own > pivot);
+        }
+        if (rank < equal) break;
+        low = equal;
     }
     return values[rank];
 }

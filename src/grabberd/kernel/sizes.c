@@ -68,22 +68,21 @@ static bool is_right(const Picture *picture, const Component *own) {
     return own->x >= (double)(picture->columns - 1) / 2;
 }
 
-static void frame_surface(const Picture *picture, const Seen *seen, const Size *sizes, bool right,
-                          Surface *surface, double *total, double *blobs) {
-    *total = *blobs = 0;
-    for (int64_t i = 0; i < seen->component_count; i++) {
-        const Component *own = seen->components + i;
-        if (!own->whole || is_right(picture, own) != right || !(sizes[i].delivered > 0)) continue;
-        *total += sizes[i].delivered;
-        *blobs += 1;
-    }
-    *total = larger(*total, 1e-9);
-    *blobs = larger(*blobs, 1);
+/* The targets of one half, in the order of the components, which does not tell the halves apart. */
+typedef struct {
+    const Component **own;
+    Size **size;
+    int64_t count;
+} Half;
+
+static void frame_surface(const Half *half, Surface *surface, double *total) {
     double x = 0, row = 0, xx = 0, rr = 0;
-    for (int64_t i = 0; i < seen->component_count; i++) {
-        const Component *own = seen->components + i;
-        if (!own->whole || is_right(picture, own) != right) continue;
-        double share = sizes[i].delivered / *total;
+    *total = 0;
+    for (int64_t i = 0; i < half->count; i++) *total += half->size[i]->delivered;
+    *total = larger(*total, 1e-9);
+    for (int64_t i = 0; i < half->count; i++) {
+        const Component *own = half->own[i];
+        double share = half->size[i]->delivered / *total;
         x += share * own->x, row += share * own->row;
         xx += share * (own->x * own->x), rr += share * (own->row * own->row);
     }
@@ -92,42 +91,42 @@ static void frame_surface(const Picture *picture, const Seen *seen, const Size *
     surface->extent_row = sqrt(larger(rr - row * row, 1.0));
 }
 
+INLINE void values_of(const Size *size, double values[3]) {
+    values[0] = size->half_width_px, values[1] = size->half_height_px, values[2] = size->lean;
+}
+
 /* `sizes` hold the moments yet: half width xx, half height yy, lean xy. */
-static void fit(const Picture *picture, const Seen *seen, const Size *sizes, bool right, Surface *surface) {
-    double total, blobs, normal[TERMS][TERMS] = {{0}}, sums[TERMS][3] = {{0}}, terms[TERMS];
-    frame_surface(picture, seen, sizes, right, surface, &total, &blobs);
+static void fit(const Half *half, Surface *surface) {
+    double total, values[3], normal[TERMS][TERMS] = {{0}}, sums[TERMS][3] = {{0}}, terms[TERMS];
+    frame_surface(half, surface, &total);
     for (int k = 0; k < 3; k++) surface->mean[k] = 0;
-    for (int pass = 0; pass < 2; pass++)
-        for (int64_t i = 0; i < seen->component_count; i++) {
-            const Component *own = seen->components + i;
-            if (!own->whole || is_right(picture, own) != right || !(sizes[i].delivered > 0)) continue;
-            double weight = sizes[i].delivered;
-            double values[3] = {sizes[i].half_width_px, sizes[i].half_height_px, sizes[i].lean};
-            if (pass == 0) {
-                for (int k = 0; k < 3; k++) surface->mean[k] += values[k] / total;
-                continue;
-            }
-            terms_of(surface, own, terms);
-            for (int a = 0; a < TERMS; a++) {
-                for (int b = 0; b <= a; b++) normal[a][b] += terms[a] * weight * terms[b];
-                for (int k = 0; k < 3; k++) sums[a][k] += terms[a] * (values[k] - surface->mean[k] * weight);
-            }
+    for (int64_t i = 0; i < half->count; i++) {
+        values_of(half->size[i], values);
+        for (int k = 0; k < 3; k++) surface->mean[k] += values[k];
+    }
+    for (int k = 0; k < 3; k++) surface->mean[k] /= total;
+    for (int64_t i = 0; i < half->count; i++) {
+        double weight = half->size[i]->delivered;
+        values_of(half->size[i], values);
+        terms_of(surface, half->own[i], terms);
+        for (int k = 0; k < 3; k++) values[k] -= surface->mean[k] * weight;
+        for (int a = 0; a < TERMS; a++) {
+            double weighted = terms[a] * weight;
+            for (int b = 0; b < TERMS; b++) normal[a][b] += weighted * terms[b];
+            for (int k = 0; k < 3; k++) sums[a][k] += terms[a] * values[k];
         }
-    for (int a = 0; a < TERMS; a++)
-        for (int b = a + 1; b < TERMS; b++) normal[a][b] = normal[b][a];
+    }
     normal[0][0] += 1e-9;
-    for (int a = 1; a < TERMS; a++) normal[a][a] += STIFFNESS * total / blobs;
+    for (int a = 1; a < TERMS; a++) normal[a][a] += STIFFNESS * total / larger((double)half->count, 1);
     solve(normal, sums, surface->factor);
 }
 
 static void smooth(const Picture *picture, const Component *own, const Surface *surface, Size *size) {
-    double terms[TERMS], value[3];
+    double terms[TERMS], value[3] = {0};
     terms_of(surface, own, terms);
-    for (int k = 0; k < 3; k++) {
-        value[k] = 0;
-        for (int a = 0; a < TERMS; a++) value[k] += surface->factor[a][k] * terms[a];
-        value[k] += surface->mean[k];
-    }
+    for (int a = 0; a < TERMS; a++)
+        for (int k = 0; k < 3; k++) value[k] += surface->factor[a][k] * terms[a];
+    for (int k = 0; k < 3; k++) value[k] += surface->mean[k];
     double y_step = (double)picture->y_step;
     double yy = larger(value[1] + POINTING_Y_PX2 * (y_step * y_step), LEAST_PX2);
     double across = larger(value[0] + POINTING_X_PX2 * y_step - value[2] * value[2] / yy, LEAST_PX2);
@@ -136,15 +135,33 @@ static void smooth(const Picture *picture, const Component *own, const Surface *
     size->lean = value[2] / yy;
 }
 
-void sizes_of(const Picture *picture, const Seen *seen, Size *sizes) {
-    Surface halves[2];
+/* Whole components with delivered rows in one half: those without any count for nothing but are told their size. */
+static void gather(const Picture *picture, const Seen *seen, Size *sizes, bool right, bool delivered, Half *half) {
+    half->count = 0;
+    for (int64_t i = 0; i < seen->component_count; i++) {
+        const Component *own = seen->components + i;
+        half->own[half->count] = own, half->size[half->count] = sizes + i;
+        half->count += own->whole && is_right(picture, own) == right && (!delivered || sizes[i].delivered > 0);
+    }
+}
+
+int sizes_of(const Picture *picture, const Seen *seen, Size *sizes) {
+    size_t room = (size_t)seen->component_count + 1;
+    Half half = {malloc(room * sizeof *half.own), malloc(room * sizeof *half.size), 0};
+    int status = half.own && half.size ? DONE : NO_MEMORY;
     for (int64_t i = 0; i < seen->component_count; i++) {
         if (!seen->components[i].whole) continue;
         Moments own = moments_of(picture, seen->runs, seen->components + i);
         sizes[i] = (Size){own.xx, own.yy, own.xy, own.pixels};
     }
-    for (int right = 0; right < 2; right++) fit(picture, seen, sizes, right, halves + right);
-    for (int64_t i = 0; i < seen->component_count; i++)
-        if (seen->components[i].whole)
-            smooth(picture, seen->components + i, halves + is_right(picture, seen->components + i), sizes + i);
+    for (int right = 0; right < 2 && status == DONE; right++) {
+        Surface surface;
+        gather(picture, seen, sizes, right, true, &half);
+        fit(&half, &surface);
+        gather(picture, seen, sizes, right, false, &half);
+        for (int64_t i = 0; i < half.count; i++) smooth(picture, half.own[i], &surface, half.size[i]);
+    }
+    free(half.own);
+    free(half.size);
+    return status;
 }

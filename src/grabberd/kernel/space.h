@@ -5,14 +5,14 @@
 #include "kernel.h"
 
 /* As reconstruction.miss.Miss; where both views have no blob, both bits are set. */
-enum { NO_BLOB = 1, RAYS_APART = 4 };
-enum { VIEWS = 2, PARAMETERS = 18, MOST_ERRORS = 2 * PARAMETERS, FOUR = 4 };
+enum { NO_BLOB = 1, RAYS_APART = 4, OFF_PLACE = 5 };
+enum { VIEWS = 2, PARAMETERS = 18, MOST_ERRORS = 2 * PARAMETERS, FOUR = 4, FOUND_NUMBERS = 32, FOUND_INDICES = 5 };
 typedef double Four __attribute__((vector_size(32)));
 
-/* As `LocalField`: the spline of a standard deviation over one view. */
+/* As `LocalField`: splines of a displacement and of its standard deviation over one view. */
 typedef struct {
     double origin_px[2], step_px;
-    const double *sigma_px; /* (rows, columns, 2) */
+    const double *shift_px, *sigma_px; /* (rows, columns, 2) each */
     int64_t rows, columns;
 } LocalField;
 
@@ -58,6 +58,10 @@ typedef struct {
 
 int near(const World *, const double *places_mm, const double *sigma_mm, const ViewBlobs blobs[VIEWS], double reach_px,
          Found *, int64_t *found, double *surprise);
+Found found_in(int64_t *index, double *number, double *predicted_px, int64_t room); /* FOUND_NUMBERS · room of them */
+void take_over(Found *, int64_t from, int64_t to); /* but for displacement and variance */
+double surprise_of(const double *places_mm, const double *sigma_mm, int64_t count, const Found *);
+double local_value(const LocalField *, const double *coefficients, const double xy[2], int channel);
 int nearest(int64_t targets, const double *image_px, const double *reach_px, const ViewBlobs *, int64_t *blob);
 int intersect(const World *, int64_t count, const double *start_mm, const ViewBlobs blobs[VIEWS], double reach_px, Found *);
 void mark_torn(const World *, const double *moved_mm, const bool *seen, bool *torn);

@@ -104,35 +104,75 @@ INLINE void look_up(const GreySettings *settings, Lanes distance, Lanes *inside,
     *density = steep * (1.0f - z * beyond);
 }
 
-/* Eight pixels of a disc: what is left of their grey values, and slopes by the eight numbers. */
-INLINE void eight_pixels(const float disc[NUMBERS], float blurring_x, const GreySettings *settings, const Lanes pixel[3], Lanes slope[ROWS]) {
+/* What the slopes at eight pixels are made of. */
+typedef struct {
+    Lanes v, u, down, across, along, sharp, distance, edge, inside;
+} Edge;
+
+/* Of some eights at once, step by step: each one's steps wait for one another. */
+INLINE void edges_of(const float disc[NUMBERS], float blurring_x, const GreySettings *settings, const Sheet *sheet, int64_t first, int count,
+                     Edge *edge) {
     const float narrow = 1.0f / disc[HALF_WIDTH], low = 1.0f / disc[HALF_HEIGHT];
-    const Lanes v = pixel[1] - disc[Y], u = (pixel[0] - disc[X] - disc[LEAN] * v) * narrow, down = v * low;
-    Lanes radius2 = u * u + down * down + 1e-6f, across = u * narrow;
-    Lanes along = down * low - disc[LEAN] * u * narrow, along2 = along * along;
-    Lanes sharp = 1.0f / root_of(blurring_x * (across * across) + disc[BLURRING] * along2 + 1e-6f);
-    Lanes distance = (radius2 - root_of(radius2)) * sharp, density;
-    look_up(settings, distance, slope + CONTRAST, &density);
-    Lanes steep = disc[CONTRAST] * density, edge = steep * sharp;
-    slope[BACKGROUND] = all(1.0f);
-    slope[HALF_WIDTH] = edge * u * across, slope[HALF_HEIGHT] = edge * down * down * low;
-    slope[BLURRING] = 0.5f * edge * sharp * distance * along2;
-    slope[X] = edge * across, slope[Y] = edge * along, slope[LEAN] = slope[X] * v;
-    slope[REST] = pixel[2] - (disc[BACKGROUND] + disc[CONTRAST] * slope[CONTRAST]);
+    Lanes radius2[count], root[count], spread[count], density[count];
+    for (int i = 0; i < count; i++) {
+        edge[i].v = lanes_at(sheet->y + first + i * EIGHT) - disc[Y];
+        edge[i].u = (lanes_at(sheet->x + first + i * EIGHT) - disc[X] - disc[LEAN] * edge[i].v) * narrow;
+    }
+    for (int i = 0; i < count; i++) edge[i].down = edge[i].v * low, edge[i].across = edge[i].u * narrow;
+    for (int i = 0; i < count; i++) radius2[i] = edge[i].u * edge[i].u + edge[i].down * edge[i].down + 1e-6f;
+    for (int i = 0; i < count; i++) edge[i].along = edge[i].down * low - disc[LEAN] * edge[i].u * narrow;
+    for (int i = 0; i < count; i++)
+        spread[i] = blurring_x * (edge[i].across * edge[i].across) + disc[BLURRING] * (edge[i].along * edge[i].along) + 1e-6f;
+    for (int i = 0; i < count; i++) spread[i] = root_of(spread[i]), root[i] = root_of(radius2[i]);
+    for (int i = 0; i < count; i++) edge[i].sharp = 1.0f / spread[i];
+    for (int i = 0; i < count; i++) edge[i].distance = (radius2[i] - root[i]) * edge[i].sharp;
+    for (int i = 0; i < count; i++) look_up(settings, edge[i].distance, &edge[i].inside, density + i);
+    for (int i = 0; i < count; i++) edge[i].edge = disc[CONTRAST] * density[i] * edge[i].sharp;
 }
 
-WIDE static void picture_disc(const float *restrict disc, float blurring_x, const GreySettings *settings, Sheet *sheet) {
-    const float *x = sheet->x, *y = sheet->y, *grey = sheet->grey;
-    float *restrict design = sheet->design;
+INLINE void write_eight(float *design, int64_t padded, int row, Lanes values) { memcpy(design + row * padded, &values, sizeof values); }
+
+/* What is left of eight pixels' grey values, and their slopes by the place along x; or by all eight numbers. */
+INLINE void write_slopes(const float disc[NUMBERS], const Edge *edge, Lanes grey, bool all_of_them, float *design, int64_t padded) {
+    const float low = 1.0f / disc[HALF_HEIGHT];
+    Lanes by_x = edge->edge * edge->across;
+    write_eight(design, padded, X, by_x);
+    write_eight(design, padded, REST, grey - (disc[BACKGROUND] + disc[CONTRAST] * edge->inside));
+    if (!all_of_them) return;
+    write_eight(design, padded, CONTRAST, edge->inside);
+    write_eight(design, padded, BACKGROUND, all(1.0f));
+    write_eight(design, padded, HALF_WIDTH, edge->edge * edge->u * edge->across);
+    write_eight(design, padded, HALF_HEIGHT, edge->edge * edge->down * edge->down * low);
+    write_eight(design, padded, BLURRING, 0.5f * edge->edge * edge->sharp * edge->distance * (edge->along * edge->along));
+    write_eight(design, padded, Y, edge->edge * edge->along);
+    write_eight(design, padded, LEAN, by_x * edge->v);
+}
+
+INLINE void picture_of(const float *restrict disc, float blurring_x, const GreySettings *settings, bool all_of_them, Sheet *sheet) {
+    enum { SEVERAL = 4 };
     const int64_t padded = sheet->padded;
-    for (int64_t i = 0; i < padded; i += EIGHT) {
-        Lanes pixel[3] = {lanes_at(x + i), lanes_at(y + i), lanes_at(grey + i)}, slope[ROWS];
-        eight_pixels(disc, blurring_x, settings, pixel, slope);
-#pragma GCC unroll 9
-        for (int k = 0; k < ROWS; k++) memcpy(design + k * padded + i, slope + k, sizeof *slope);
+    Edge edge[SEVERAL];
+    int64_t first = 0;
+    for (; first + SEVERAL * EIGHT <= padded; first += SEVERAL * EIGHT) {
+        edges_of(disc, blurring_x, settings, sheet, first, SEVERAL, edge);
+        for (int i = 0; i < SEVERAL; i++)
+            write_slopes(disc, edge + i, lanes_at(sheet->grey + first + i * EIGHT), all_of_them, sheet->design + first + i * EIGHT, padded);
+    }
+    for (; first < padded; first += EIGHT) {
+        edges_of(disc, blurring_x, settings, sheet, first, 1, edge);
+        write_slopes(disc, edge, lanes_at(sheet->grey + first), all_of_them, sheet->design + first, padded);
     }
     for (int k = 0; k < ROWS; k++)
-        for (int64_t i = sheet->pixels; i < padded; i++) design[k * padded + i] = 0.0f;
+        for (int64_t i = sheet->pixels; i < padded; i++) sheet->design[k * padded + i] = 0.0f;
+}
+
+WIDE static void picture_disc(const float *disc, float blurring_x, const GreySettings *settings, Sheet *sheet) {
+    picture_of(disc, blurring_x, settings, true, sheet);
+}
+
+/* As much of it as chords are cut from. */
+WIDE static void picture_chords(const float *disc, float blurring_x, const GreySettings *settings, Sheet *sheet) {
+    picture_of(disc, blurring_x, settings, false, sheet);
 }
 
 /* Sums of products of three rows with three. */
@@ -253,7 +293,7 @@ static void fit_abreast(const GreyPicture *picture, const GreySettings *settings
         improve(step, disc[k]);
         places[first + k].sigma_x = noise * sqrt(variance_x[k]), places[first + k].sigma_y = noise * sqrt(variance_y[k]);
     }
-    for (int k = 0; k < count; k++) picture_disc(disc[k], blurring_x, settings, sheets + k);
+    for (int k = 0; k < count; k++) picture_chords(disc[k], blurring_x, settings, sheets + k);
     for (int k = 0; k < count; k++) write_down(picture, windows, first + k, sheets + k, disc[k], noise, places, chords);
 }
 

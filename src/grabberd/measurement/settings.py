@@ -68,3 +68,7 @@ class LocationSettings:
         if not (self.spread_px > 0 and self.line_jitter_px >= 0):
             lengths = f"spread_px {self.spread_px} and line_jitter_px {self.line_jitter_px}"
             raise ValueError(f"{lengths} are out of range (above 0; at least 0)")
+
+    def solves_line_shifts(self, bits: int) -> bool:
+        """True if shifts are solved for in fields of so many bits."""
+        return bits > 1 if self.line_shifts is None else self.line_shifts

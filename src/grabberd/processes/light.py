@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from grabberd.field import Field, quantise
 from grabberd.measurement import LocationSettings, measure
-from grabberd.processes.measure import whole
+from grabberd.processes.locating import whole
 
 CLIPPED_LEVEL = 250
 """A camera's white is a little below 255."""

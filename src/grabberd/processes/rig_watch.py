@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from grabberd.geometry import Rig
-from grabberd.processes.measure import MeasuredField, MeasureSetup, whole_blobs
+from grabberd.processes.locating import whole_blobs
+from grabberd.processes.measure import MeasuredField, MeasureSetup
 from grabberd.reconstruction import Correspondence, ImageNoise, Points, ViewBlobs
 from grabberd.reconstruction.accuracy.drift_check import (
     LEAST_TARGETS,

@@ -4,7 +4,8 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from grabberd.field import NumberedField
 from grabberd.geometry import Rig
-from grabberd.processes.measure import Locating, MeasureSetup, whole_blobs
+from grabberd.processes.locating import Locating, whole_blobs
+from grabberd.processes.measure import MeasureSetup
 from grabberd.reconstruction import (
     Correspondence,
     ImageNoise,
@@ -41,7 +42,7 @@ class _Searching:
 
     def __init__(self, setup: MeasureSetup, y_step: int) -> None:
         self.y_step = y_step
-        self._locating = Locating.of(setup)
+        self._locating = Locating(setup.location, setup.line_jitter_px)
         known, model = setup.calibration, setup.object_model
         self._halves = tuple(zip(known.views, known.local_fields, strict=True))
         rig = Rig.of(known)

@@ -1,5 +1,6 @@
 """Points: positions of targets in space at one field."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,6 +50,19 @@ class Points:
     image_px: NDArray[np.float64]
     residual_px: NDArray[np.float64]
     single: SingleViewImages | None = None
+
+    @classmethod
+    def joined(cls, parts: Sequence["Points"]) -> "Points":
+        """Join the points of some fields, in order and without their single views."""
+        names = (
+            "target",
+            "xyz_mm",
+            "covariance_mm2",
+            "calibration_covariance_mm2",
+            "image_px",
+            "residual_px",
+        )
+        return cls(*(np.concatenate([getattr(one, name) for one in parts]) for name in names))
 
     def __len__(self) -> int:
         return len(self.target)

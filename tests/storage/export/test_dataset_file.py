@@ -30,7 +30,7 @@ def fields(count, points=70):
             for column in POINT_COLUMNS
             if column.name not in rows
         }
-        yield [rows | numbers]
+        yield 1, rows | numbers
 
 
 def written(folder, count=5):

@@ -5,8 +5,10 @@ made by the same functions as numpy's, and kept.
 """
 
 import ctypes
+import math
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,10 +72,10 @@ class Settings(ctypes.Structure):
     )
 
 
-class _Kept:
+class Kept:
     """Settings and the tables that they point to; immutable, so that threads may share them."""
 
-    def __init__(self, known: "_Known", tables: tuple[Table, ...], fullnesses: tuple[Fullness, ...]) -> None:
+    def __init__(self, known: "Known", tables: tuple[Table, ...], fullnesses: tuple[Fullness, ...]) -> None:
         self.tables, self.fullnesses = tables, fullnesses
         self._arrays = (Table * len(tables))(*tables), (Fullness * len(fullnesses))(*fullnesses)
         first, second = (ctypes.addressof(one) for one in self._arrays)
@@ -89,7 +91,7 @@ class _Kept:
         )
 
 
-class _Known:
+class Known:
     """Kernel inputs other than the picture, with the tables made so far."""
 
     def __init__(
@@ -97,9 +99,9 @@ class _Known:
     ) -> None:
         self.least_px, self.greatest_px, self.jitter_px = least_px, greatest_px, jitter_px
         self.spread_px, self.y_step = spread_px, y_step
-        self.kept = _Kept(self, (), ())
+        self.kept = Kept(self, (), ())
 
-    def add_table(self, kept: _Kept, wide: float, high: float, fraction: float) -> _Kept:
+    def _add_table(self, kept: Kept, wide: float, high: float, fraction: float) -> Kept:
         assert self.spread_px is not None
         half_axes = KIND_PX[0] * wide, KIND_PX[1] * high
         look = Appearance(*half_axes, fraction, NOISES[0], self.spread_px, self.jitter_px, self.y_step)
@@ -112,20 +114,26 @@ class _Known:
         )
         own.windows = windows  # the arrays at the addresses must stay alive
         # Threads may replace each other's tables here: a lost one is named, and made, once more.
-        self.kept = _Kept(self, (*kept.tables, own), kept.fullnesses)
+        self.kept = Kept(self, (*kept.tables, own), kept.fullnesses)
         return self.kept
 
-    def add_fullness(self, kept: _Kept, wide: float, high: float) -> _Kept:
+    def _add_fullness(self, kept: Kept, wide: float, high: float) -> Kept:
         assert self.spread_px is not None
         ratios = fullness((ROUNDED_PX * int(wide), ROUNDED_PX * int(high)), self.spread_px)
         own = Fullness(wide, high, (ctypes.c_double * len(ratios))(*ratios))
-        self.kept = _Kept(self, kept.tables, (*kept.fullnesses, own))
+        self.kept = Kept(self, kept.tables, (*kept.fullnesses, own))
         return self.kept
 
-    def begin(self) -> _Kept:
+    def completed(self, kept: Kept, status: int, missing: Sequence[float]) -> Kept:
+        """Add what the kernel names as missing, after `NO_TABLE` or `NO_FULLNESS`."""
+        return (
+            self._add_table(kept, *missing) if status == NO_TABLE else self._add_fullness(kept, *missing[:2])
+        )
+
+    def begin(self) -> Kept:
         """The tables for a field; dropped only between fields, however many sizes one of them shows."""
         if len(self.kept.tables) > MOST_TABLES or len(self.kept.fullnesses) > MOST_FULLNESS:
-            self.kept = _Kept(self, (), ())
+            self.kept = Kept(self, (), ())
         return self.kept
 
 
@@ -135,7 +143,18 @@ def _floats(windows: NDArray[np.float32]) -> int:
     return 1 + sum(int((size - 1) * stride // windows.itemsize) for size, stride in last)
 
 
-_known = lru_cache(maxsize=16)(_Known)
+_known = lru_cache(maxsize=16)(Known)
+
+
+def known_of(settings: LocationSettings, y_step: int) -> Known:
+    """Make or recall the kernel's inputs."""
+    return _known(
+        settings.min_diameter_px,
+        settings.max_diameter_px,
+        settings.line_jitter_px,
+        None if settings.method == "centroid" else settings.spread_px,
+        y_step,
+    )
 
 
 def takes(packed: PackedField, settings: LocationSettings) -> bool:
@@ -154,13 +173,7 @@ def measure_compiled(kernel: Kernel, packed: PackedField, settings: LocationSett
     Raises:
         MeasurementError: There is not enough memory, or the kernel refuses the picture.
     """
-    known = _known(
-        settings.min_diameter_px,
-        settings.max_diameter_px,
-        settings.line_jitter_px,
-        None if settings.method == "centroid" else settings.spread_px,
-        packed.y_step,
-    )
+    known = known_of(settings, packed.y_step)
     data = np.ascontiguousarray(packed.data)
     _, rows, stride = data.shape
     picture = (rows, stride, packed.columns, packed.parity, packed.y0, packed.y_step)
@@ -173,22 +186,21 @@ def measure_compiled(kernel: Kernel, packed: PackedField, settings: LocationSett
             return blobs_of(out.reshape(COLUMNS, room), count, reach_px)
         if status == MORE_ROOM:
             room = count
-        elif status == NO_TABLE:
-            kept = known.add_table(kept, *missing)
-        elif status == NO_FULLNESS:
-            kept = known.add_fullness(kept, *missing[:2])
+        elif status in (NO_TABLE, NO_FULLNESS):
+            kept = known.completed(kept, status, missing)
         else:
             fail(status, packed)
 
 
-def blobs_of(out: NDArray[np.float64], count: int, reach_px: float, jitter_px: float | None = None) -> Blobs:
+def blobs_of(out: NDArray[np.float64], count: int, reach_px: float, jitter_px: float = math.nan) -> Blobs:
     """Convert the first `count` blobs that the kernel wrote into `out` (COLUMNS, room)."""
+    jitter = None if math.isnan(jitter_px) else jitter_px
     xy, sigma = (out[first : first + 2].reshape(-1)[: 2 * count].reshape(count, 2) for first in (0, 2))
     common, area, width, height, at_border = out[4:, :count]
-    return Blobs(xy, sigma, common, area, width, height, at_border != 0.0, reach_px, jitter_px)
+    return Blobs(xy, sigma, common, area, width, height, at_border != 0.0, reach_px, jitter)
 
 
-def fail(status: int, packed: PackedField) -> None:
+def fail(status: int, packed: PackedField) -> NoReturn:
     """Raise the error for a kernel status.
 
     Raises:

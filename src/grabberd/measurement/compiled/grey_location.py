@@ -57,20 +57,20 @@ def measure_grey(kernel: Kernel, packed: PackedField, settings: LocationSettings
     _, rows, stride = data.shape
     picture = (packed.bits, rows, stride, packed.columns)
     layout = (packed.parity, packed.y0, packed.y_step, packed.threshold)
-    wanted, room = _settings(settings), ROOM
+    wanted, room = grey_settings(settings), ROOM
     while True:
         out = np.empty(COLUMNS * room)
         status, count, reach_px, jitter_px = kernel.locate_grey(data, picture + layout, wanted, out)
         if status == DONE:
-            jitter = None if math.isnan(jitter_px) else jitter_px
-            return blobs_of(out.reshape(COLUMNS, room), count, reach_px, jitter)
+            return blobs_of(out.reshape(COLUMNS, room), count, reach_px, jitter_px)
         if status != MORE_ROOM:
             fail(status, packed)
         room = count
 
 
 @lru_cache(maxsize=16)
-def _settings(settings: LocationSettings) -> GreySettings:
+def grey_settings(settings: LocationSettings) -> GreySettings:
+    """Make or recall the kernel's inputs."""
     edge = np.stack(edge_table(), axis=1)
     own = GreySettings(
         settings.min_diameter_px,

@@ -35,8 +35,7 @@ def steadied(seen: Seen, located: Located) -> Steadied:
     if expected_px == 0 or not seen.of_size.any():
         return Steadied(located.centres, np.full(len(seen.shapes), expected_px), LINES_APART, None)
     # At 1 bit solving gains a thirtieth of the error in space, with more bits a third.
-    wanted = seen.settings.line_shifts
-    if not (seen.packed.bits > 1 if wanted is None else wanted):
+    if not seen.settings.solves_line_shifts(seen.packed.bits):
         return _unsolved(seen, located)
     chords = _chords(seen) if located.chords is None else located.chords
     if not (chords.weight > 0).any():

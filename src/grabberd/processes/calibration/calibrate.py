@@ -44,7 +44,7 @@ from grabberd.field import NumberedField
 from grabberd.geometry import PARAMETERS, NominalRig, View
 from grabberd.measurement import LocationSettings, measure
 from grabberd.processes.calibration.calibration_result import CalibrateResult, CalibrateSettings
-from grabberd.processes.measure import whole
+from grabberd.processes.locating import whole
 from grabberd.reconstruction import ObjectModel
 
 Array = NDArray[np.float64]

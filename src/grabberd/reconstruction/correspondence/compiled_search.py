@@ -34,6 +34,7 @@ class _LocalField(ctypes.Structure):
     _fields_ = (
         ("origin_px", _REAL * 2),
         ("step_px", _REAL),
+        ("shift_px", _ADDRESS),
         ("sigma_px", _ADDRESS),
         ("rows", _WHOLE),
         ("columns", _WHOLE),
@@ -106,14 +107,19 @@ class World(ctypes.Structure):
             self.rig.factor, self.rig.errors = kept[-1].ctypes.data, rig.factor.shape[2]
         for index, one in enumerate(rig.local_fields):
             if one is not None:
-                kept.append(np.ascontiguousarray(one.sigma_px))
-                self.rig.local[index] = _local(one, kept[-1])
+                splines = [np.ascontiguousarray(values) for values in (one.shift_px, one.sigma_px)]
+                kept += splines
+                self.rig.local[index] = _local(one, *splines)
         return kept
 
 
-def _local(field: LocalField, sigma_px: NDArray[np.float64]) -> _LocalField:
+def _local(field: LocalField, shift_px: Array, sigma_px: Array) -> _LocalField:
     return _LocalField(
-        (_REAL * 2)(*field.origin_px), field.step_px, sigma_px.ctypes.data, *sigma_px.shape[:2]
+        (_REAL * 2)(*field.origin_px),
+        field.step_px,
+        shift_px.ctypes.data,
+        sigma_px.ctypes.data,
+        *sigma_px.shape[:2],
     )
 
 

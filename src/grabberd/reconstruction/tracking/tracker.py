@@ -6,6 +6,7 @@ if left and right agree with one another, and the position with the neighbours.
 """
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +72,26 @@ class Track:
             found=0,
         )
 
+    @classmethod
+    def of_numbers(
+        cls, target: NDArray[np.int32], numbers: Array, sighting: Sighting | None = None
+    ) -> "Track":
+        """Make it from its `numbers`."""
+        count = len(target)
+        xyz_mm, velocity_mm_s = (numbers[at * count :][: 3 * count].reshape(count, 3) for at in (0, 4))
+        sigma_mm, unseen_s = (numbers[at * count :][:count] for at in (3, 7))
+        speed_sigma_mm_s, age_s, found = numbers[8 * count :].tolist()
+        return cls(
+            target, xyz_mm, sigma_mm, velocity_mm_s, speed_sigma_mm_s, unseen_s, age_s, int(found), sighting
+        )
+
+    @property
+    def numbers(self) -> Array:
+        """(8·M + 3,) all that the next field depends on, as the kernel reads and writes it."""
+        rest = np.array([self.speed_sigma_mm_s, self.age_s, self.found])
+        parts = (self.xyz_mm, self.sigma_mm, self.velocity_mm_s, self.unseen_s, rest)
+        return np.concatenate([part.ravel() for part in parts])
+
 
 @dataclass(frozen=True, slots=True)
 class TrackingSettings:
@@ -98,6 +119,14 @@ class TrackingSettings:
     correspondence: CorrespondenceSettings = field(default_factory=CorrespondenceSettings)
 
 
+class Limits(NamedTuple):
+    """Lengths beyond which predictions are vague, targets moved otherwise, and one is not predicted well."""
+
+    vague_mm: float
+    otherwise_mm: float
+    firm_mm: float
+
+
 class Tracker:
     """Tracks one object seen by one rig; all state is in the `Track`."""
 
@@ -109,6 +138,8 @@ class Tracker:
         self.noise = noise
         self.settings = settings or TrackingSettings()
         self.correspondence = Correspondence(rig, model, noise, self.settings.correspondence)
+        pitch_mm, known = self.correspondence.agreement.pitch_mm, self.settings
+        self.limits = Limits(_VAGUE * pitch_mm, _OTHERWISE * known.astray_mm, known.firm * pitch_mm)
 
     def start(self) -> Track:
         """Make the track before the first field."""
@@ -148,8 +179,7 @@ class Tracker:
         Any other may be a false blob in the wide gate of a poorly predicted target; two in a row are not.
         """
         lately = track.unseen_s[sighting.target] <= self.settings.longest_gap_s
-        firm_mm = self.settings.firm * self.correspondence.agreement.pitch_mm
-        return lately | (sighting.expected.sigma_mm[sighting.target] <= firm_mm)
+        return lately | (sighting.expected.sigma_mm[sighting.target] <= self.limits.firm_mm)
 
     def _follow(self, track: Track, left: ViewBlobs, right: ViewBlobs, elapsed_s: float) -> Sighting:
         """Search where the targets have moved to; again where those found predict the rest, if that was vague
@@ -161,8 +191,7 @@ class Tracker:
             return sighting
         vague_mm = track.speed_sigma_mm_s * elapsed_s
         astray_mm = _surprise(sighting, places_mm, sigma_mm) * vague_mm
-        is_vague = vague_mm > _VAGUE * self.correspondence.agreement.pitch_mm
-        if is_vague or astray_mm > _OTHERWISE * self.settings.astray_mm:
+        if vague_mm > self.limits.vague_mm or astray_mm > self.limits.otherwise_mm:
             sighting = self.correspondence.near(
                 *self.correspondence.expected_places(sighting.expected), left, right
             )

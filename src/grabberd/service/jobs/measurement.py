@@ -11,7 +11,7 @@ from grabberd.documents.field_order import FieldOrderDocument
 from grabberd.documents.named_types import JsonObject
 from grabberd.documents.results import MeasurementResult
 from grabberd.errors import MeasurementError, NotReady
-from grabberd.processes.measure import MeasuredField, measure_fields
+from grabberd.processes.measure import FIELDS_AT_ONCE, MeasuredField, measure_fields
 from grabberd.reconstruction import CoverageTally
 from grabberd.reconstruction.accuracy.field_order import FieldOrderCheck
 from grabberd.reconstruction.coverage.document import coverage_document
@@ -64,7 +64,7 @@ def measure_file(progress: Progress, *, path: Path, made_with: JsonObject) -> Me
         received = reader.received(and_damaged=made_with["settings"].get(INCLUDE_DAMAGED, False))
         fields = counted(received, reader.field_count, progress)
         tally = CoverageTally.of(setup.calibration, setup.object_model)
-        points = _counted_points(measure_fields(fields, setup, tally), counts, order)
+        points = _counted_points(measure_fields(fields, setup, tally, FIELDS_AT_ONCE), counts, order)
         created = iso_utc(SystemClock().utc_now())
 
         def coverage() -> JsonObject:

@@ -6,7 +6,8 @@ from grabberd.acquisition.clock import UtcClock, iso_utc
 from grabberd.documents.devices import LiveDocument, ObjectDocument, WidthDocument
 from grabberd.documents.points import NewestPoints
 from grabberd.errors import NotFound, NotReady
-from grabberd.processes.measure import MeasureSetup, whole
+from grabberd.processes.locating import whole
+from grabberd.processes.measure import MeasureSetup
 from grabberd.reconstruction import ObjectModel
 from grabberd.reconstruction.section_width import section_widths
 from grabberd.service.device.worker import Live

@@ -23,7 +23,7 @@ from grabberd.storage import CaptureReader
 from grabberd.storage.capture.content_digest import content_sha256, document_sha256
 from grabberd.storage.capture.digests import Damage, left_out_in_words
 from grabberd.storage.export.dataset_file import read_about, write_dataset_file
-from grabberd.storage.export.points_columns import moment_of, rows_of
+from grabberd.storage.export.points_columns import FieldPoints, moment_of, rows_of
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}
 """Errors that every further task would run into as well."""
@@ -126,15 +126,16 @@ def _rows(
     order: FieldOrderCheck,
     *,
     and_damaged: bool,
-) -> Iterator[list[Rows]]:
+) -> Iterator[tuple[int, Rows]]:
     first_ns = reader.first_time_ns or 0
 
-    def rows(one: MeasuredField) -> Rows:
+    def counted(one: MeasuredField) -> FieldPoints:
         order.add(one.n, one.points)
-        return rows_of(one.n, (one.time_ns - first_ns) / 1e9, moment_of(one.time_ns, reader.meta), one.points)
+        moment = moment_of(one.time_ns, reader.meta)
+        return FieldPoints(one.n, (one.time_ns - first_ns) / 1e9, moment, one.points)
 
     for group in measured_groups(reader.received(and_damaged=and_damaged), setup, tally):
-        yield [rows(one) for one in group]
+        yield len(group), rows_of([counted(one) for one in group])
 
 
 def _made_with(task: CaptureTask, reader: CaptureReader) -> JsonObject:

@@ -2,17 +2,17 @@
 
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from grabberd.processes.columns import Rows, joined
+from grabberd.processes.columns import Rows
 from grabberd.storage.checked_file import Check, check_file
 from grabberd.storage.disk import storage_errors
 from grabberd.storage.export.parquet_file import parquet_batch, parquet_writer
-from grabberd.storage.export.points_columns import DATASET_COLUMNS, POINT_COLUMNS
+from grabberd.storage.export.points_columns import DATASET_COLUMNS
 from grabberd.storage.export.read_back import parquet_check
 
 KEY = "grabberd"
@@ -21,7 +21,7 @@ KEY = "grabberd"
 def write_dataset_file(
     part: Path,
     target: Path,
-    groups: Iterable[Sequence[Rows]],
+    groups: Iterable[tuple[int, Rows]],
     about: Mapping[str, Any],
     found: Callable[[int], Mapping[str, Any]] = lambda _: {},
 ) -> tuple[int, int]:
@@ -30,7 +30,7 @@ def write_dataset_file(
     Args:
         part: Name until then, on the same disk; each process adds an ending of its own.
         target: Final name; an existing file is replaced.
-        groups: Rows of fields, some fields at a time; may be a generator that measures them.
+        groups: Numbers of fields, and the rows of all of them; may be a generator that measures them.
         about: Capture, device, calibration, labels and further metadata.
         found: Metadata known at the end, given the number of fields.
 
@@ -49,12 +49,11 @@ def write_dataset_file(
     }
     fields = points = 0
     with _own(part) as own, _opened(own) as file, parquet_writer(file, DATASET_COLUMNS) as writer:
-        for group in groups:
-            rows = {**joined(POINT_COLUMNS, group), **constant}
-            batch = parquet_batch(DATASET_COLUMNS, rows)
+        for count, rows in groups:
+            batch = parquet_batch(DATASET_COLUMNS, {**rows, **constant})
             with storage_errors(target):
                 writer.write_batch(batch)
-                _tell(part, fields := fields + len(group))
+                _tell(part, fields := fields + count)
             points += batch.num_rows
         origin = _text({**about, **found(fields), "fields": fields, "points": points})
         writer.add_key_value_metadata({KEY: origin})

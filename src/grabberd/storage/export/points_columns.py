@@ -1,8 +1,8 @@
 """The columns of exported points and of data sets, and how a field's points fill them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime, timedelta
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,20 +57,34 @@ DATASET_COLUMNS = (
 )
 
 
-def rows_of(n: int, time_s: float, moment: datetime | None, points: Points) -> Rows:
-    """One field's points by the names of `POINT_COLUMNS`."""
-    return _rows(n, _utc(moment), time_s, points)
+class FieldPoints(NamedTuple):
+    """One field's points: its number, the time since the first field, the time of day if it is known."""
+
+    n: int
+    time_s: float
+    moment: datetime | None
+    points: Points
 
 
-def _rows(n: Any, utc: Any, time_s: Any, points: Points) -> Rows:
-    """Points by the names of `POINT_COLUMNS`; the first three are those of all points, or of each."""
+def rows_of(fields: Sequence[FieldPoints]) -> Rows:
+    """The points of some fields by the names of `POINT_COLUMNS`."""
+    counts = [len(one.points) for one in fields]
+    n, time_s = (
+        np.repeat([one.n for one in fields], counts),
+        np.repeat([one.time_s for one in fields], counts),
+    )
+    utc = np.repeat([_utc(one.moment) for one in fields], counts)
+    return _rows(n, utc, time_s, Points.joined([one.points for one in fields]))
+
+
+def _rows(n: NDArray[Any], utc: NDArray[np.datetime64], time_s: NDArray[np.float64], points: Points) -> Rows:
+    """Points by the names of `POINT_COLUMNS`, with what each has of its field."""
     sigma, calibration = sigma_mm(points.covariance_mm2), sigma_mm(points.calibration_covariance_mm2)
     images = points.image_px.reshape(len(points), 4)
     values = (n, utc, time_s, points.target, *points.xyz_mm.T, *sigma.T, *calibration.T)
     values = (*values, points.residual_px, *images.T)
     return {
-        column.name: np.broadcast_to(np.asarray(value, column.dtype), len(points))
-        for column, value in zip(POINT_COLUMNS, values, strict=True)
+        column.name: value.astype(column.dtype) for column, value in zip(POINT_COLUMNS, values, strict=True)
     }
 
 

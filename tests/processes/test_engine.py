@@ -1,0 +1,196 @@
+"""The engine gives the points that numpy gives step by step, whatever the fields show."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from grabberd.field import PackedField
+from grabberd.geometry import LocalField, Rig
+from grabberd.kernel import KERNEL
+from grabberd.measurement import LocationSettings, location
+from grabberd.processes import measure as process
+from grabberd.processes.engine import MOST_FIELDS, Engine
+from grabberd.processes.measure import measure_fields
+from grabberd.reconstruction import CoverageTally, ImageNoise, Track, Tracker
+from grabberd.reconstruction.correspondence.correspondence import Correspondence
+from grabberd.reconstruction.tracking import tracker as tracking
+from processes.fake_scene import take_scene
+from reconstruction.many import grid
+
+pytestmark = pytest.mark.skipif(
+    not KERNEL,
+    reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions/0014)",
+)
+
+FIELDS = 70
+WAYS = [(1, "doubled"), (1, "field"), (8, "field"), (4, "field")]
+ROUNDED_PX = 1e-5
+"""numpy adds log likelihoods as single precision numbers, in another order; so it does with fitted discs."""
+
+
+@pytest.fixture(scope="module")
+def liner():
+    """The pulsating liner before the default rig, with identification again in its fast closures."""
+    return take_scene(FIELDS, scene="ellipse")
+
+
+def with_local_fields(setup):
+    rng = np.random.default_rng(5)
+    shift, sigma = rng.normal(0, 0.1, (41, 50, 2)), rng.uniform(0.01, 0.1, (41, 50, 2))
+    bumpy = LocalField.through((-0.5, -0.5), 15.0, shift, sigma)
+    return replace(setup, calibration=replace(setup.calibration, local_fields=(bumpy, None)))
+
+
+def by_numpy(fields, setup, monkeypatch):
+    with monkeypatch.context() as patched:
+        patched.setattr(process, "KERNEL", None)
+        patched.setattr(location, "KERNEL", None)
+        patched.setattr(tracking, "Correspondence", partial(Correspondence, kernel=None))
+        return list(measure_fields(fields, setup))
+
+
+def assert_same(ours, theirs):
+    """The same targets, and their points to what rounding does to their images."""
+    assert [one.n for one in ours] == [one.n for one in theirs]
+    for one, other in zip(ours, theirs, strict=True):
+        assert len(one.blobs) == len(other.blobs)
+        assert np.allclose(one.blobs.xy_px, other.blobs.xy_px, rtol=0, atol=ROUNDED_PX)
+        assert np.array_equal(one.points.target, other.points.target)
+        for name in ("xyz_mm", "image_px", "residual_px"):
+            assert np.allclose(
+                getattr(one.points, name), getattr(other.points, name), rtol=0, atol=ROUNDED_PX
+            )
+        for name in ("covariance_mm2", "calibration_covariance_mm2"):
+            assert np.allclose(getattr(one.points, name), getattr(other.points, name), rtol=1e-3, atol=1e-7)
+
+
+def bytes_of(measured):
+    return [(one.n, *(getattr(one.points, name).tobytes() for name in NAMES)) for one in measured]
+
+
+NAMES = ("target", "xyz_mm", "covariance_mm2", "calibration_covariance_mm2", "image_px", "residual_px")
+
+
+@pytest.mark.parametrize("local", [False, True], ids=["plain", "with local fields"])
+@pytest.mark.parametrize("way", WAYS)
+def test_the_points_are_numpys(liner, way, local, monkeypatch):
+    setup = with_local_fields(liner.setup) if local else liner.setup
+    fields = list(liner.packed(*way))
+    ours = list(measure_fields(fields, setup))
+    assert_same(ours, by_numpy(fields, setup, monkeypatch))
+    assert sum(len(one.points) for one in ours) > 60 * FIELDS
+
+
+@pytest.mark.parametrize("way", WAYS[:3])
+def test_fields_taken_together_give_the_same_bits(liner, way):
+    fields = list(liner.packed(*way))
+    alone = bytes_of(measure_fields(fields, liner.setup))
+    for ahead in (2, 25, MOST_FIELDS + 3):
+        assert bytes_of(measure_fields(fields, liner.setup, ahead=ahead)) == alone
+
+
+def test_who_was_found_is_counted_alike(liner, monkeypatch):
+    def coverage():
+        tally = CoverageTally.of(liner.setup.calibration, liner.setup.object_model)
+        for _ in measure_fields(liner.packed(1, "doubled"), liner.setup, tally):
+            pass
+        return tally.result()
+
+    ours = coverage()
+    monkeypatch.setattr(process, "KERNEL", None)
+    theirs = coverage()
+    assert np.array_equal(ours.misses, theirs.misses)
+    assert np.array_equal(ours.field_expected, theirs.field_expected)
+    assert np.allclose(ours.offset_mm, theirs.offset_mm, atol=1e-9, equal_nan=True)
+
+
+def tracker_of(setup, model=None):
+    rig, model = Rig.of(setup.calibration), model or setup.object_model
+    return Tracker(rig, model, ImageNoise.of(rig, model, setup.line_jitter_px, 1), setup.tracking)
+
+
+def steps(engine, tracker, fields, settings):
+    """Points of fields 20 ms apart."""
+    for way in engine.run(fields, [0.02] * len(fields), settings):
+        points = way.points if way.is_followed else None
+        if points is None:
+            track, points = tracker.step(Track.of_numbers(engine.target, engine.track), *way.halves, 0.02)
+            engine.track = track.numbers
+        yield points.xyz_mm.tobytes()
+
+
+def test_a_track_that_is_kept_goes_on_as_if_nothing_had_been(liner):
+    fields = [one.packed for one in liner.packed(1, "doubled")]
+    settings, views = LocationSettings(), liner.setup.calibration.views
+    tracker = tracker_of(liner.setup)
+    one = Engine(KERNEL, tracker, views)
+    whole = list(steps(one, tracker, fields, settings))
+    first = Engine(KERNEL, tracker, views)
+    begun = list(steps(first, tracker, fields[:31], settings))
+    second = Engine(KERNEL, tracker_of(liner.setup), views)
+    second.track = first.track.copy()
+    assert begun + list(steps(second, tracker, fields[31:], settings)) == whole
+    assert np.array_equal(second.track, one.track)
+
+
+def strange(packed, kind):
+    rng = np.random.default_rng(3)
+    data = np.zeros_like(packed.data)
+    if kind == "full":
+        data[:] = 255
+    elif kind == "noise":
+        data = rng.integers(0, 256, data.shape, np.uint8)
+    elif kind == "chequered":
+        data[:, ::2], data[:, 1::2] = 0xAA, 0x55
+    elif kind == "one pixel":
+        data[0, 100, 20] = 16
+    elif kind == "thousands of blobs":
+        data[:, 2::8, ::2] = data[:, 3::8, ::2] = data[:, 4::8, ::2] = 0x7C
+    return replace(packed, data=data)
+
+
+@pytest.mark.parametrize("kind", ["empty", "full", "noise", "chequered", "one pixel", "thousands of blobs"])
+@pytest.mark.parametrize("lines", ["doubled", "field"])
+def test_a_strange_field_among_others_gives_what_the_steps_give(liner, kind, lines, monkeypatch):
+    setup = replace(liner.setup, location=LocationSettings(max_diameter_px=9.0))
+    fields = list(liner.packed(1, lines))[:16]
+    for n in (6, 11, 12):
+        fields[n] = fields[n]._replace(packed=strange(fields[n].packed, kind))
+    ours = list(measure_fields(fields, setup, ahead=25))
+    with monkeypatch.context() as patched:
+        patched.setattr(process, "KERNEL", None)
+        theirs = list(measure_fields(fields, setup))
+    assert_same(ours, theirs)
+    assert min(len(ours[n].points) for n in (5, 7, 10, 13)) > 60
+
+
+def test_after_a_gap_a_field_comes_back_with_its_blobs_alone(liner):
+    fields = [one.packed for one in liner.packed(1, "doubled")][:3]
+    engine = Engine(KERNEL, tracker_of(liner.setup), liner.setup.calibration.views)
+    ways = list(engine.run(fields, [np.inf] * 3, LocationSettings()))
+    assert [way.is_followed for way in ways] == [False] * 3
+    assert min(len(way.blobs) for way in ways) > 120
+    assert min(len(half) for way in ways for half in way.halves) > 60
+
+
+def test_an_object_whose_field_is_made_by_parts_is_not_covered(liner):
+    views = liner.setup.calibration.views
+    assert Engine.of(KERNEL, tracker_of(liner.setup, grid(600)), views) is None
+    assert Engine.of(None, tracker_of(liner.setup), views) is None
+    assert Engine.of(KERNEL, tracker_of(liner.setup), views)
+
+
+@pytest.mark.parametrize(
+    ("bits", "settings", "covered"),
+    [
+        (1, LocationSettings(), True),
+        (1, LocationSettings(line_shifts=True), False),
+        (8, LocationSettings(), True),
+        (8, LocationSettings("weighted"), False),
+    ],
+)
+def test_methods_that_numpy_alone_has_are_not_covered(bits, settings, covered):
+    shape = (1, 8, 8) if bits == 8 else (bits, 8, 1)
+    assert Engine.takes(PackedField(np.zeros(shape, np.uint8), bits, 8, 0, 0, 2, 60), settings) == covered
