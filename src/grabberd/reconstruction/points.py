@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,15 +55,18 @@ class Points:
     @classmethod
     def joined(cls, parts: Sequence["Points"]) -> "Points":
         """Join the points of some fields, in order and without their single views."""
-        names = (
-            "target",
-            "xyz_mm",
-            "covariance_mm2",
-            "calibration_covariance_mm2",
-            "image_px",
-            "residual_px",
+
+        def all_of(name: str) -> NDArray[Any]:
+            return np.concatenate([getattr(one, name) for one in parts])
+
+        return cls(
+            all_of("target"),
+            all_of("xyz_mm"),
+            all_of("covariance_mm2"),
+            all_of("calibration_covariance_mm2"),
+            all_of("image_px"),
+            all_of("residual_px"),
         )
-        return cls(*(np.concatenate([getattr(one, name) for one in parts]) for name in names))
 
     def __len__(self) -> int:
         return len(self.target)
