@@ -7,7 +7,6 @@ every field's 20, and on a busy computer it is the instrument that would lose fi
 import mmap
 import os
 import pickle
-import select
 import signal
 import socket
 import struct
@@ -32,9 +31,10 @@ SLOTS = 32
 _FIELD = struct.Struct("=q")
 _STARTED = -1
 """Sent instead of a field's number once the scene is built."""
-_START_TIMEOUT_S = 60.0
-_PICTURE_TIMEOUT_S = 5.0
-_END_TIMEOUT_S = 5.0
+# The daemon restarts a program whose device does not answer for 15 s.
+_START_TIMEOUT_S = 12.0
+_PICTURE_TIMEOUT_S = 4.0
+_END_TIMEOUT_S = 1.0
 _SHAPE = (SLOTS, ROWS, COLUMNS)
 # -P: the current folder may hold a module of any name.
 _COMMAND = [sys.executable, "-P", "-c", f"from {__name__} import main; main()"]
@@ -55,21 +55,33 @@ class DrawnAhead:
         """
         self.waited_ns = 0
         self._seed = options.seed
-        self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        memory = os.memfd_create("pictures")
         try:
-            os.ftruncate(memory, int(np.prod(_SHAPE)))
-            process = _start(options, memory, theirs)
-            self._slots = _mapped(memory)
-        finally:
-            os.close(memory)
-            theirs.close()
-        self._end = weakref.finalize(self, _end, process, self._socket)
+            self._start(options)
+        except OSError as error:
+            raise StreamFailed(
+                f"the process that draws the simulated pictures does not start: {error}",
+                "memory, processes or open files may have run out",
+            ) from error
         # By slot, which field it holds as far as it has been told.
         self._holds: list[int | None] = [None] * SLOTS
         self._asked = 0
         if self._receive(_START_TIMEOUT_S) != _STARTED:
             raise self._failed("sends no greeting")
+
+    def _start(self, options: FakeOptions) -> None:
+        self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        memory = os.memfd_create("pictures")
+        try:
+            os.ftruncate(memory, int(np.prod(_SHAPE)))
+            self._slots = _mapped(memory)
+            process = _process(memory, theirs.fileno())
+            self._end = weakref.finalize(self, _end, process, self._socket)
+            assert process.stdin is not None
+            with process.stdin as questions:
+                pickle.dump(options, questions)
+        finally:
+            os.close(memory)
+            theirs.close()
 
     def picture(self, field: int, out: NDArray[np.uint8]) -> None:
         """Writes the luma of the camera's field number `field` into `out` (288, 720).
@@ -125,23 +137,16 @@ class DrawnAhead:
         )
 
 
-def _start(options: FakeOptions, memory: int, theirs: socket.socket) -> "subprocess.Popen[bytes]":
-    numbers = [str(memory), str(theirs.fileno())]
+def _process(memory: int, theirs: int) -> "subprocess.Popen[bytes]":
     # Threads of OpenBLAS would wait for each other on a busy computer.
     variables = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
-    try:
-        process = subprocess.Popen(  # noqa: S603 - our own
-            [*_COMMAND, *numbers], stdin=subprocess.PIPE, pass_fds=(memory, theirs.fileno()), env=variables
-        )
-    except OSError as error:
-        raise StreamFailed(
-            f"the process that draws the simulated pictures does not start: {error}",
-            "memory or processes may have run out",
-        ) from error
-    assert process.stdin is not None
-    with process.stdin as questions:
-        pickle.dump(options, questions)
-    return process
+    return subprocess.Popen(  # noqa: S603 - our own
+        [*_COMMAND, str(memory), str(theirs)],
+        stdin=subprocess.PIPE,
+        pass_fds=(memory, theirs),
+        env=variables,
+        process_group=0,  # Ctrl-C in a terminal reaches the daemon alone, which ends it
+    )
 
 
 def _end(process: "subprocess.Popen[bytes]", ours: socket.socket) -> None:
@@ -160,9 +165,9 @@ def _mapped(memory: int) -> NDArray[np.uint8]:
 
 def main() -> None:
     """Draws, in the process, until nobody asks any more; arguments are the numbers of memory and socket."""
-    # It ends with the daemon, which may still record when it is told to end.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # It ends with the daemon, which may still record when systemd tells all its processes to end.
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     memory, number = map(int, sys.argv[1:])
     world = World(pickle.load(sys.stdin.buffer))  # noqa: S301 - written by our own process
     with socket.socket(fileno=number) as theirs, suppress(EOFError, ConnectionError):
@@ -190,8 +195,12 @@ def _asked(theirs: socket.socket, *, wait: bool) -> Iterator[int]:
     Raises:
         EOFError: Nobody asks any more.
     """
-    while select.select([theirs], [], [], None if wait else 0)[0]:
-        if not (message := theirs.recv(_FIELD.size)):
+    while True:
+        try:
+            message = theirs.recv(_FIELD.size, 0 if wait else socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return
+        if not message:
             raise EOFError
         yield _FIELD.unpack(message)[0]
         wait = False

@@ -52,6 +52,14 @@ class PausedGrabber(FakeGrabber):
         """Processor time of the program, which nothing takes in simulated time."""
         return 0
 
+    def come_first(self) -> str:
+        """Nobody else is there."""
+        return ""
+
+    def keep_to_share(self, now_ns: int) -> str:
+        """It takes no share."""
+        return ""
+
 
 class Turns:
     """Two threads that run by turns, never side by side."""

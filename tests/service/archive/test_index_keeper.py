@@ -26,13 +26,13 @@ class SlowIndex(CaptureIndex):
         self.failure: StorageError | None = None
         self.attempts = 0
 
-    def rebuild(self, unsealed: object = ()) -> None:
+    def rebuild(self, unsealed: object = (), *, anew: bool = False) -> None:
         self.attempts += 1
         self.read = (3, 12)
         assert self.go_on.wait(PATIENCE_S)
         if self.failure is not None:
             raise self.failure
-        super().rebuild()
+        super().rebuild(anew=anew)
 
 
 class Rig:

@@ -231,6 +231,15 @@ def test_a_device_that_does_not_wait_for_a_field_is_asked_with_pauses_and_given_
     assert np.diff(asked_s).min() == pytest.approx(POLL_S)
 
 
+def test_a_thread_that_takes_too_much_in_real_time_says_that_it_runs_like_others_again(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    clock, account = SimulatedClock(), Account()
+    account.says = "like others"
+    Run(Scripted(clock, 50), clock, 0.9, account=account)
+    assert "device test: fields are taken like others" in caplog.text
+
+
 class SlowReader(Until):
     """Reads one field of the ring whenever the capture thread pauses, and never else."""
 
@@ -262,6 +271,7 @@ class Account:
 
     waited_ns = 0
     asked_to_come_first = 0
+    says = ""
 
     def thread(self) -> ThreadTimes:
         return ThreadTimes(0, self.waited_ns)
@@ -269,6 +279,9 @@ class Account:
     def come_first(self) -> str:
         self.asked_to_come_first += 1
         return "in turn"
+
+    def keep_to_share(self, now_ns: int) -> str:
+        return self.says
 
     def program_ns(self) -> int:
         return 0

@@ -330,3 +330,32 @@ def test_a_thread_that_asks_for_real_time_has_it_or_says_why_not() -> None:
 def test_real_time_is_for_that_thread_alone() -> None:
     _, _, of_its_process = _come_first()
     assert of_its_process == os.sched_getscheduler(0) == os.SCHED_OTHER
+
+
+@pytest.mark.parametrize("greedy", [False, True], ids=["a modest thread", "a greedy thread"])
+def test_real_time_ends_for_a_thread_that_takes_most_of_a_processor(greedy: bool) -> None:
+    found: list[tuple[str, str, int]] = []
+
+    def run() -> None:
+        account = KernelAccount()
+        how = account.come_first()
+        assert account.keep_to_share(time.monotonic_ns()) == ""
+        end_s = time.thread_time() + 0.2
+        while greedy and time.thread_time() < end_s:
+            pass
+        if not greedy:
+            time.sleep(0.2)
+        found.append((how, account.keep_to_share(time.monotonic_ns()), os.sched_getscheduler(0)))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join()
+    ((how, said, policy),) = found
+    if "not in real time" in how:
+        assert (said, policy) == ("", os.SCHED_OTHER)
+    elif greedy:
+        assert said.startswith("no longer in real time")
+        assert policy == os.SCHED_OTHER
+    else:
+        assert said == ""
+        assert policy & ~os.SCHED_RESET_ON_FORK == os.SCHED_RR

@@ -77,6 +77,41 @@ def test_an_index_that_cannot_be_read_is_no_help_for_a_new_one(archive):
     assert reader.read == ["c1.grab", "c2.grab", "c3.grab"]
 
 
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [("created_utc", "2026-03-02T09:00:00"), ("note", b"\x00"), ("reason", b"\x00"), ("labels", 7)],
+)
+def test_an_entry_that_no_list_could_show_is_made_anew(archive, column, value):
+    CaptureIndex(archive).rebuild()
+    with closing(sqlite3.connect(archive / "index.sqlite")) as connection, connection:
+        connection.execute(f"UPDATE captures SET {column} = ? WHERE id = 'c2'", (value,))
+    index = CaptureIndex(archive)
+    index.rebuild()
+    assert [(entry.id, entry.created_utc, entry.note) for entry in index.list()][1] == (
+        "c2",
+        "2026-03-02T09:00:00.000Z",
+        "first milking",
+    )
+
+
+def test_an_index_that_has_to_be_healed_is_not_believed(archive):
+    CaptureIndex(archive).rebuild()
+    reader = Reader()
+    CaptureIndex(archive, read_entries=reader).rebuild(anew=True)
+    assert reader.read == ["c1.grab", "c2.grab", "c3.grab"]
+
+
+def test_content_that_was_changed_under_an_old_time_is_read_again(archive):
+    CaptureIndex(archive).rebuild()
+    found = (archive / "c2.grab").stat()
+    with (archive / "c2.grab").open("r+b") as file:
+        file.write(b"garbage")
+    os.utime(archive / "c2.grab", ns=(found.st_atime_ns, found.st_mtime_ns))
+    index = CaptureIndex(archive)
+    index.rebuild()
+    assert index.get("c2").state == "damaged"
+
+
 def test_a_capture_under_another_name_is_read_each_time(archive):
     (archive / "c2.grab").rename(archive / "renamed.grab")
     CaptureIndex(archive).rebuild()

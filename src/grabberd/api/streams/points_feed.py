@@ -9,7 +9,7 @@ from typing import NamedTuple
 from grabberd.acquisition.clock import UtcClock
 from grabberd.api.streams.broadcast import Channel
 from grabberd.documents.points_frame import encoded
-from grabberd.service.device.worker import Live
+from grabberd.service.device.worker import Live, Worker
 from grabberd.service.instrument import Instrument
 from grabberd.service.live.points_stream import PointsEncoder
 
@@ -58,17 +58,18 @@ class PointsFeed(Channel[PointsMessage]):
 
     def _end(self) -> None:
         self._ended.set()
+        published = self._instrument.worker.published
+        with published:
+            published.notify_all()  # so that threads do not add up where listeners come and go
 
     def _follow(
         self, loop: asyncio.AbstractEventLoop, encoder: PointsEncoder, ended: threading.Event
     ) -> None:
-        worker = self._instrument.worker
-        last, failed = worker.live, False  # it may be old
+        worker, failed = self._instrument.worker, False
+        with worker.published:
+            last = 0 if worker.live is None else worker.live.number  # it may be old
         while not ended.is_set():
-            with worker.published:
-                worker.published.wait_for(lambda: worker.live is not last, LOOK_EVERY_S)  # noqa: B023
-                live = worker.live
-            if live is not None and live is not last:
+            for live in _fresh(worker, last, ended):
                 try:
                     message = _message(encoder, live)
                 except Exception:
@@ -79,11 +80,18 @@ class PointsFeed(Channel[PointsMessage]):
                     failed = False
                     with suppress(RuntimeError):  # the loop is closed: the daemon ends
                         loop.call_soon_threadsafe(self._take, message, ended)
-            last = live
+                last = live.number
 
     def _take(self, message: PointsMessage, ended: threading.Event) -> None:
         if not ended.is_set():
             self._put(message)
+
+
+def _fresh(worker: Worker, last: int, ended: threading.Event) -> list[Live]:
+    """Fields published since, as soon as there are any; none if nobody listens any more, or for long."""
+    with worker.published:
+        worker.published.wait_for(lambda: ended.is_set() or worker.since(last), LOOK_EVERY_S)
+        return worker.since(last)
 
 
 def _message(encoder: PointsEncoder, live: Live) -> PointsMessage:

@@ -51,14 +51,28 @@ def follow_points(
         sequence: int | None = None
         while True:
             message = _received(connection, daemon, patience_s)
-            if isinstance(message, str):
-                description = PointsDescription.model_validate(json.loads(message))
-                continue
-            frame = decoded(message)
-            if description is None or description.number != frame.description:
-                raise ValueError("the points were not described")
+            try:
+                if isinstance(message, str):
+                    description = _description(message)
+                    continue
+                frame = decoded(message)
+                if description is None or description.number != frame.description:
+                    raise ValueError("the points were not described")
+            except ValueError as error:
+                raise GrabberdError(
+                    f"{daemon.url} sends points that this command cannot read: {error}",
+                    "use the command of the daemon's own version: grabberd status",
+                ) from None
             yield StreamedPoints(frame, description, 0 if sequence is None else frame.sequence - sequence - 1)
             sequence = frame.sequence
+
+
+def _description(message: str) -> PointsDescription:
+    """A description; what a later daemon adds to it is left out."""
+    sent = json.loads(message)
+    return PointsDescription.model_validate(
+        {name: sent[name] for name in PointsDescription.model_fields if name in sent}
+    )
 
 
 def _received(connection: ClientConnection, daemon: Daemon, patience_s: float) -> str | bytes:

@@ -81,7 +81,7 @@ class IndexKeeper:
 
     def _rebuild(self, done: threading.Event) -> None:
         try:
-            self._index.rebuild(self._unsealed())
+            self._index.rebuild(self._unsealed(), anew=True)
         except (StorageError, OSError) as error:
             self._fail(error)
         else:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from grabberd.acquisition.clock import UtcClock
 from grabberd.config import RetentionConfig
-from grabberd.errors import Conflict, GrabberdError, NotFound
+from grabberd.errors import Conflict, NotFound
 from grabberd.service.archive.archive import Archive
 from grabberd.service.capture.disk_guard import GB, DiskGuard
 from grabberd.storage.capture.schema import SUFFIX
@@ -179,8 +179,10 @@ class Retention:
             try:
                 self.apply()
                 self._last_failure = None
-            except (GrabberdError, OSError) as error:
-                self._report(str(error))
+            except (
+                Exception
+            ) as error:  # whatever an index or a file holds: without this thread the disk fills
+                self._report(str(error) or type(error).__name__)
             self._stopping.wait(EVERY_S)
 
     def _report(self, failure: str) -> None:

@@ -241,6 +241,10 @@ class CaptureThread(threading.Thread):
         if how := self._account.come_first():
             log.info("device %s: fields are taken %s", self._board.name, how)
 
+    def _keep_to_share(self, now_ns: int) -> None:
+        if how := self._account.keep_to_share(now_ns):
+            log.warning("device %s: fields are taken %s", self._board.name, how)
+
     def _take(self, info: StreamInfo) -> None:
         self._board.beat()
         if info.waits_for_reader and not self._captures.has_room:
@@ -269,6 +273,7 @@ class CaptureThread(threading.Thread):
                 standstill = None
         if now_ns >= self._signal_due_ns:
             self._ask_signal()
+            self._keep_to_share(now_ns)
         if fields:
             self._came(now_ns)
             self._leave_room()

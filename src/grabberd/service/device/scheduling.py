@@ -13,6 +13,8 @@ from grabberd.acquisition.clock import UtcClock
 _NOTABLE_NS = 10_000_000
 """Half a field: a pause that is shorter is none."""
 _FIELD_NS = 20_000_000
+_MOST_SHARE = 0.5
+"""Of a processor, for a thread in real time; a camera's fields take a twentieth."""
 _PRIORITY = 1
 """The lowest in real time: whatever else asked for that, an audio server for instance, comes before it."""
 
@@ -46,6 +48,13 @@ class ThreadAccount(Protocol):
         """
         ...
 
+    def keep_to_share(self, now_ns: int) -> str:
+        """Lets the calling thread run like others again if it takes too much for one that comes first.
+
+        Returns how it runs then, in words, empty if nothing changes.
+        """
+        ...
+
 
 class NoAccount:
     """No account, for a clock that is not the kernel's."""
@@ -62,6 +71,10 @@ class NoAccount:
         """See `ThreadAccount`."""
         return ""
 
+    def keep_to_share(self, now_ns: int) -> str:
+        """See `ThreadAccount`."""
+        return ""
+
 
 class KernelAccount:
     """The account of the thread that first asks for it, from /proc/self/task/TID/schedstat."""
@@ -69,6 +82,7 @@ class KernelAccount:
     def __init__(self) -> None:
         self._file: int | None = None
         self._opened = False
+        self._first_since: tuple[int, int] | None = None
 
     def thread(self) -> ThreadTimes | None:
         """See `ThreadAccount`; None where the kernel keeps no such account."""
@@ -96,7 +110,21 @@ class KernelAccount:
             os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(_PRIORITY))
         except OSError as error:
             return f"when the system gets round to it, not in real time: {error.strerror}"
+        self._first_since = (0, 0)
         return "in real time, before other programs' work"
+
+    def keep_to_share(self, now_ns: int) -> str:
+        """See `ThreadAccount`: a driver that always has a field would leave nobody else a processor."""
+        times = None if self._first_since is None else self.thread()
+        if self._first_since is None or times is None:
+            return ""
+        (since_ns, ran_ns), self._first_since = self._first_since, (now_ns, times.ran_ns)
+        share = (times.ran_ns - ran_ns) / max(now_ns - since_ns, 1)
+        if since_ns == 0 or share <= _MOST_SHARE:
+            return ""
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        self._first_since = None
+        return f"no longer in real time: that took {share:.0%} of a processor"
 
     def close(self) -> None:
         """Closes the account; it tells nothing afterwards."""

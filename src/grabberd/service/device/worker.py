@@ -3,6 +3,7 @@
 import logging
 import threading
 from bisect import bisect_left
+from collections import deque
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import closing
 from typing import Any, NamedTuple, Protocol, TypeVar
@@ -29,6 +30,8 @@ BOUNDS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.28)
 log = logging.getLogger(__name__)
 IDLE_S = 0.1
 """Longest wait for a field or a calibration before it checks for a capture, a new setup or a stop."""
+NEWEST = 32
+"""Fields that whoever follows them may be late: a capture that is caught up brings a thousand a second."""
 AFTER_FAULT_S = 1.0
 """Pause after a fault of the program: one that returns at once must not take the processor."""
 
@@ -158,10 +161,12 @@ class Live(NamedTuple):
     Attributes:
         measured: The field's points.
         published_ns: Time of publication, CLOCK_MONOTONIC.
+        number: How many have been published since the start, with this one.
     """
 
     measured: MeasuredField
     published_ns: int
+    number: int
 
 
 class Worker(threading.Thread):
@@ -190,6 +195,8 @@ class Worker(threading.Thread):
         super().__init__(name=f"worker-{name}", daemon=True)
         self.live: Live | None = None
         self.published = threading.Condition()
+        self._newest: deque[Live] = deque(maxlen=NEWEST)
+        self._number = 0
         self.latency = Latency()
         self.rig = RigHealth(name)
         self.field_order = FieldOrderHealth(name)
@@ -208,6 +215,10 @@ class Worker(threading.Thread):
     def use(self, setup: MeasureSetup | None) -> None:
         """Measures with this setup from the next field on; not while a capture is being measured."""
         self._setup = setup
+
+    def since(self, number: int) -> list[Live]:
+        """Fields that were published after that number, the oldest first; call it with `published` held."""
+        return [one for one in self._newest if one.number > number]
 
     def run(self) -> None:
         """Measures until stopped."""
@@ -292,7 +303,9 @@ class Worker(threading.Thread):
     def _publish(self, measured: MeasuredField, first_n: int) -> None:
         now_ns = self._clock.now_ns()
         with self.published:
-            self.live = Live(measured, now_ns)
+            self._number += 1
+            self.live = Live(measured, now_ns, self._number)
+            self._newest.append(self.live)
             self.published.notify_all()
         # A capture numbers its fields from its first one, the pipeline from the stream's.
         arrived_ns = int(self._pipeline.arrived_ns[(measured.n + first_n) % ARRIVALS])

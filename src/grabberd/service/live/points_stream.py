@@ -15,14 +15,9 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 class PointsEncoder:
-    """Makes the frames and descriptions of one device; used by one thread at a time.
-
-    Attributes:
-        sequence: Number of frames that have been made.
-    """
+    """Makes the frames and descriptions of one device; used by one thread at a time."""
 
     def __init__(self, instrument: Instrument, clock: UtcClock) -> None:
-        self.sequence = 0
         self._instrument = instrument
         self._clock = clock
         self._described: DeviceSetup | None = None
@@ -47,7 +42,6 @@ class PointsEncoder:
 
     def frame(self, live: Live) -> PointsFrame:
         """The frame of a measured field, with the newest description."""
-        self.sequence += 1
         measured = live.measured
         points = measured.points
         now_us = (self._clock.utc_now() - _EPOCH) // timedelta(microseconds=1)
@@ -56,7 +50,7 @@ class PointsEncoder:
             measured.time_ns,
             now_us - (self._clock.now_ns() - measured.time_ns) // 1000,
             live.published_ns,
-            self.sequence,
+            live.number,
             self._number,
             points.target.astype(np.uint32),
             points.xyz_mm,

@@ -4,7 +4,7 @@ import builtins
 import os
 import sqlite3
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext, suppress
 from pathlib import Path
 from typing import Any, TypeVar
@@ -74,13 +74,13 @@ class CaptureIndex:
         self.path = directory / "index.sqlite"
         self.read = (0, 0)
         self._check = check
-        self._heal = heal or (lambda _: self.rebuild())
+        self._heal = heal or (lambda _: self.rebuild(anew=True))
         self._read_entries = read_entries
         self._kept_out: set[Path] = set()
         self._changing = threading.Lock()
         self._rebuilding = False
 
-    def rebuild(self, unsealed: Iterable[Path] = ()) -> None:
+    def rebuild(self, unsealed: Iterable[Path] = (), *, anew: bool = False) -> None:
         """Rebuilds the index from the capture files; those that cannot be read are set aside as damaged.
 
         Files that are as the old index has them, if that can be read, are not opened again. Captures that
@@ -88,13 +88,14 @@ class CaptureIndex:
 
         Args:
             unsealed: `.grab.part` files that nobody writes and that could not be sealed.
+            anew: True if the old index is not to be believed.
 
         Raises:
             StorageError: The index cannot be written.
         """
         self._rebuilding = True
         try:
-            entries = list(distinct(self._entries(unsealed)))
+            entries = list(distinct(self._entries(unsealed, {} if anew else self._known())))
             with self._changing:
                 self._publish([one for one in entries if os.path.lexists(self.directory / one.file)])
         finally:
@@ -153,8 +154,8 @@ class CaptureIndex:
         """
         return self.directory / self.get(capture_id).file
 
-    def _entries(self, unsealed: Iterable[Path]) -> Iterator[IndexEntry]:
-        known, sealed = self._known(), self._named(self.directory.glob(f"*{SUFFIX}"))
+    def _entries(self, unsealed: Iterable[Path], known: Mapping[str, IndexEntry]) -> Iterator[IndexEntry]:
+        sealed = self._named(self.directory.glob(f"*{SUFFIX}"))
         kept = {path: known[path.name] for path in sealed if path.name in known}
         kept = {path: entry for path, entry in kept.items() if entry.still_holds(path)}
         yield from kept.values()

@@ -51,7 +51,10 @@ class FileVersion:
         self._close: Callable[[], object] = lambda: None
 
     def now(self) -> Version | None:
-        """The present version; None if it is not known at once, or the file does not count its changes."""
+        """The present version; None if it is not known at once, or the file does not count its changes.
+
+        Contents are read only if they are in memory; the name is looked up, which in general it is, too.
+        """
         with suppress(OSError), self._lock:
             found = os.stat(self._path)
             head = bytearray(_HEAD)

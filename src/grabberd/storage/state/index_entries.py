@@ -29,8 +29,8 @@ class IndexEntry(NamedTuple):
         note: Note in the file, for searching.
         labels: Labels in the file as a JSON object, for searching.
         reason: Why it is damaged; empty if it is not.
-        size_bytes: Size of the file when it was read, and `changed_ns`, when it had last been changed; −1 if
-            that does not matter, since it is read again each time.
+        size_bytes: Size of the file when it was read, and `changed_ns`, when it, its name or its rights had
+            last been changed, which nobody can set; −1 if it is read again each time.
     """
 
     id: str
@@ -53,7 +53,7 @@ class IndexEntry(NamedTuple):
             found = path.lstat()
         except OSError:
             return False
-        return (found.st_size, found.st_mtime_ns) == (self.size_bytes, self.changed_ns)
+        return (found.st_size, found.st_ctime_ns) == (self.size_bytes, self.changed_ns)
 
 
 def check_entry(entry: IndexEntry) -> None:
@@ -62,13 +62,15 @@ def check_entry(entry: IndexEntry) -> None:
     Raises:
         ValueError: It is none that this program writes.
     """
+    if not all(isinstance(text, str) for text in entry[:8]):
+        raise ValueError("an entry has what is no text")
     name = entry.file.removeprefix(f"{DAMAGED}/")
     if not is_plain(name) or "/" in name or not name.endswith(CAPTURES):
         raise ValueError(f"it names the file {entry.file!r}")
     if entry.state not in (SEALED_ENTRY, DAMAGED_ENTRY) or not all(map(str.isprintable, entry[:5])):
         raise ValueError(f"the entry of {name} is damaged")
-    if entry.state == SEALED_ENTRY:
-        datetime.fromisoformat(entry.created_utc)
+    if entry.state == SEALED_ENTRY and datetime.fromisoformat(entry.created_utc).tzinfo is None:
+        raise ValueError(f"the time of {name} is {entry.created_utc!r}, without a zone")
     labels = read_json(entry.labels)
     if not all(isinstance(text, str) for text in labels.values()):
         raise ValueError(f"the labels of {name} are {labels!r}")
@@ -102,7 +104,7 @@ def sealed_entry(path: Path) -> IndexEntry:
             meta.note,
             json.dumps(meta.labels, ensure_ascii=False),
             size_bytes=found.st_size,
-            changed_ns=found.st_mtime_ns,
+            changed_ns=found.st_ctime_ns,
         )
     # Here, and not where it is read from the index, which would be made again and again because of it.
     try:
