@@ -51,7 +51,7 @@ def run(folder: Path, seed: int, calls: int = CALLS) -> tuple[int, str]:
 def call(random: Random, kernel: Any) -> None:
     """One call of one function, which may refuse."""
     with suppress(ValueError, OverflowError):  # refused
-        random.choice((_locate, _grey, _grey, _whole, _wall, _pack, _take, _take, _shifted))(random, kernel)
+        random.choice((_locate, _grey, _grey, _wall, _pack, _take, _take, _shifted))(random, kernel)
 
 
 def _whole_number(random: Random, near: int) -> int:
@@ -179,13 +179,6 @@ def _shifted(random: Random, kernel: Any) -> None:
 
 def _numbers(random: Random, count: int) -> np.ndarray[Any, Any]:
     return np.array([random.choice(REALS) for _ in range(max(0, count + random.choice((0, 0, 0, 0, 1, -1))))])
-
-
-def _whole(random: Random, kernel: Any) -> None:
-    n = random.randint(0, 20)
-    arrays = [_numbers(random, size * n) for size in (2, 2, 1, 1)]
-    border = np.zeros(max(0, n + random.choice((0, 0, 0, 1, -1))), np.bool_)
-    kernel.whole(*arrays, border, random.choice(REALS), random.choice(REALS), _numbers(random, 5 * n))
 
 
 def _wall(random: Random, kernel: Any) -> None:

@@ -107,10 +107,10 @@ def test_the_one_that_runs_is_named_and_runs_on(tmp_path: Path) -> None:
 def refuse_files_of(device: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Has the disk refuse the capture files of a device."""
 
-    def refusing(path: Path, max_pages: int | None = None) -> object:
+    def refusing(path: Path, *limits: int | None) -> object:
         if device in path.name:
             raise StorageError("the disk says no", "replace it")
-        return create(path, max_pages)
+        return create(path, *limits)
 
     monkeypatch.setattr("grabberd.storage.capture.writer.create", refusing)
 
@@ -354,11 +354,11 @@ def test_no_field_is_missed_however_long_the_files_take_to_be_made(
 ) -> None:
     slots = 2 * 32
 
-    def slowly(path: Path, max_pages: int | None = None) -> object:
+    def slowly(path: Path, *limits: int | None) -> object:
         with service.instrument("left").pipeline.ring.reader() as reader:
             for _ in range(slots):  # twice as many as the ring has
                 assert reader.take(PATIENCE_S)
-        return create(path, max_pages)
+        return create(path, *limits)
 
     with several(tmp_path, PACED) as service:
         monkeypatch.setattr("grabberd.storage.capture.writer.create", slowly)

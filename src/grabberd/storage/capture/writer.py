@@ -51,6 +51,7 @@ class CaptureWriter:
         self._rebases: list[LedgerEvent] = []
         self._uncommitted = Uncommitted()
         self._pictures, self._points = PicturesInWaiting(), PointsInWaiting()
+        self._undone = False
         self._connection = connection
 
     @classmethod
@@ -102,7 +103,7 @@ class CaptureWriter:
         self, run: int, kind: str, created_utc: str, version: str, made_with: Mapping[str, Any]
     ) -> None:
         """Starts a run; `made_with` has the documents `calibration`, `object` and `settings`."""
-        with storage_errors(self.path):
+        with self._writing():
             self._begin()
             self._connection.execute(INSERT_RUN, run_row(run, kind, created_utc, version, RUNNING, made_with))
         self._uncommitted_runs.append(
@@ -111,14 +112,14 @@ class CaptureWriter:
 
     def append(self, slots: Iterable[Slot]) -> None:
         """Adds fields, and the outcome of those that were not received, with the next commit."""
-        with storage_errors(self.path):
+        with self._writing():
             for slot in slots:
                 self._begin()
                 self._append(slot)
 
     def append_points(self, run: int, n: int, points: Points) -> None:
         """Adds one field's points, with the next commit; fields of a run come in order."""
-        with storage_errors(self.path):
+        with self._writing():
             self._begin()
             if not self._points.takes(run, points):
                 self._write_points()
@@ -131,7 +132,7 @@ class CaptureWriter:
             StorageError: It cannot be written, or does not read back as it was written.
         """
         if self._connection.in_transaction:
-            with storage_errors(self.path):
+            with self._writing():
                 self._write_pictures()
                 self._write_points()
                 self._uncommitted.write_digests(self._connection)
@@ -211,10 +212,11 @@ class CaptureWriter:
         try:
             self.commit()
         except StorageError:
-            if not self._connection.in_transaction:
+            if self._connection.in_transaction:
+                self._connection.execute("ROLLBACK")
+                self._forget()
+            elif not self._undone:
                 raise  # committed, but not as it was meant
-            self._connection.execute("ROLLBACK")
-            self._forget()
 
     def _forget(self) -> None:
         """Drops what was added and not committed."""
@@ -241,10 +243,37 @@ class CaptureWriter:
         waiting, self._pictures = self._pictures, PicturesInWaiting()
         if waiting:
             group = waiting.group()
-            with _whole(self._connection):
+            with self._whole():
                 self._connection.execute(INSERT_PICTURES, group.row)
                 self._connection.executemany(INSERT_FIELD, group.recorded)
             self._uncommitted.add_pictures(group, waiting.newest)
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Raises errors of the disk, and drops what was added if SQLite has undone it, as on a full disk it
+        may.
+        """
+        with storage_errors(self.path):
+            try:
+                yield
+            except BaseException:
+                if not self._connection.in_transaction:
+                    self._undone = True
+                    self._forget()
+                raise
+
+    @contextmanager
+    def _whole(self) -> Iterator[None]:
+        """Undoes the block's part of the transaction if it fails."""
+        self._connection.execute("SAVEPOINT whole")
+        try:
+            yield
+        except BaseException:
+            if self._connection.in_transaction:
+                self._connection.execute("ROLLBACK TO whole")
+                self._connection.execute("RELEASE whole")
+            raise
+        self._connection.execute("RELEASE whole")
 
     def _write_points(self) -> None:
         """Writes the points that wait as a group."""
@@ -253,19 +282,6 @@ class CaptureWriter:
             group = waiting.group()
             self._connection.execute(GROUPED.insert, group.row)
             self._uncommitted.add_points(group, waiting.newest)
-
-
-@contextmanager
-def _whole(connection: sqlite3.Connection) -> Iterator[None]:
-    """Undoes the block's part of the transaction if it fails, on a full disk, say."""
-    connection.execute("SAVEPOINT whole")
-    try:
-        yield
-    except BaseException:
-        connection.execute("ROLLBACK TO whole")
-        raise
-    finally:
-        connection.execute("RELEASE whole")
 
 
 def publish(part: Path) -> Path:
