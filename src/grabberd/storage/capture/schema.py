@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from grabberd.errors import CaptureFileError, LaterVersion, StorageError
+from grabberd.storage import held_files
 from grabberd.storage.disk import storage_errors
 from grabberd.storage.guarded_database import JOURNAL, GuardedConnection, open_tables, read_header
 from grabberd.storage.patience import check_patience
@@ -98,7 +99,8 @@ def create(
                 raise StorageError(f"{taken} exists already", "give the capture another name")
         # isolation_level None leaves transactions to the writer, which commits twice a second and never by
         # itself; it is made on one thread and used on another, never on two at once.
-        connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+        with held_files.create(path):
+            connection = held_files.connect(path, held_files.HeldConnection)
         # Not WAL: a copy without its log would be empty, and sealing would fail while somebody reads. PERSIST
         # keeps the journal between commits, since a full disk has no room for a new one.
         connection.execute("PRAGMA journal_mode = PERSIST")
