@@ -3,8 +3,6 @@
 import gc
 import os
 import sqlite3
-import subprocess
-import sys
 from contextlib import closing, suppress
 from pathlib import Path
 from threading import Thread
@@ -20,25 +18,8 @@ from grabberd.storage.capture.verification import verify
 from grabberd.storage.guarded_database import open_tables, read_header
 from grabberd.storage.held_files import HeldConnection, connect, create, hold
 from grabberd_replay.containers import container_of
+from storage.another_process import CHANGE, COMMIT, COUNT, LOCKED, another_process
 from storage.captures import MADE_WITH, META, ledger_of, meta, points, slots, write
-
-ANOTHER = """
-import sqlite3, sys
-connection = sqlite3.connect(sys.argv[1], timeout=0)
-try:
-    print(connection.execute(sys.argv[2]).fetchall())
-except sqlite3.OperationalError as error:
-    print(error)
-"""
-LOCKED = "database is locked"
-COUNT, CHANGE, COMMIT = "SELECT count(*) FROM fields", "BEGIN IMMEDIATE", "BEGIN EXCLUSIVE"
-"""What takes the lock of a reader, of a writer, and of one that commits."""
-
-
-def another_process(path, statement):
-    """Answer to a statement, or the error."""
-    command = [sys.executable, "-c", ANOTHER, str(path), statement]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
 def read_as_a_capture(path):

@@ -95,12 +95,13 @@ def read_header(path: Path) -> Header:
     return _header(_head(path))
 
 
-def open_tables(path: Path, tables: str) -> GuardedConnection:
+def open_tables(path: Path, tables: str, *, writable: bool = True) -> GuardedConnection:
     """Opens an existing database of exactly these tables.
 
     Args:
         path: The file.
         tables: The statements that its tables were made by; spaces and line breaks are ignored.
+        writable: False if not even what a crash left unfinished may be rolled back.
 
     Returns:
         A connection in autocommit mode, which any thread may use in turn.
@@ -111,9 +112,10 @@ def open_tables(path: Path, tables: str) -> GuardedConnection:
         sqlite3.Error: It is damaged, or cannot be read.
         OSError: It cannot be read.
     """
-    read_header(path)
-    _check_schema_page(_head(path), len(_schema(tables)))
-    connection = connect(path, GuardedConnection, timeout=_WAIT_S)
+    with hold(path):  # opened once for all that follows
+        read_header(path)
+        _check_schema_page(_head(path), len(_schema(tables)))
+        connection = connect(path, GuardedConnection, writable=writable, timeout=_WAIT_S)
     try:
         found = _schema_of(connection)
         if found != _schema(tables):

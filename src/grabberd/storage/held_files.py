@@ -1,8 +1,8 @@
 """Descriptors of files that SQLite may have open in this process: shared, and closed with the last user.
 
-SQLite locks with `fcntl`. Such a lock belongs to the process, and closing any descriptor of the file drops all
-that the process has on it, whoever opened it. A writer in the middle of a transaction would go on without its
-lock; the next process to read the file would take its journal for one that a crash left, and roll it back.
+SQLite locks with `fcntl`. Such a lock belongs to the process, and closing any descriptor of the file drops
+all that the process has on it, whoever opened it. A writer in the middle of a transaction would go on without
+its lock; the next process to read the file would take its journal for one that a crash left, and roll back.
 
 So whoever opens such a file by itself does it here, connections included. There is one entry for each file,
 by device and inode as in SQLite, for as long as anybody holds it: a descriptor that was opened here is closed
@@ -95,10 +95,8 @@ def hold(path: Path) -> Hold:
         OSError: It cannot be opened.
     """
     key = _key(path.lstat())
-    with _locked():
-        if (held := _files.get(key)) is not None:
-            held.holders += 1
-            return Hold(held)
+    if (shared := _shared(key)) is not None:
+        return shared
     # Outside the lock: a disk that hangs must not hold up those who read from another one.
     return _enter(os.open(path, _READ))
 
@@ -129,29 +127,30 @@ def create(path: Path) -> Hold:
     return _enter(os.open(path, _NEW, _PERMISSIONS))
 
 
+def _shared(key: Key) -> Hold | None:
+    """A share in a file that somebody holds already."""
+    with _lock:
+        if (held := _files.get(key)) is not None:
+            held.holders += 1
+    _close_unused()
+    return None if held is None else Hold(held)
+
+
 def _enter(descriptor: int) -> Hold:
     """A share in the file of a descriptor, which is not closed before anybody else's share has ended."""
     key = _key(os.fstat(descriptor))
-    with _locked():
+    with _lock:
         held = _files.setdefault(key, _Held(key))
         held.descriptors.append(descriptor)
         held.holders += 1
-        return Hold(held)
-
-
-@contextmanager
-def _locked() -> Iterator[None]:
-    try:
-        with _lock:
-            yield
-    finally:
-        _close_unused()
+    _close_unused()
+    return Hold(held)
 
 
 def _close_unused() -> None:
     """Closes the descriptors of files that nobody holds any longer."""
-    # It never waits: the garbage collector may call it inside the lock. Whoever has the lock looks once more
-    # after releasing it, so that nothing is left.
+    # It never waits: the garbage collector may call it inside the lock. Whoever has the lock calls it after
+    # releasing it, so that nothing is left.
     while _ended and _lock.acquire(blocking=False):
         try:
             while _ended:
@@ -196,12 +195,13 @@ class HeldConnection(sqlite3.Connection):
 C = TypeVar("C", bound=HeldConnection)
 
 
-def connect(path: Path, factory: type[C], **options: Any) -> C:
+def connect(path: Path, factory: type[C], *, writable: bool = True, **options: Any) -> C:
     """Connects to a database that exists; it is in autocommit mode, and any thread may use it in turn.
 
     Args:
         path: Its file.
         factory: Class of the connection.
+        writable: False if not even what a crash left unfinished may be rolled back.
         options: Further arguments of `sqlite3.connect`.
 
     Raises:
@@ -211,7 +211,7 @@ def connect(path: Path, factory: type[C], **options: Any) -> C:
     for _ in range(_ATTEMPTS):
         held = hold(path)
         try:
-            connection = _connected(path, factory, **options)
+            connection = _connected(path, factory, "rw" if writable else "ro", **options)
         except BaseException:
             held.release()
             raise
@@ -228,9 +228,9 @@ def connect(path: Path, factory: type[C], **options: Any) -> C:
     raise OSError(errno.ESTALE, os.strerror(errno.ESTALE), str(path))
 
 
-def _connected(path: Path, factory: type[C], **options: Any) -> C:
-    # Without the mode, SQLite would create an empty file in place of one that is being renamed just now.
-    uri = f"{path.absolute().as_uri()}?mode=rw"
+def _connected(path: Path, factory: type[C], mode: str, **options: Any) -> C:
+    # Without a mode, SQLite would create an empty file in place of one that is being renamed just now.
+    uri = f"{path.absolute().as_uri()}?mode={mode}"
     return sqlite3.connect(
         uri, uri=True, isolation_level=None, check_same_thread=False, factory=factory, **options
     )

@@ -78,6 +78,7 @@ _NOT_THE_FILES_FAULT = (
 DAMAGE = (ValueError, TypeError, KeyError, OverflowError, AttributeError, RecursionError)
 """Exceptions that damaged content raises where it is decoded."""
 _READABLE = "check whether another program has it open, whether it may be read, and whether the disk is sound"
+_UNFINISHED = "if nobody writes it any more, seal it: start the daemon, or use grabberd storage seal"
 RESERVE_BYTES = 256 * 1024
 """Size of the table `reserve`, which is filled at the start and emptied at the end: its pages hold the
 ledger and the verdict if the disk is full to the last byte by then."""
@@ -144,7 +145,10 @@ def connect(path: Path, *, writable: bool = False) -> GuardedConnection:
         StorageError: The disk or another program prevents reading it.
     """
     with reading_errors(path):
-        connection = _opened(path, _version(path))
+        # Whoever seals a capture knows that nobody writes it any more. A reader does not, beyond the locks,
+        # which some file systems do not pass on: it must not roll back what a writer is about to commit.
+        may_roll_back = writable or not path.name.endswith(PART)
+        connection = _opened(path, _version(path), writable=may_roll_back)
         try:
             connection.execute("PRAGMA synchronous = FULL")
             if not writable:
@@ -155,14 +159,14 @@ def connect(path: Path, *, writable: bool = False) -> GuardedConnection:
     return connection
 
 
-def _opened(path: Path, version: int) -> GuardedConnection:
+def _opened(path: Path, version: int, *, writable: bool) -> GuardedConnection:
     try:
-        return open_tables(path, _TABLES[version])
+        return open_tables(path, _TABLES[version], writable=writable)
     except ValueError:
         # Converted since its version was read?
         if (now := _version(path)) == version:
             raise
-        return open_tables(path, _TABLES[now])
+        return open_tables(path, _TABLES[now], writable=writable)
 
 
 def _version(path: Path) -> int:
@@ -211,10 +215,16 @@ def reading_errors(path: Path) -> Iterator[None]:
             hint = "ask for less at once; if it happens again and again, the file may be damaged"
             raise StorageError(f"{path} takes too long to read", hint) from error
         if _primary_code(error) in _NOT_THE_FILES_FAULT:
-            raise StorageError(f"{path} cannot be read now: {error}", _READABLE) from error
+            raise _not_now(path, error) from error
         raise _damaged(path, error) from error
     except DAMAGE as error:
         raise _damaged(path, error) from error
+
+
+def _not_now(path: Path, error: sqlite3.Error) -> StorageError:
+    if error.sqlite_errorcode == sqlite3.SQLITE_READONLY_ROLLBACK:
+        return StorageError(f"{path} cannot be read now: its last commit is unfinished", _UNFINISHED)
+    return StorageError(f"{path} cannot be read now: {error}", _READABLE)
 
 
 def _missing(path: Path) -> CaptureFileError:
