@@ -27,12 +27,12 @@ def journal_of(path):
 
 @pytest.fixture
 def part(tmp_path):
-    """A capture of thirty fields that was killed while thirty more were being written into its file."""
+    """A capture of thirty fields that was killed while sixty more were being written into its file."""
     writer = CaptureWriter.create(tmp_path / "liner.grab.part", meta(bits=8))
     writer.append(slots(30, bits=8))
     writer.commit()
     writer._connection.execute("PRAGMA cache_size = 1")  # writes into the file before the commit
-    writer.append(slots(60, bits=8)[30:])
+    writer.append(slots(90, bits=8)[30:])
     left = crashed(writer.path, tmp_path / "left")
     writer.close()
     return left
