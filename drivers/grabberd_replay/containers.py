@@ -4,11 +4,13 @@ FFmpeg opens much more than videos (text as a picture of it, playlists that name
 containers listed here are passed to it.
 """
 
+import os
 import re
 from pathlib import Path
 from typing import NamedTuple
 
 from grabberd.errors import DeviceRefused
+from grabberd.storage.held_files import hold
 
 
 class Container(NamedTuple):
@@ -49,8 +51,9 @@ def container_of(path: Path) -> Container | None:
         DeviceRefused: the file cannot be read.
     """
     try:
-        with path.open("rb") as file:
-            head = file.read(_HEAD_BYTES)
+        # It may be a capture that this program is writing or reading.
+        with hold(path.resolve()) as held:
+            head = os.pread(held.descriptor, _HEAD_BYTES, 0)
     except OSError as error:
         raise DeviceRefused(
             f"{path} cannot be read: {error.strerror}", "correct the file's permissions"

@@ -14,6 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from grabberd.storage.held_files import HeldConnection, connect, hold
 from grabberd.storage.patience import is_over
 
 JOURNAL = "-journal"
@@ -47,7 +48,7 @@ class Header(NamedTuple):
     user_version: int
 
 
-class GuardedConnection(sqlite3.Connection):
+class GuardedConnection(HeldConnection):
     """A connection whose every statement ends: in time, or when nobody waits for it any longer.
 
     Attributes:
@@ -94,12 +95,13 @@ def read_header(path: Path) -> Header:
     return _header(_head(path))
 
 
-def open_tables(path: Path, tables: str) -> GuardedConnection:
+def open_tables(path: Path, tables: str, *, writable: bool = True) -> GuardedConnection:
     """Opens an existing database of exactly these tables.
 
     Args:
         path: The file.
         tables: The statements that its tables were made by; spaces and line breaks are ignored.
+        writable: False if not even what a crash left unfinished may be rolled back.
 
     Returns:
         A connection in autocommit mode, which any thread may use in turn.
@@ -110,18 +112,10 @@ def open_tables(path: Path, tables: str) -> GuardedConnection:
         sqlite3.Error: It is damaged, or cannot be read.
         OSError: It cannot be read.
     """
-    read_header(path)
-    _check_schema_page(_head(path), len(_schema(tables)))
-    # Without the mode, SQLite would create an empty file in place of one that is being renamed just now.
-    uri = f"{path.absolute().as_uri()}?mode=rw"
-    connection = sqlite3.connect(
-        uri,
-        uri=True,
-        isolation_level=None,
-        timeout=_WAIT_S,
-        check_same_thread=False,
-        factory=GuardedConnection,
-    )
+    with hold(path):  # opened once for all that follows
+        read_header(path)
+        _check_schema_page(_head(path), len(_schema(tables)))
+        connection = connect(path, GuardedConnection, writable=writable, timeout=_WAIT_S)
     try:
         found = _schema_of(connection)
         if found != _schema(tables):
@@ -161,11 +155,8 @@ def _check_journal(journal: Path) -> None:
 
 
 def _head(path: Path) -> bytes:
-    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
-    try:
-        return os.pread(descriptor, _HEAD, 0)
-    finally:
-        os.close(descriptor)
+    with hold(path) as held:
+        return os.pread(held.descriptor, _HEAD, 0)
 
 
 def _header(head: bytes) -> Header:

@@ -2,9 +2,10 @@
 
 import http.client
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
+from types import MappingProxyType
 
 import pytest
 from capturing import capture
@@ -14,7 +15,8 @@ from api.streams import Served, served
 from grabberd.config import default_config_file
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
-from grabberd.storage import append_run
+from grabberd.storage import CaptureReader, append_run
+from storage.another_process import COMMIT, COUNT, LOCKED, another_process
 from storage.captures import points
 
 LARGE = 3000
@@ -38,10 +40,28 @@ def add_run(path: Path, count: int) -> None:
     append_run(path, "measure", "2026-03-02T00:00:00Z", "0", {}, ((n, points(n, 100)) for n in range(count)))
 
 
-def asked(daemon: Served, path: Path) -> tuple[http.client.HTTPConnection, http.client.HTTPResponse]:
+def asked(
+    daemon: Served, path: Path, headers: Mapping[str, str] = MappingProxyType({})
+) -> tuple[http.client.HTTPConnection, http.client.HTTPResponse]:
     connection = http.client.HTTPConnection(*daemon.address, timeout=PATIENCE_S)
-    connection.request("GET", f"/api/v1/captures/{path.stem}/file")
+    connection.request("GET", f"/api/v1/captures/{path.stem}/file", headers=dict(headers))
     return connection, connection.getresponse()
+
+
+@pytest.mark.parametrize("which", [{}, {"Range": "bytes=7-"}, {"Range": "bytes=0-9,100-199"}])
+def test_it_costs_nobody_who_reads_the_file_meanwhile_the_lock(
+    taken: tuple[Served, Path], which: dict[str, str]
+) -> None:
+    daemon, path = taken
+    with CaptureReader(path) as reader:
+        reader._connection.execute("BEGIN")
+        reader._connection.execute(COUNT).fetchone()
+        connection, response = asked(daemon, path, which)
+        with closing(connection):
+            content = response.read()
+        assert another_process(path, COMMIT) == LOCKED
+    if "0-9" not in str(which):
+        assert content == path.read_bytes()[7 * bool(which) :]
 
 
 def test_a_run_that_is_added_meanwhile_breaks_the_answer_off(taken: tuple[Served, Path]) -> None:

@@ -67,13 +67,10 @@ def test_a_killed_capture_loses_at_most_its_last_second(tmp_path, seed):
 
 
 def check(part, last):
-    with CaptureReader(part) as reader:
-        before = reader.field_count
     with CaptureReader(recover(part)) as reader:
         kept = [field.n for field in reader.received()]
         measured = list(reader.points(1))
         assert kept == list(range(len(kept)))
-        assert len(kept) == before
         assert last + 1 - len(kept) <= LAST_SECOND
         assert reader.meta.complete is False
         assert reader.ledger.received == len(kept)

@@ -65,6 +65,7 @@ def recover(part: Path, now: Now | None = None) -> Path:
 
 
 def _seal_if_need_be(part: Path, now: Now) -> None:
+    connect(part, writable=True).close()  # rolls back what a reader must not
     with CaptureReader(part) as reader:
         ledger, meta, last = reader.ledger, reader.meta, reader.last_field
     if meta.state != SEALED:  # a crash between sealing and renaming leaves only the name to be done

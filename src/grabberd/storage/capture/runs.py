@@ -1,6 +1,5 @@
 """Adding a run to a sealed capture."""
 
-import fcntl
 import json
 import os
 import sqlite3
@@ -8,7 +7,7 @@ import struct
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from itertools import islice
 from pathlib import Path
 from typing import IO, Any
@@ -29,6 +28,7 @@ from grabberd.storage.capture.read_back import check_staged
 from grabberd.storage.capture.schema import connect, format_of, reading_errors
 from grabberd.storage.capture.writer import DONE, INSERT_RUN, run_row
 from grabberd.storage.disk import storage_errors
+from grabberd.storage.held_files import flocked
 
 _SIZE = struct.Struct("<I")
 """In the temporary file, size of a row's cells as JSON, with the sizes of its blobs, which follow."""
@@ -104,13 +104,13 @@ def alone(path: Path, inode: int) -> Iterator[None]:
     Raises:
         StorageError: Another program is at it, or has replaced it.
     """
-    with path.open("rb") as file:
+    with ExitStack() as stack:
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            descriptor = stack.enter_context(flocked(path))
         except BlockingIOError:
             hint = "wait until it has finished, then try again"
             raise StorageError(f"another program is adding a run to {path.name}", hint) from None
-        if os.fstat(file.fileno()).st_ino != inode:  # what was written would be lost with the old file
+        if os.fstat(descriptor).st_ino != inode:  # what was written would be lost with the old file
             raise StorageError(f"{path.name} was replaced meanwhile, by its conversion perhaps", "try again")
         yield
 

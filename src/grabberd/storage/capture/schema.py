@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from grabberd.errors import CaptureFileError, LaterVersion, StorageError
+from grabberd.storage import held_files
 from grabberd.storage.disk import storage_errors
 from grabberd.storage.guarded_database import JOURNAL, GuardedConnection, open_tables, read_header
 from grabberd.storage.patience import check_patience
@@ -77,6 +78,7 @@ _NOT_THE_FILES_FAULT = (
 DAMAGE = (ValueError, TypeError, KeyError, OverflowError, AttributeError, RecursionError)
 """Exceptions that damaged content raises where it is decoded."""
 _READABLE = "check whether another program has it open, whether it may be read, and whether the disk is sound"
+_UNFINISHED = "if nobody writes it any more, seal it: start the daemon, or use grabberd storage seal"
 RESERVE_BYTES = 256 * 1024
 """Size of the table `reserve`, which is filled at the start and emptied at the end: its pages hold the
 ledger and the verdict if the disk is full to the last byte by then."""
@@ -98,7 +100,8 @@ def create(
                 raise StorageError(f"{taken} exists already", "give the capture another name")
         # isolation_level None leaves transactions to the writer, which commits twice a second and never by
         # itself; it is made on one thread and used on another, never on two at once.
-        connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+        with held_files.create(path):
+            connection = held_files.connect(path, held_files.HeldConnection)
         # Not WAL: a copy without its log would be empty, and sealing would fail while somebody reads. PERSIST
         # keeps the journal between commits, since a full disk has no room for a new one.
         connection.execute("PRAGMA journal_mode = PERSIST")
@@ -142,7 +145,10 @@ def connect(path: Path, *, writable: bool = False) -> GuardedConnection:
         StorageError: The disk or another program prevents reading it.
     """
     with reading_errors(path):
-        connection = _opened(path, _version(path))
+        # Whoever seals a capture knows that nobody writes it any more. A reader does not, beyond the locks,
+        # which some file systems do not pass on: it must not roll back what a writer is about to commit.
+        may_roll_back = writable or not path.name.endswith(PART)
+        connection = _opened(path, _version(path), writable=may_roll_back)
         try:
             connection.execute("PRAGMA synchronous = FULL")
             if not writable:
@@ -153,14 +159,14 @@ def connect(path: Path, *, writable: bool = False) -> GuardedConnection:
     return connection
 
 
-def _opened(path: Path, version: int) -> GuardedConnection:
+def _opened(path: Path, version: int, *, writable: bool) -> GuardedConnection:
     try:
-        return open_tables(path, _TABLES[version])
+        return open_tables(path, _TABLES[version], writable=writable)
     except ValueError:
         # Converted since its version was read?
         if (now := _version(path)) == version:
             raise
-        return open_tables(path, _TABLES[now])
+        return open_tables(path, _TABLES[now], writable=writable)
 
 
 def _version(path: Path) -> int:
@@ -209,10 +215,16 @@ def reading_errors(path: Path) -> Iterator[None]:
             hint = "ask for less at once; if it happens again and again, the file may be damaged"
             raise StorageError(f"{path} takes too long to read", hint) from error
         if _primary_code(error) in _NOT_THE_FILES_FAULT:
-            raise StorageError(f"{path} cannot be read now: {error}", _READABLE) from error
+            raise _not_now(path, error) from error
         raise _damaged(path, error) from error
     except DAMAGE as error:
         raise _damaged(path, error) from error
+
+
+def _not_now(path: Path, error: sqlite3.Error) -> StorageError:
+    if error.sqlite_errorcode == sqlite3.SQLITE_READONLY_ROLLBACK:
+        return StorageError(f"{path} cannot be read now: its last commit is unfinished", _UNFINISHED)
+    return StorageError(f"{path} cannot be read now: {error}", _READABLE)
 
 
 def _missing(path: Path) -> CaptureFileError:
