@@ -286,16 +286,18 @@ class CaptureThread(threading.Thread):
             self._show_state()
 
     def _leave_room(self) -> None:
-        """Lets the ring's readers go on, where fields that have waited are taken faster than they came.
+        """Lets others go on, where fields that have waited are taken faster than they came.
 
-        Else a thread in real time would write over what nobody had a processor to read. The driver's buffers
-        hold what comes meanwhile.
+        Else a thread in real time would keep a slow processor from the driver's own threads, and write over
+        what nobody had a processor to read. The driver's buffers hold what comes meanwhile.
         """
         ring = self._pipeline.ring
         for _ in range(MOST_POLLS):
-            if self._grabber.found_empty or ring.waiting <= ring.slots // 2 or self._stopping.is_set():
+            if self._grabber.found_empty or self._stopping.is_set():
                 return
             self._stopping.wait(POLL_S)
+            if ring.waiting <= ring.slots // 2:
+                return
 
     def _nothing_came(self, asked_ns: int, now_ns: int) -> None:
         """Handles an empty dequeue.
