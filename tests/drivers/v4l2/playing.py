@@ -66,6 +66,12 @@ class Scheduler:
     def program_ns(self):
         return 0
 
+    def come_first(self):
+        return ""
+
+    def keep_to_share(self, _now_ns):
+        return ""
+
     def hold(self, *, at_work=False):
         """Lets the time pass for which the program does not run; returns whether it was stopped."""
         wait_s = (self.waits_at_work_s if at_work else self.waits_s)(self._clock.passed_s)
