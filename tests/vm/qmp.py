@@ -3,7 +3,6 @@
 import json
 import socket
 import time
-from pathlib import Path
 from typing import Any
 
 ANSWER_TIMEOUT_S = 60.0
@@ -12,10 +11,9 @@ ANSWER_TIMEOUT_S = 60.0
 class Qmp:
     """Commands over QEMU's socket, answered one at a time; events are kept."""
 
-    def __init__(self, path: Path) -> None:
-        self._socket = socket.socket(socket.AF_UNIX)
+    def __init__(self, connection: socket.socket) -> None:
+        self._socket = connection
         self._socket.settimeout(ANSWER_TIMEOUT_S)
-        self._socket.connect(str(path))
         self._lines = self._socket.makefile("rb")
         self.events: list[dict[str, Any]] = []
         self._next()
