@@ -208,9 +208,11 @@ def test_captures_are_converted_or_kept(barn: Path) -> None:
     broken = write_first_format(captures, slots(20), name="broken", id="broken")
     with closing(sqlite3.connect(broken)) as connection, connection:
         connection.execute("UPDATE fields SET threshold = threshold + 1 WHERE n = 1")
+    before = old.stat().st_size
     result = run("storage", "convert", old)
     assert result.exit_code == 0, result.output
-    assert result.stdout.startswith(f"{old}: converted, ")
+    now = old.stat().st_size
+    assert result.stdout == f"{old}: converted, {before / 1e3:.0f} kB before, {now / 1e3:.0f} kB now\n"
     result = run("storage", "convert")
     assert result.exit_code == 65
     assert f"{broken}: kept as it is: " in result.stdout

@@ -17,6 +17,10 @@ from grabberd.cli.options import (
     progress_bar,
 )
 
+CapturesArgument = Annotated[
+    list[Path] | None,
+    typer.Argument(help="Capture files, NAME.grab; default: all of the configuration's folder."),
+]
 DAMAGED_EXIT = 65
 """EX_DATAERR of sysexits.h."""
 
@@ -52,10 +56,7 @@ def index(config: ConfigOption = None, json: JsonOption = False) -> None:
 
 @commands.command()
 def verify(
-    captures: Annotated[
-        list[Path] | None,
-        typer.Argument(help="Capture files, NAME.grab; default: all of the configuration's folder."),
-    ] = None,
+    captures: CapturesArgument = None,
     config: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -67,11 +68,9 @@ def verify(
 
     Example: grabberd storage verify --config /etc/grabberd/grabberd.yaml
     """
-    from grabberd.storage.capture.schema import SUFFIX  # noqa: PLC0415
     from grabberd.storage.verify_process import verify_files  # noqa: PLC0415
 
-    if not captures:
-        captures = sorted((load(config).state_directory / "captures").glob(f"*{SUFFIX}"))
+    captures = captures or _files(load(config).state_directory)
     damaged, documents = 0, []
     for path, found in verify_files(captures):
         damaged += bool(found.damages)
@@ -95,10 +94,7 @@ def verify(
 
 @commands.command()
 def convert(
-    captures: Annotated[
-        list[Path] | None,
-        typer.Argument(help="Capture files, NAME.grab; default: all of the configuration's folder."),
-    ] = None,
+    captures: CapturesArgument = None,
     config: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -113,10 +109,8 @@ def convert(
     """
     from grabberd.errors import GrabberdError  # noqa: PLC0415
     from grabberd.storage.capture.conversion import convert as convert_file  # noqa: PLC0415
-    from grabberd.storage.capture.schema import SUFFIX  # noqa: PLC0415
 
-    if not captures:
-        captures = sorted((load(config).state_directory / "captures").glob(f"*{SUFFIX}"))
+    captures = captures or _files(load(config).state_directory)
     documents: list[dict[str, object]] = []
     for path in captures:
         try:
@@ -136,10 +130,16 @@ def convert(
         raise typer.Exit(DAMAGED_EXIT)
 
 
+def _files(state_directory: Path) -> list[Path]:
+    from grabberd.storage.capture.schema import SUFFIX  # noqa: PLC0415
+
+    return sorted((state_directory / "captures").glob(f"*{SUFFIX}"))
+
+
 def _sizes(before: int, after: int) -> str:
     if before == after:
         return "has today's format already"
-    return f"converted, {before / 1e6:.1f} MB before, {after / 1e6:.1f} MB now"
+    return f"converted, {before / 1e3:,.0f} kB before, {after / 1e3:,.0f} kB now"
 
 
 @commands.command()
@@ -152,7 +152,6 @@ def retention(config: ConfigOption = None, json: JsonOption = False) -> None:
     """
     from grabberd.service.archive.retention import Policy, candidates, removals  # noqa: PLC0415
     from grabberd.service.capture.disk_guard import GB, free_bytes  # noqa: PLC0415
-    from grabberd.storage.capture.schema import SUFFIX  # noqa: PLC0415
     from grabberd.storage.disk import storage_errors  # noqa: PLC0415
     from grabberd.storage.state.annotation_store import AnnotationStore  # noqa: PLC0415
     from grabberd.storage.state.index_entries import entry_of  # noqa: PLC0415
@@ -162,7 +161,7 @@ def retention(config: ConfigOption = None, json: JsonOption = False) -> None:
     said = AnnotationStore(state).all() if state.exists() else {}
     pinned = {capture for capture, one in said.items() if one.pinned}
     policy = Policy.from_config(settings.storage.retention)
-    kept = list(candidates(folder, map(entry_of, sorted(folder.glob(f"*{SUFFIX}"))), pinned))
+    kept = list(candidates(folder, map(entry_of, _files(settings.state_directory)), pinned))
     with storage_errors(folder):
         free = free_bytes(folder)
     found = removals(kept, policy, datetime.now(UTC), free)
