@@ -9,7 +9,7 @@ import pytest
 from vm.guest import unit
 from vm.image import CHECKOUT, cached_image
 from vm.installed import Installed
-from vm.machine import Machine, Processor, boot, concurrent, counted
+from vm.machine import Machine, Processor, concurrent, counted
 from vm.tables import KERNEL, SYSTEMD, Tables
 
 HERE = Path(__file__).parent
@@ -83,7 +83,7 @@ class Machines:
         return self._booting[name]
 
     def _booted(self, name: str) -> Machine:
-        machine = boot(self._image, _PROCESSORS[name]())
+        machine = Machine(self._image, _PROCESSORS[name]())
         machine.pause()
         return machine
 

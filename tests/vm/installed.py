@@ -10,7 +10,7 @@ from typing import Any
 from vm import host
 from vm.guest import unit
 from vm.image import CHECKOUT, Image
-from vm.machine import Disks, Machine, boot, counted
+from vm.machine import Disks, Machine, counted
 
 STATE_MB = 1000
 
@@ -29,7 +29,7 @@ class Installed:
         try:
             self._disks = _disks(image, self._folder)
             bundle = _bundle(self._folder / "bundle")
-            self.machine = boot(self._image, counted(0), disks=self._disks)
+            self.machine = self._boot()
             shutil.copy(bundle, self.machine.share)
             self.installed: dict[str, Any] = self.machine.call(
                 unit.install, bundle=f"/share/{bundle.name}", timeout_s=800
@@ -48,7 +48,7 @@ class Installed:
 
     def boot(self) -> float:
         """Boots it again from its disks; seconds of the host's."""
-        self.machine = Machine(self._image, counted(0), disks=self._disks)
+        self.machine = self._boot()
         return self.machine.boot_s
 
     def close(self) -> None:
@@ -56,6 +56,9 @@ class Installed:
         if hasattr(self, "machine"):
             self.machine.stop()
         shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _boot(self) -> Machine:
+        return Machine(self._image, counted(0), disks=self._disks)
 
 
 def _disks(image: Image, folder: Path) -> Disks:
