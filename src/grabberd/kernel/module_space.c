@@ -161,3 +161,59 @@ PyObject *largest_of(PyObject *self, PyObject *arguments) {
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) PyBuffer_Release(all[i]);
     return Py_BuildValue("iL", status, (long long)count);
 }
+
+static bool is_square(const Py_buffer *matrix, int64_t *side) {
+    int64_t numbers = matrix->len / (Py_ssize_t)sizeof(double);
+    *side = (int64_t)sqrt((double)numbers);
+    return *side > 0 && *side * *side == numbers;
+}
+
+/* precision(covariance, precision): fills the last */
+PyObject *precision_of(PyObject *self, PyObject *arguments) {
+    Py_buffer covariance, precision;
+    int64_t targets;
+    (void)self;
+    if (!PyArg_ParseTuple(arguments, "y*w*", &covariance, &precision)) return NULL;
+    bool sound = is_square(&covariance, &targets) && holds(&precision, targets * targets, sizeof(double));
+    double *row = sound ? malloc((size_t)targets * sizeof *row) : NULL;
+    if (row) {
+        Py_BEGIN_ALLOW_THREADS
+        invert(targets, covariance.buf, precision.buf, row);
+        Py_END_ALLOW_THREADS
+    }
+    free(row);
+    PyBuffer_Release(&covariance);
+    PyBuffer_Release(&precision);
+    if (sound && !row) return PyErr_NoMemory();
+    return sound ? Py_BuildValue("") : refused("arrays that do not belong together");
+}
+
+static int64_t seen_ones(const uint8_t *seen, int64_t targets) {
+    int64_t count = 0;
+    for (int64_t i = 0; i < targets; i++) count += seen[i] != 0;
+    return count;
+}
+
+/* predictor(covariance, precision, square of the noise, whether each target is seen, weights, σ): fills the last two */
+PyObject *predictor_of_seen(PyObject *self, PyObject *arguments) {
+    Py_buffer covariance, precision, seen, weights, sigma;
+    Smooth smooth = {0};
+    (void)self;
+    if (!PyArg_ParseTuple(arguments, "y*y*dy*w*w*", &covariance, &precision, &smooth.noise_mm2, &seen, &weights, &sigma)) return NULL;
+    bool sound = is_square(&covariance, &smooth.targets) && holds(&precision, smooth.targets * smooth.targets, sizeof(double)) &&
+                 holds(&seen, smooth.targets, 1) && holds(&sigma, smooth.targets, sizeof(double));
+    int64_t count = sound ? seen_ones(seen.buf, smooth.targets) : 0;
+    sound = sound && holds(&weights, count * smooth.targets, sizeof(double));
+    double *scratch = sound ? malloc((size_t)(smooth.targets * (smooth.targets + 1)) * sizeof *scratch) : NULL;
+    if (scratch) {
+        smooth.covariance_mm2 = covariance.buf, smooth.precision = precision.buf;
+        Py_BEGIN_ALLOW_THREADS
+        predictor_of(&smooth, seen.buf, count, weights.buf, sigma.buf, scratch);
+        Py_END_ALLOW_THREADS
+    }
+    free(scratch);
+    Py_buffer *all[] = {&covariance, &precision, &seen, &weights, &sigma};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) PyBuffer_Release(all[i]);
+    if (sound && !scratch) return PyErr_NoMemory();
+    return sound ? Py_BuildValue("") : refused("arrays that do not belong together");
+}

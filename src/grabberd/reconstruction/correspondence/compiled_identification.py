@@ -33,7 +33,7 @@ class Identification:
         self._agreement = agreement
         self._world = World.of(rig, agreement, noise)
         self._gate_mm = agreement.settings.gate * line_mm(agreement.model, noise)
-        self._covariance_mm2 = np.linalg.inv(agreement.field.precision)
+        self._covariance_mm2 = agreement.field.covariance_mm2
 
     def expected(self, left: ViewBlobs, right: ViewBlobs) -> Expected | None:
         """Predict as `Correspondence.expected`.

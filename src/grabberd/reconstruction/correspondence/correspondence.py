@@ -58,8 +58,8 @@ class Correspondence:
         self.model = model
         self.noise = noise
         self.settings = settings or CorrespondenceSettings()
-        self.agreement = Agreement(model, self.settings)
-        self.following = Agreement(model, self.settings, self.settings.following)
+        self.agreement = Agreement(model, self.settings, kernel=kernel)
+        self.following = Agreement(model, self.settings, self.settings.following, kernel)
         self._nearby: dict[Agreement, Nearby] = {}
         self._identification: Identification | None = None
         if kernel and takes(rig):
