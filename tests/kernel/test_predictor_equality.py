@@ -1,4 +1,6 @@
-"""The compiled kernel and numpy predict the same from the same targets, the kernel with the same bits everywhere."""
+"""The compiled kernel and numpy predict the same from the same targets; the kernel's bits are the same
+everywhere.
+"""
 
 import subprocess
 import sys

@@ -12,7 +12,7 @@ Buffer = Any
 LAYOUT = 8
 """Version of functions and structures (module.c); a kernel with another one is left over from an older
 build."""
-DONE, NO_MEMORY, REFUSED, MORE_ROOM, NO_TABLE, NO_FULLNESS, UNFOLLOWED, NO_SAY = range(8)
+DONE, NO_MEMORY, REFUSED, MORE_ROOM, NO_TABLE, NO_FULLNESS, UNSOUND = range(7)
 """Status codes of a call (kernel.h)."""
 
 
@@ -38,11 +38,11 @@ class Kernel(Protocol):
         self,
         fields: tuple[Buffer, ...],
         picture: tuple[int, int, int, int, int],
-        how: tuple[int, int],
+        room: int,
         /,
         *arguments: Buffer,
     ) -> int:
-        """Measure packed fields of one kind, as far as their targets can be followed."""
+        """Measure packed fields of one kind, as far as there are tables and room."""
 
     def near(self, world: Buffer, /, *arguments: Buffer | float) -> tuple[int, int, float]:
         """Find targets near their expected positions, with their points."""

@@ -42,8 +42,8 @@ typedef struct {
     const double *covariance_mm2, *precision; /* (targets, targets) each, one the inverse of the other */
 } Smooth;
 
-int list_hypotheses(const World *, const Rays rays[VIEWS], const ViewBlobs blobs[VIEWS], double reach_px, double gate_mm,
-                    double farthest_mm, Hypotheses *);
+void directions_of(const Rig *, int view, const ViewBlobs *, double *direction); /* (N, 3); NaN where there is no ray */
+int list_hypotheses(const World *, const ViewBlobs blobs[VIEWS], double reach_px, double gate_mm, double farthest_mm, Hypotheses *);
 int largest(const World *, const Judge *, const Hypotheses *, const int64_t blobs[VIEWS], int64_t *chosen, int64_t *count,
             double *expected_mm, double *sigma_mm);
 

@@ -103,7 +103,7 @@ static PyObject *stiffness_of(PyObject *self, PyObject *arguments) {
 
 static PyMethodDef FUNCTIONS[] = {{"locate", locate, METH_VARARGS, "Blobs of a packed field of 1 bit."},
                                   {"locate_grey", locate_grey, METH_VARARGS, "Blobs of a packed field of more bits."},
-                                  {"measure", measure_of, METH_VARARGS, "Fields to points, as far as they can be followed."},
+                                  {"measure", measure_of, METH_VARARGS, "Fields to points, as far as there are tables and room."},
                                   {"near", near_of, METH_VARARGS, "Targets near where they must be, and their points."},
                                   {"agree", agree_of, METH_VARARGS, "Whether targets agree, and where all of them are."},
                                   {"hypotheses", hypotheses_of, METH_VARARGS, "Pairs of blobs that may be a target."},

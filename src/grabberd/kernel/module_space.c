@@ -80,11 +80,6 @@ PyObject *agree_of(PyObject *self, PyObject *arguments) {
     return worst == -2 ? refused("arrays that do not belong together") : PyLong_FromLongLong(worst);
 }
 
-static bool are_rays(const Py_buffer *center, const Py_buffer *direction, const ViewBlobs *blobs, Rays *rays) {
-    *rays = (Rays){center->buf, direction->buf};
-    return holds(center, 3, sizeof(double)) && holds(direction, 3 * blobs->count, sizeof(double));
-}
-
 /* `room` of them in an array of three columns of indices, and one of six columns of numbers */
 static Hypotheses hypotheses_in(const Py_buffer *whole, const Py_buffer *real, int64_t room) {
     int64_t *index = whole->buf;
@@ -92,32 +87,26 @@ static Hypotheses hypotheses_in(const Py_buffer *whole, const Py_buffer *real, i
     return (Hypotheses){index, {index + room, index + 2 * room}, number, number + 3 * room, 0, room};
 }
 
-/* hypotheses(world, left xy, σ, common, right xy, σ, common, reach, left center, directions, right center, directions, gate,
-   farthest, indices, numbers) → status, count */
+/* hypotheses(world, left xy, σ, common, right xy, σ, common, reach, gate, farthest, indices, numbers) → status, count */
 PyObject *hypotheses_of(PyObject *self, PyObject *arguments) {
-    Py_buffer world, view[2][3], center[2], direction[2], whole, real;
+    Py_buffer world, view[2][3], whole, real;
     ViewBlobs blobs[VIEWS];
-    Rays rays[VIEWS];
     double reach_px, gate_mm, farthest_mm;
     int64_t count = 0;
     int status = REFUSED;
     (void)self;
-    if (!PyArg_ParseTuple(arguments, "y*y*y*y*y*y*y*dy*y*y*y*ddw*w*", &world, &view[0][0], &view[0][1], &view[0][2], &view[1][0],
-                          &view[1][1], &view[1][2], &reach_px, &center[0], &direction[0], &center[1], &direction[1], &gate_mm,
-                          &farthest_mm, &whole, &real))
+    if (!PyArg_ParseTuple(arguments, "y*y*y*y*y*y*y*dddw*w*", &world, &view[0][0], &view[0][1], &view[0][2], &view[1][0],
+                          &view[1][1], &view[1][2], &reach_px, &gate_mm, &farthest_mm, &whole, &real))
         return NULL;
     int64_t room = whole.len / (3 * (Py_ssize_t)sizeof(int64_t));
-    if (is_world(&world) && are_blobs(view[0], blobs) && are_blobs(view[1], blobs + 1) &&
-        are_rays(center, direction, blobs, rays) && are_rays(center + 1, direction + 1, blobs + 1, rays + 1) &&
-        holds(&real, 6 * room, sizeof(double))) {
+    if (is_world(&world) && are_blobs(view[0], blobs) && are_blobs(view[1], blobs + 1) && holds(&real, 6 * room, sizeof(double))) {
         Hypotheses known = hypotheses_in(&whole, &real, room);
         Py_BEGIN_ALLOW_THREADS
-        status = list_hypotheses(world.buf, rays, blobs, reach_px, gate_mm, farthest_mm, &known);
+        status = list_hypotheses(world.buf, blobs, reach_px, gate_mm, farthest_mm, &known);
         Py_END_ALLOW_THREADS
         count = known.count;
     }
-    Py_buffer *all[] = {&world, &view[0][0], &view[0][1], &view[0][2], &view[1][0], &view[1][1], &view[1][2], center, direction,
-                        center + 1, direction + 1, &whole, &real};
+    Py_buffer *all[] = {&world, &view[0][0], &view[0][1], &view[0][2], &view[1][0], &view[1][1], &view[1][2], &whole, &real};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) PyBuffer_Release(all[i]);
     return Py_BuildValue("iL", status, (long long)count);
 }
