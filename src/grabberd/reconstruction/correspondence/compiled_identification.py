@@ -27,7 +27,7 @@ _REAL, _ADDRESS = ctypes.c_double, ctypes.c_void_p
 
 
 class Identifying(ctypes.Structure):
-    """What the kernel needs to identify targets by itself; keeps alive what it points to."""
+    """Inputs of identification by the kernel alone; keeps alive what it points to."""
 
     _fields_ = (
         ("world", _ADDRESS),
