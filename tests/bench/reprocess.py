@@ -3,6 +3,7 @@
 import os
 import resource
 import tempfile
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,8 +19,11 @@ from grabberd.service.reprocess.reprocess_archive import (
     ReprocessSummary,
     reprocess_archive,
 )
+from grabberd.service.reprocess.reprocess_capture import CaptureTask, Recipe, reprocess_capture
 from grabberd.service.reprocess.workers import local_workers
+from grabberd.service.setup import read_documents
 from grabberd.storage import CaptureMeta, CaptureWriter
+from grabberd.storage.export.dataset import DataSet
 
 from .daemon import resident_mb
 
@@ -61,6 +65,12 @@ def _rows(folder: Path) -> Iterator[str]:
         ratios = [one[place].summary.fields_per_s / one[0].summary.fields_per_s for one in rounds]
         highest = max(run.highest_mb for run in runs)
         yield f"| {workers} | {rates} | {busy} | {_spread(ratios, '.2f')} | {highest:.0f} |"
+    yield f"\nOne capture of {LONG} fields in this process, read and written; the least of {ROUNDS} turns.\n"
+    yield "| | fields a second of processor time |"
+    yield "|---|---|"
+    alone = {"a liner that opens and closes": fields, "a liner at rest": fields[:1]}
+    for words, rate in _rates(folder, alone).items():
+        yield f"| {words} | {rate:.0f} |"
     yield f"\nMB, one process: {MANY} captures of {SMALL} fields, and one of {LONG}.\n"
     yield "| | it that asks, at a quarter / the end | it that measures | at most | processor, ms a field |"
     yield "|---|---|---|---|---|"
@@ -74,6 +84,32 @@ def _rows(folder: Path) -> Iterator[str]:
         sizes = f"{_course(run.parent_mb)} | {_course(run.workers_mb)} | {run.highest_mb:.0f}"
         yield f"| {words} | {sizes} | {cost_ms:.2f} |"
     yield f"\nThe machine's load meanwhile ({os.cpu_count()} processors): {os.getloadavg()[1]:.0f}."
+
+
+def _rates(folder: Path, kinds: dict[str, list[Field]]) -> dict[str, float]:
+    """Fields a second of processor time, without a process's start."""
+    rates = dict.fromkeys(kinds, 0.0)
+    for number, fields in enumerate(kinds.values()):
+        _archive(folder / f"alone-{number}", fields, 1, LONG)
+    for turn in range(ROUNDS):
+        for number, words in enumerate(kinds):
+            task = _task(folder / f"alone-{number}", folder / f"alone-{number}-{turn}")
+            before_s = time.process_time()
+            result = reprocess_capture(task)
+            assert result.state == "measured", result.problem
+            rates[words] = max(rates[words], result.fields / (time.process_time() - before_s))
+    return rates
+
+
+def _task(captures: Path, out: Path) -> CaptureTask:
+    configs = shipped_configs()
+    documents = read_documents(configs / "fake.calibration.json", configs / "objects" / "liner.yaml")
+    (capture,) = captures.iterdir()
+    with DataSet(out) as dataset:
+        recipe = Recipe(dataset.keep(documents["calibration"]), dataset.keep(documents["object"]))
+        return CaptureTask(
+            capture, "barn", out / "0.parquet", out / "0.part", dataset.made_with, recipe, LONG
+        )
 
 
 def _spread(values: list[float], form: str) -> str:
@@ -153,7 +189,7 @@ def _archive(folder: Path, fields: list[Field], captures: int, length: int) -> N
         writer = CaptureWriter.create(folder / f"{meta.id}.grab.part", meta)
         ledger = Ledger()
         for n in range(length):
-            numbered = NumberedField(n, n * PERIOD_NS, n, packed[n % PERIOD])
+            numbered = NumberedField(n, n * PERIOD_NS, n, packed[n % len(packed)])
             writer.append([Slot(numbered, n, Outcome.RECEIVED, None, (), numbered.time_ns)])
             ledger.enter(n, Outcome.RECEIVED, None, ())
         writer.seal(ledger, complete=True, ended_because="length reached")

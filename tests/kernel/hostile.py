@@ -191,7 +191,7 @@ def track_blobs(rng, tracker, made):
         packed = PackedField(np.packbits(bits, axis=1)[np.newaxis], 1, 720, 0, 0, 2, 60)
         engine.track = wild_track(rng, tracker.model, 0.3)
         for way in engine.run([packed] * 2, [0.02] * 2, LocationSettings("centroid")):
-            if way.is_followed:
+            if way.track.sighting:
                 assert len(way.track.sighting) >= len(way.points) > 0
 
 

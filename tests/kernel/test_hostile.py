@@ -11,7 +11,11 @@ from grabberd.kernel import DONE, KERNEL, REFUSED, load
 from grabberd.measurement.compiled.binary_location import Settings
 from grabberd.measurement.compiled.grey_location import GreySettings
 from grabberd.processes.engine_inputs import Following
+from grabberd.reconstruction import Smoothness
+from grabberd.reconstruction.correspondence.compiled_identification import Identifying
+from grabberd.reconstruction.correspondence.compiled_predictors import Predictors
 from grabberd.reconstruction.correspondence.compiled_search import World
+from grabberd.reconstruction.correspondence.displacement_field import DisplacementField
 from kernel.sanitised import HERE, build, run, runtime
 
 needs_kernel = pytest.mark.skipif(not KERNEL, reason="THERE IS NO COMPILED KERNEL HERE to be refused by")
@@ -92,6 +96,19 @@ def test_arrays_that_are_too_short_are_refused():
         KERNEL.wall_stiffness(values, rest, 1.0, 0.0, np.zeros(1), np.zeros((2, 24, 24)))
 
 
+def following_of(targets, cautious_targets=None):
+    """Inputs of tracking for so many targets, and of identification for as many or others."""
+    predictors, cautious = (
+        Predictors.of(DisplacementField.of(np.eye(count, 3), Smoothness(), kernel=None))
+        for count in (targets, cautious_targets or targets)
+    )
+    own, world = Following(), World(targets=targets)
+    own.predictors = ctypes.addressof(predictors)
+    own.identifying = Identifying(ctypes.addressof(world), ctypes.addressof(cautious))
+    own.kept = predictors, cautious, world
+    return own
+
+
 @needs_kernel
 @pytest.mark.parametrize(
     "wrong",
@@ -102,7 +119,10 @@ def test_arrays_that_are_too_short_are_refused():
         {"room": 1 << 40},
         {"settings": bytes(8)},
         {"world": bytes(8)},
-        {"following": bytes(8)},
+        {"following": bytearray(8)},
+        {"following": Following()},
+        {"following": following_of(6)},
+        {"following": following_of(5, 6)},
         {"track": 42},
         {"about": 7},
         {"indices": 49},
@@ -112,21 +132,21 @@ def test_arrays_that_are_too_short_are_refused():
 )
 def test_fields_with_too_little_room_are_refused(wrong):
     def measure(fields=(bytes(64),) * 2, room=9, world=None, following=None, settings=None, **lengths):
-        given = {"track": 43, "about": 8, "indices": 50, "kept": 482, "held": 2 * 181} | lengths
+        given = {"track": 43, "about": 8, "indices": 50, "kept": 482, "held": 2 * 185} | lengths
         arrays = [
             np.zeros(count, np.intp if name == "indices" else np.float64) for name, count in given.items()
         ]
         return KERNEL.measure(
             fields,
             (1, 8, 8, 64, 2),
-            (room, 0),
+            room,
             Settings(max_diameter_px=15) if settings is None else settings,
             World(targets=5) if world is None else world,
-            Following() if following is None else following,
+            following_of(5) if following is None else following,
             *arrays,
         )
 
-    assert measure() == 0
+    assert measure() == 2
     with pytest.raises(ValueError, match="do not belong together"):
         measure(**wrong)
 
@@ -134,7 +154,7 @@ def test_fields_with_too_little_room_are_refused(wrong):
 @needs_kernel
 def test_a_field_that_is_no_buffer_is_an_error():
     with pytest.raises(TypeError):
-        KERNEL.measure((bytes(64), 7), (1, 8, 8, 64, 2), (9, 0), *[bytes(8)] * 5, *[bytearray(8)] * 3)
+        KERNEL.measure((bytes(64), 7), (1, 8, 8, 64, 2), 9, *[bytearray(8)] * 8)
 
 
 PACKED = (1, 0, 0, 0, 60)

@@ -135,6 +135,6 @@ def test_of_nobody():
 def test_of_more_hypotheses_than_there_is_room_for():
     compiled, numpy_alone = both_of(RIGS["certain"], CorrespondenceSettings(farthest_mm=60.0))
     left, right = next(scenes(calibration(), 5, 1))
-    known = compiled._identification.hypotheses(left, right)
+    known = compiled.identification.hypotheses(left, right)
     assert len(known) > 2048
     assert_same_sighting(compiled.identify(left, right), numpy_alone.identify(left, right))

@@ -13,7 +13,8 @@ from grabberd.measurement import LocationSettings, location
 from grabberd.processes import measure as process
 from grabberd.processes.engine import MOST_FIELDS, Engine
 from grabberd.processes.measure import measure_fields
-from grabberd.reconstruction import CoverageTally, ImageNoise, Track, Tracker
+from grabberd.reconstruction import CoverageTally, ImageNoise, Tracker
+from grabberd.reconstruction.correspondence import compiled_predictors
 from grabberd.reconstruction.correspondence.correspondence import Correspondence
 from grabberd.reconstruction.tracking import tracker as tracking
 from processes.fake_scene import take_scene
@@ -111,27 +112,21 @@ def tracker_of(setup, model=None):
     return Tracker(rig, model, ImageNoise.of(rig, model, setup.line_jitter_px, 1), setup.tracking)
 
 
-def steps(engine, tracker, fields, settings):
+def steps(engine, fields, settings):
     """Points of fields 20 ms apart."""
     for way in engine.run(fields, [0.02] * len(fields), settings):
-        points = way.points if way.is_followed else None
-        if points is None:
-            track, points = tracker.step(Track.of_numbers(engine.target, engine.track), *way.halves, 0.02)
-            engine.track = track.numbers
-        yield points.xyz_mm.tobytes()
+        yield way.points.xyz_mm.tobytes()
 
 
 def test_a_track_that_is_kept_goes_on_as_if_nothing_had_been(liner):
     fields = [one.packed for one in liner.packed(1, "doubled")]
     settings, views = LocationSettings(), liner.setup.calibration.views
-    tracker = tracker_of(liner.setup)
-    one = Engine(KERNEL, tracker, views)
-    whole = list(steps(one, tracker, fields, settings))
-    first = Engine(KERNEL, tracker, views)
-    begun = list(steps(first, tracker, fields[:31], settings))
+    one, first = (Engine(KERNEL, tracker_of(liner.setup), views) for _ in range(2))
+    whole = list(steps(one, fields, settings))
+    begun = list(steps(first, fields[:31], settings))
     second = Engine(KERNEL, tracker_of(liner.setup), views)
     second.track = first.track.copy()
-    assert begun + list(steps(second, tracker, fields[31:], settings)) == whole
+    assert begun + list(steps(second, fields[31:], settings)) == whole
     assert np.array_equal(second.track, one.track)
 
 
@@ -166,13 +161,34 @@ def test_a_strange_field_among_others_gives_what_the_steps_give(liner, kind, lin
     assert min(len(ours[n].points) for n in (5, 7, 10, 13)) > 60
 
 
-def test_after_a_gap_a_field_comes_back_with_its_blobs_alone(liner):
-    fields = [one.packed for one in liner.packed(1, "doubled")][:3]
-    engine = Engine(KERNEL, tracker_of(liner.setup), liner.setup.calibration.views)
-    ways = list(engine.run(fields, [np.inf] * 3, LocationSettings()))
-    assert [way.is_followed for way in ways] == [False] * 3
-    assert min(len(way.blobs) for way in ways) > 120
-    assert min(len(half) for way in ways for half in way.halves) > 60
+@pytest.mark.parametrize("gap_s", [0.04, 0.06, 0.1, 1.0, np.inf])
+def test_after_a_gap_the_track_is_the_trackers(liner, gap_s):
+    """Followed over a short one, identified anew after a longer one, lost where there is nothing."""
+    fields = [one.packed for one in liner.packed(1, "doubled")][10:22]
+    fields[7] = strange(fields[7], "empty")
+    passed_s = [np.inf, 0.02, 0.02, gap_s, 0.02, 0.02, gap_s, 0.02, 0.02, gap_s, gap_s, 0.02]
+    tracker = tracker_of(liner.setup)
+    engine, track = Engine(KERNEL, tracker, liner.setup.calibration.views), tracker.start()
+    counts = []
+    for way, own_s in zip(engine.run(fields, passed_s, LocationSettings()), passed_s, strict=True):
+        track, points = tracker.step(track, *way.halves, own_s)
+        assert np.array_equal(points.target, way.points.target)
+        assert np.allclose(points.xyz_mm, way.points.xyz_mm, rtol=0, atol=1e-9)
+        assert np.allclose(track.numbers, way.track_numbers, rtol=1e-6, atol=1e-7)
+        assert (track.sighting is None) == (way.track.sighting is None)
+        counts.append(len(points))
+    assert not counts[7]
+    assert min(counts[:7] + counts[8:]) > 60
+
+
+@pytest.mark.parametrize("room", [2, 3])
+def test_predictors_that_give_way_to_others_change_no_bit(liner, room, monkeypatch):
+    fields = [one.packed for one in liner.packed(1, "doubled")]
+    views = liner.setup.calibration.views
+    whole = list(steps(Engine(KERNEL, tracker_of(liner.setup), views), fields, LocationSettings()))
+    monkeypatch.setattr(compiled_predictors, "MOST_PREDICTORS", room)
+    few = list(steps(Engine(KERNEL, tracker_of(liner.setup), views), fields, LocationSettings()))
+    assert few == whole
 
 
 def test_an_object_whose_field_is_made_by_parts_is_not_covered(liner):

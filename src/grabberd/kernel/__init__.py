@@ -9,10 +9,10 @@ from typing import Any, Protocol, cast
 
 Buffer = Any
 """Anything with contiguous memory: an array, a ctypes structure, bytes; `lines` in any strides."""
-LAYOUT = 7
+LAYOUT = 8
 """Version of functions and structures (module.c); a kernel with another one is left over from an older
 build."""
-DONE, NO_MEMORY, REFUSED, MORE_ROOM, NO_TABLE, NO_FULLNESS, UNFOLLOWED, NO_SAY = range(8)
+DONE, NO_MEMORY, REFUSED, MORE_ROOM, NO_TABLE, NO_FULLNESS, UNSOUND = range(7)
 """Status codes of a call (kernel.h)."""
 
 
@@ -38,11 +38,11 @@ class Kernel(Protocol):
         self,
         fields: tuple[Buffer, ...],
         picture: tuple[int, int, int, int, int],
-        how: tuple[int, int],
+        room: int,
         /,
         *arguments: Buffer,
     ) -> int:
-        """Measure packed fields of one kind, as far as their targets can be followed."""
+        """Measure packed fields of one kind, as far as there are tables and room."""
 
     def near(self, world: Buffer, /, *arguments: Buffer | float) -> tuple[int, int, float]:
         """Find targets near their expected positions, with their points."""
@@ -55,6 +55,14 @@ class Kernel(Protocol):
 
     def largest(self, world: Buffer, /, *arguments: Buffer | float) -> tuple[int, int]:
         """Find the largest set of hypotheses that agree, and what it says of all targets."""
+
+    def precision(self, covariance_mm2: Buffer, precision: Buffer, /) -> object:
+        """Invert the covariance of the targets' displacements."""
+
+    def predictor(
+        self, covariance_mm2: Buffer, precision: Buffer, noise_mm2: float, /, *arguments: Buffer
+    ) -> object:
+        """Compute what some targets tell of all of them."""
 
     def pack(self, lines: Buffer, how: tuple[int, ...], by_pixel: Buffer, out: Buffer, /) -> object:
         """Double, quantise and pack the lines of a field."""

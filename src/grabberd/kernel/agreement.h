@@ -35,8 +35,15 @@ typedef struct {
     bool *seen;
 } Expectation;
 
-int list_hypotheses(const World *, const Rays rays[VIEWS], const ViewBlobs blobs[VIEWS], double reach_px, double gate_mm,
-                    double farthest_mm, Hypotheses *);
+/* As `DisplacementField`: a smooth field of the targets' displacements. */
+typedef struct {
+    int64_t targets;
+    double noise_mm2;
+    const double *covariance_mm2, *precision; /* (targets, targets) each, one the inverse of the other */
+} Smooth;
+
+void directions_of(const Rig *, int view, const ViewBlobs *, double *direction); /* (N, 3); NaN where there is no ray */
+int list_hypotheses(const World *, const ViewBlobs blobs[VIEWS], double reach_px, double gate_mm, double farthest_mm, Hypotheses *);
 int largest(const World *, const Judge *, const Hypotheses *, const int64_t blobs[VIEWS], int64_t *chosen, int64_t *count,
             double *expected_mm, double *sigma_mm);
 
@@ -44,5 +51,10 @@ void expect_nothing(Expectation *, const double *covariance_mm2);
 void see(Expectation *, int64_t target, const double displacement_mm[3]);
 void forget(Expectation *, int64_t target);
 double expected_of(const Expectation *, int64_t target, double displacement_mm[3]); /* → variance */
+void sweep(double *swept, int64_t targets, int64_t target, double sign, double *row); /* adds a target, or −1: takes it away */
+
+void invert(int64_t targets, const double *covariance_mm2, double *precision, double *row); /* row: (targets,) */
+/* Of the `count` targets seen, those not 0; weights: (count, targets), scratch: targets · (targets + 1) numbers. */
+void predictor_of(const Smooth *, const uint8_t *seen, int64_t count, double *weights, double *sigma_mm, double *scratch);
 
 #endif

@@ -3,29 +3,7 @@
 #define GRABBERD_ENGINE_H
 
 #include "grey.h"
-#include "space.h"
-
-/* As `displacement_field.Say`: what some targets tell of all of them. */
-typedef struct {
-    const int64_t *seen; /* (count,), ascending */
-    int64_t count;
-    const double *weights;  /* (count, targets) */
-    const double *sigma_mm; /* (targets,) */
-} Say;
-
-/* As `TrackingSettings`, with the views' columns and the predictors made so far. */
-typedef struct {
-    double columns[VIEWS][2]; /* first and end */
-    double longest_gap_s, least_share, astray_mm, otherwise_mm, acceleration_mm_s2, vague_mm, firm_mm;
-    const Say *says;
-    int64_t say_count;
-} Following;
-
-/* As `Track`: (targets, 3), (targets,), (targets, 3), (targets,). */
-typedef struct {
-    double *xyz_mm, *sigma_mm, *velocity_mm_s, *unseen_s;
-    double *rest; /* σ of a velocity, age, number of targets found */
-} Track;
+#include "tracking.h"
 
 /* What all fields of a call share; `grey` is NULL at 1 bit, `binary` with more. */
 typedef struct {
@@ -40,12 +18,11 @@ typedef struct {
 typedef struct {
     GreyPicture picture;
     double passed_s;
-    bool is_located; /* its blobs have been written */
 } Taken;
 
 /* How it went, for Python: every number of it is a whole one but those in px. */
 typedef struct {
-    double status, blobs, common_reach_px, jitter_px, half[VIEWS], found, believed, say, missing[3], surprise;
+    double status, blobs, common_reach_px, jitter_px, half[VIEWS], found, believed, missing[3], surprise;
 } Head;
 
 /* What comes of a field. */
@@ -55,12 +32,12 @@ typedef struct {
     double *half[VIEWS];  /* of each view's whole blobs: x and y, σ of both, common error; (room, 2), (room, 2), (room,) */
     Found found;
     int64_t *believed;    /* (targets,) 1 for the found ones to be reported */
-    double *expected_mm;  /* (targets, 3) */
+    double *expected_mm, *expected_sigma_mm; /* (targets, 3), (targets,) */
     Track after;
 } Way;
 
 int measure_field(const Engine *, const Taken *, const Track *before, Way *, double *scratch);
 
-enum { BLOB_COLUMNS = 9, HALF_COLUMNS = 5, SCRATCH = 11, TRACK = 8, TRACK_REST = 3 }; /* numbers a blob or a target */
+enum { BLOB_COLUMNS = 9, HALF_COLUMNS = 5, TRACK = 8, TRACK_REST = 3 }; /* numbers a blob or a target */
 
 #endif

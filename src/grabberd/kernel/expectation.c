@@ -10,7 +10,7 @@ void expect_nothing(Expectation *field, const double *covariance_mm2) {
 }
 
 /* Pivots on a target; `sign` is 1 for adding it, −1 for taking it away. */
-WIDE static void sweep(double *swept, int64_t targets, int64_t target, double sign, double *row) {
+WIDE void sweep(double *swept, int64_t targets, int64_t target, double sign, double *row) {
     memcpy(row, swept + targets * target, (size_t)targets * sizeof *row);
     double pivot = row[target];
     for (int64_t i = 0; i < targets; i++) {

@@ -163,7 +163,7 @@ static int64_t rank_starts(const Growth *growth, Ranked *starts) {
     memset(support, 0, (size_t)near_ones * sizeof *support);
     for (int64_t i = 0; i < near_ones; i++)
         for (int64_t k = 0; k < i; k++)
-            if (supports(growth, starts[i].index, starts[k].index)) support[i]++, support[k]++;
+            if ((support[i] < LEAST_SUPPORT || support[k] < LEAST_SUPPORT) && supports(growth, starts[i].index, starts[k].index)) support[i]++, support[k]++;
     for (int64_t i = 0; i < near_ones; i++)
         if (support[i] >= LEAST_SUPPORT) starts[count++] = starts[i];
     qsort(starts, (size_t)count, sizeof *starts, by_value);

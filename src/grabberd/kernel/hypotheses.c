@@ -120,11 +120,17 @@ static int intersect_alone(const World *world, const ViewBlobs blobs[VIEWS], dou
     return intersect(&alone, met->count, met->middle_mm, blobs, reach_px, found);
 }
 
-int list_hypotheses(const World *world, const Rays rays[VIEWS], const ViewBlobs blobs[VIEWS], double reach_px, double gate_mm,
-                    double farthest_mm, Hypotheses *known) {
+int list_hypotheses(const World *world, const ViewBlobs blobs[VIEWS], double reach_px, double gate_mm, double farthest_mm,
+                    Hypotheses *known) {
     Met met = {0};
-    double *scratch = malloc((size_t)blobs[1].count * 8 * sizeof *scratch + 1);
-    int status = scratch ? pair_up(rays, blobs, gate_mm, scratch, &met) : NO_MEMORY;
+    Rays rays[VIEWS];
+    double *scratch = malloc((size_t)(3 * blobs[0].count + 11 * blobs[1].count) * sizeof *scratch + 1);
+    double *direction[VIEWS] = {scratch, scratch ? scratch + 3 * blobs[0].count : NULL};
+    for (int v = 0; v < VIEWS && scratch; v++) {
+        directions_of(&world->rig, v, blobs + v, direction[v]);
+        rays[v] = (Rays){world->rig.center_mm[v], direction[v]};
+    }
+    int status = scratch ? pair_up(rays, blobs, gate_mm, direction[1] + 3 * blobs[1].count, &met) : NO_MEMORY;
     if (status == DONE) status = intersect_alone(world, blobs, reach_px, &met);
     known->count = 0;
     if (status == DONE) list(world, &met, farthest_mm, known);

@@ -25,7 +25,7 @@
 #endif
 #define PI 3.141592653589793
 
-enum status { DONE = 0, NO_MEMORY = 1, REFUSED = 2, MORE_ROOM = 3, NO_TABLE = 4, NO_FULLNESS = 5, UNFOLLOWED = 6, NO_SAY = 7 };
+enum status { DONE = 0, NO_MEMORY = 1, REFUSED = 2, MORE_ROOM = 3, NO_TABLE = 4, NO_FULLNESS = 5, UNSOUND = 6 };
 
 /* A packed bit picture: eight pixels a byte, the leftmost in its highest bit. */
 typedef struct {

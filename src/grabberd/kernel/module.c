@@ -103,11 +103,13 @@ static PyObject *stiffness_of(PyObject *self, PyObject *arguments) {
 
 static PyMethodDef FUNCTIONS[] = {{"locate", locate, METH_VARARGS, "Blobs of a packed field of 1 bit."},
                                   {"locate_grey", locate_grey, METH_VARARGS, "Blobs of a packed field of more bits."},
-                                  {"measure", measure_of, METH_VARARGS, "Fields to points, as far as they can be followed."},
+                                  {"measure", measure_of, METH_VARARGS, "Fields to points, as far as there are tables and room."},
                                   {"near", near_of, METH_VARARGS, "Targets near where they must be, and their points."},
                                   {"agree", agree_of, METH_VARARGS, "Whether targets agree, and where all of them are."},
                                   {"hypotheses", hypotheses_of, METH_VARARGS, "Pairs of blobs that may be a target."},
                                   {"largest", largest_of, METH_VARARGS, "The largest set of hypotheses that agree."},
+                                  {"precision", precision_of, METH_VARARGS, "Inverse of the covariance of displacements."},
+                                  {"predictor", predictor_of_seen, METH_VARARGS, "What some targets tell of all."},
                                   {"pack", pack_of, METH_VARARGS, "A field, doubled, quantised and packed."},
                                   {"take", take_of, METH_VARARGS, "A field, copied, looked at and packed."},
                                   {"shifted", shifted_of, METH_VARARGS, "Where and how far rows of a field may be shifted."},
@@ -116,7 +118,7 @@ static PyMethodDef FUNCTIONS[] = {{"locate", locate, METH_VARARGS, "Blobs of a p
                                   {NULL, NULL, 0, NULL}};
 
 /* Changed with every function and structure that Python sees (kernel.LAYOUT). */
-enum { LAYOUT = 7 };
+enum { LAYOUT = 8 };
 
 static int fill(PyObject *module) { return PyModule_AddIntConstant(module, "LAYOUT", LAYOUT); }
 

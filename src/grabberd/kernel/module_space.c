@@ -80,11 +80,6 @@ PyObject *agree_of(PyObject *self, PyObject *arguments) {
     return worst == -2 ? refused("arrays that do not belong together") : PyLong_FromLongLong(worst);
 }
 
-static bool are_rays(const Py_buffer *center, const Py_buffer *direction, const ViewBlobs *blobs, Rays *rays) {
-    *rays = (Rays){center->buf, direction->buf};
-    return holds(center, 3, sizeof(double)) && holds(direction, 3 * blobs->count, sizeof(double));
-}
-
 /* `room` of them in an array of three columns of indices, and one of six columns of numbers */
 static Hypotheses hypotheses_in(const Py_buffer *whole, const Py_buffer *real, int64_t room) {
     int64_t *index = whole->buf;
@@ -92,32 +87,26 @@ static Hypotheses hypotheses_in(const Py_buffer *whole, const Py_buffer *real, i
     return (Hypotheses){index, {index + room, index + 2 * room}, number, number + 3 * room, 0, room};
 }
 
-/* hypotheses(world, left xy, σ, common, right xy, σ, common, reach, left center, directions, right center, directions, gate,
-   farthest, indices, numbers) → status, count */
+/* hypotheses(world, left xy, σ, common, right xy, σ, common, reach, gate, farthest, indices, numbers) → status, count */
 PyObject *hypotheses_of(PyObject *self, PyObject *arguments) {
-    Py_buffer world, view[2][3], center[2], direction[2], whole, real;
+    Py_buffer world, view[2][3], whole, real;
     ViewBlobs blobs[VIEWS];
-    Rays rays[VIEWS];
     double reach_px, gate_mm, farthest_mm;
     int64_t count = 0;
     int status = REFUSED;
     (void)self;
-    if (!PyArg_ParseTuple(arguments, "y*y*y*y*y*y*y*dy*y*y*y*ddw*w*", &world, &view[0][0], &view[0][1], &view[0][2], &view[1][0],
-                          &view[1][1], &view[1][2], &reach_px, &center[0], &direction[0], &center[1], &direction[1], &gate_mm,
-                          &farthest_mm, &whole, &real))
+    if (!PyArg_ParseTuple(arguments, "y*y*y*y*y*y*y*dddw*w*", &world, &view[0][0], &view[0][1], &view[0][2], &view[1][0],
+                          &view[1][1], &view[1][2], &reach_px, &gate_mm, &farthest_mm, &whole, &real))
         return NULL;
     int64_t room = whole.len / (3 * (Py_ssize_t)sizeof(int64_t));
-    if (is_world(&world) && are_blobs(view[0], blobs) && are_blobs(view[1], blobs + 1) &&
-        are_rays(center, direction, blobs, rays) && are_rays(center + 1, direction + 1, blobs + 1, rays + 1) &&
-        holds(&real, 6 * room, sizeof(double))) {
+    if (is_world(&world) && are_blobs(view[0], blobs) && are_blobs(view[1], blobs + 1) && holds(&real, 6 * room, sizeof(double))) {
         Hypotheses known = hypotheses_in(&whole, &real, room);
         Py_BEGIN_ALLOW_THREADS
-        status = list_hypotheses(world.buf, rays, blobs, reach_px, gate_mm, farthest_mm, &known);
+        status = list_hypotheses(world.buf, blobs, reach_px, gate_mm, farthest_mm, &known);
         Py_END_ALLOW_THREADS
         count = known.count;
     }
-    Py_buffer *all[] = {&world, &view[0][0], &view[0][1], &view[0][2], &view[1][0], &view[1][1], &view[1][2], center, direction,
-                        center + 1, direction + 1, &whole, &real};
+    Py_buffer *all[] = {&world, &view[0][0], &view[0][1], &view[0][2], &view[1][0], &view[1][1], &view[1][2], &whole, &real};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) PyBuffer_Release(all[i]);
     return Py_BuildValue("iL", status, (long long)count);
 }
@@ -160,4 +149,60 @@ PyObject *largest_of(PyObject *self, PyObject *arguments) {
     Py_buffer *all[] = {&world, &covariance, column, column + 1, column + 2, column + 3, column + 4, &chosen, &expected, &sigma};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) PyBuffer_Release(all[i]);
     return Py_BuildValue("iL", status, (long long)count);
+}
+
+static bool is_square(const Py_buffer *matrix, int64_t *side) {
+    int64_t numbers = matrix->len / (Py_ssize_t)sizeof(double);
+    *side = (int64_t)sqrt((double)numbers);
+    return *side > 0 && *side * *side == numbers;
+}
+
+/* precision(covariance, precision): fills the last */
+PyObject *precision_of(PyObject *self, PyObject *arguments) {
+    Py_buffer covariance, precision;
+    int64_t targets;
+    (void)self;
+    if (!PyArg_ParseTuple(arguments, "y*w*", &covariance, &precision)) return NULL;
+    bool sound = is_square(&covariance, &targets) && holds(&precision, targets * targets, sizeof(double));
+    double *row = sound ? malloc((size_t)targets * sizeof *row) : NULL;
+    if (row) {
+        Py_BEGIN_ALLOW_THREADS
+        invert(targets, covariance.buf, precision.buf, row);
+        Py_END_ALLOW_THREADS
+    }
+    free(row);
+    PyBuffer_Release(&covariance);
+    PyBuffer_Release(&precision);
+    if (sound && !row) return PyErr_NoMemory();
+    return sound ? Py_BuildValue("") : refused("arrays that do not belong together");
+}
+
+static int64_t seen_ones(const uint8_t *seen, int64_t targets) {
+    int64_t count = 0;
+    for (int64_t i = 0; i < targets; i++) count += seen[i] != 0;
+    return count;
+}
+
+/* predictor(covariance, precision, square of the noise, whether each target is seen, weights, σ): fills the last two */
+PyObject *predictor_of_seen(PyObject *self, PyObject *arguments) {
+    Py_buffer covariance, precision, seen, weights, sigma;
+    Smooth smooth = {0};
+    (void)self;
+    if (!PyArg_ParseTuple(arguments, "y*y*dy*w*w*", &covariance, &precision, &smooth.noise_mm2, &seen, &weights, &sigma)) return NULL;
+    bool sound = is_square(&covariance, &smooth.targets) && holds(&precision, smooth.targets * smooth.targets, sizeof(double)) &&
+                 holds(&seen, smooth.targets, 1) && holds(&sigma, smooth.targets, sizeof(double));
+    int64_t count = sound ? seen_ones(seen.buf, smooth.targets) : 0;
+    sound = sound && holds(&weights, count * smooth.targets, sizeof(double));
+    double *scratch = sound ? malloc((size_t)(smooth.targets * (smooth.targets + 1)) * sizeof *scratch) : NULL;
+    if (scratch) {
+        smooth.covariance_mm2 = covariance.buf, smooth.precision = precision.buf;
+        Py_BEGIN_ALLOW_THREADS
+        predictor_of(&smooth, seen.buf, count, weights.buf, sigma.buf, scratch);
+        Py_END_ALLOW_THREADS
+    }
+    free(scratch);
+    Py_buffer *all[] = {&covariance, &precision, &seen, &weights, &sigma};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) PyBuffer_Release(all[i]);
+    if (sound && !scratch) return PyErr_NoMemory();
+    return sound ? Py_BuildValue("") : refused("arrays that do not belong together");
 }

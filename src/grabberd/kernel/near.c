@@ -143,6 +143,14 @@ WIDE static void weighted_sum(const double *weights, int64_t targets, int64_t co
     for (; count; count--, weights += targets, displacement_mm += 3) add_weighted(weights, targets, 1, displacement_mm, sums);
 }
 
+/* What some targets expect of all: (targets, 3). `scratch` has room for 3 · targets numbers. */
+void expect_all(int64_t targets, const double *weights, int64_t count, const double *displacement_mm, double *expected_mm,
+                double *scratch) {
+    weighted_sum(weights, targets, count, displacement_mm, scratch);
+    for (int64_t i = 0; i < targets; i++)
+        for (int k = 0; k < 3; k++) expected_mm[3 * i + k] = scratch[k * targets + i];
+}
+
 /* Which of the chosen the others contradict most, −1 where none is (as agreement.consistent's loop); and what they
    expect of all: (targets, 3), where there are weights, (count, targets); else it is known. `scratch` has room for
    7 · targets numbers. */
@@ -152,9 +160,7 @@ int64_t worst_of(const World *world, const double *weights, const double *sigma_
     bool *seen = (bool *)(scratch + 6 * targets), *torn = seen + targets;
     double far = world->gate * world->gate, *moved = scratch + 3 * targets;
     bool is_known = !weights && count; /* nobody has no weights either, and expects nothing */
-    if (!is_known) weighted_sum(weights, targets, count, displacement_mm, scratch);
-    for (int64_t i = 0; i < targets && !is_known; i++)
-        for (int k = 0; k < 3; k++) expected_mm[3 * i + k] = scratch[k * targets + i];
+    if (!is_known) expect_all(targets, weights, count, displacement_mm, expected_mm, scratch);
     memset(seen, 0, 2 * (size_t)targets);
     for (int64_t i = 0; i < count; i++) {
         seen[target[i]] = true;

@@ -65,6 +65,8 @@ double local_value(const LocalField *, const double *coefficients, const double 
 int nearest(int64_t targets, const double *image_px, const double *reach_px, const ViewBlobs *, int64_t *blob);
 int intersect(const World *, int64_t count, const double *start_mm, const ViewBlobs blobs[VIEWS], double reach_px, Found *);
 void mark_torn(const World *, const double *moved_mm, const bool *seen, bool *torn);
+void expect_all(int64_t targets, const double *weights, int64_t count, const double *displacement_mm, double *expected_mm,
+                double *scratch);
 int64_t worst_of(const World *, const double *weights, const double *sigma_mm, int64_t count, const int64_t *target,
                  const double *displacement_mm, const double *variance_mm2, double *expected_mm, double *scratch);
 void settle(const World *, const double *expected_mm, const double *sigma_mm, int64_t count, const int64_t *target,

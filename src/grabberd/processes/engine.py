@@ -1,7 +1,6 @@
 """The engine: packed fields to points by one call of the compiled kernel for many of them.
 
-It carries the track from field to field. What is rare is left to the caller: a field in which the targets
-have to be identified comes back with its blobs alone, and the track after it has to be given.
+It carries the track from field to field.
 """
 
 from collections.abc import Iterator, Sequence
@@ -12,11 +11,11 @@ from numpy.typing import NDArray
 
 from grabberd.field import PackedField
 from grabberd.geometry import View
-from grabberd.kernel import DONE, MORE_ROOM, NO_SAY, UNFOLLOWED, Kernel
+from grabberd.kernel import MORE_ROOM, UNSOUND, Kernel
 from grabberd.measurement import LocationSettings
 from grabberd.measurement.compiled.binary_location import COLUMNS, ROOM, takes
 from grabberd.measurement.compiled.grey_location import takes_grey
-from grabberd.processes.engine_inputs import Following, Inputs, Predictors
+from grabberd.processes.engine_inputs import Following, Inputs
 from grabberd.processes.engine_way import (
     FOUND_INDICES,
     FOUND_NUMBERS,
@@ -28,8 +27,6 @@ from grabberd.processes.engine_way import (
 )
 from grabberd.reconstruction import Tracker
 from grabberd.reconstruction.correspondence.compiled_search import World
-from grabberd.reconstruction.correspondence.compiled_search import takes as takes_rig
-from grabberd.reconstruction.correspondence.displacement_field import DisplacementField
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -48,12 +45,10 @@ class Engine:
     """
 
     def __init__(self, kernel: Kernel, tracker: Tracker, views: Sequence[View]) -> None:
-        judge = tracker.correspondence.following
-        assert isinstance(judge.field, DisplacementField)
         self.track = tracker.start().numbers
         self.target = tracker.model.target
-        self._kernel, self._predictors = kernel, Predictors(judge.field)
-        self._world = World.of(tracker.rig, judge, tracker.noise)
+        self._kernel = kernel
+        self._world = World.of(tracker.rig, tracker.correspondence.following, tracker.noise)
         self._following = Following.of(tracker, views)
         self._room = ROOM
         self._inputs: Inputs | None = None
@@ -61,8 +56,7 @@ class Engine:
     @classmethod
     def of(cls, kernel: Kernel | None, tracker: Tracker, views: Sequence[View]) -> "Engine | None":
         """Begin before the first field; None if the kernel does not cover the rig or the object."""
-        whole = isinstance(tracker.correspondence.following.field, DisplacementField)
-        return cls(kernel, tracker, views) if kernel and whole and takes_rig(tracker.rig) else None
+        return cls(kernel, tracker, views) if kernel and tracker.correspondence.identification else None
 
     @staticmethod
     def takes(packed: PackedField, settings: LocationSettings) -> bool:
@@ -72,7 +66,7 @@ class Engine:
     def run(
         self, fields: Sequence[PackedField], passed_s: Sequence[float], settings: LocationSettings
     ) -> Iterator[Way]:
-        """Ways of the next fields, in order; `track` has to be set after one that is not followed.
+        """Ways of the next fields, in order.
 
         Args:
             fields: Of one kind: bits, size and lines.
@@ -80,28 +74,23 @@ class Engine:
             settings: For all of them.
 
         Raises:
-            MeasurementError: There is not enough memory, or the kernel refuses the picture.
+            MeasurementError: There is not enough memory, or the kernel refuses the picture or a blob.
         """
         inputs, taken = self._inputs_of(fields[0], settings), self._take(fields, passed_s)
-        done, status = 0, DONE
+        done = 0
         while done < len(fields):
             some = taken.data[done : done + MOST_FIELDS]
-            how = taken.room, status == NO_SAY
             given = inputs.settings, self._world, self._following, self.track, *taken.arrays(done)
-            end = done + self._kernel.measure(some, inputs.picture, how, *given)
+            end = done + self._kernel.measure(some, inputs.picture, taken.room, *given)
             for at in range(done, end):
                 way = self._way(taken, at)
                 self.track = way.track_numbers
                 yield way
-            all_of_them, done, status = end == done + len(some), end, DONE
-            if all_of_them:
+            stopped, done = end < done + len(some), end
+            if not stopped:
                 continue
             way = self._way(taken, done)
-            status = int(way.head.status)
-            if status == UNFOLLOWED:
-                yield way
-                done += 1
-            elif status == MORE_ROOM:
+            if way.head.status == MORE_ROOM:
                 self._room = int(way.head.blobs)
                 fields, passed_s, done = fields[done:], passed_s[done:], 0
                 taken = self._take(fields, passed_s)
@@ -110,13 +99,12 @@ class Engine:
 
     def _complete(self, inputs: Inputs, packed: PackedField, way: Way) -> None:
         """Make what the kernel lacks for a field."""
-        if way.head.status == NO_SAY:
-            self._predictors.add(way.found, self._following)
-        else:
-            inputs.complete(packed, way.head)
+        if way.head.status == UNSOUND:
+            _ = way.halves  # says what is wrong with them
+        inputs.complete(packed, way.head)
 
     def _way(self, taken: "_Taken", at: int) -> Way:
-        return Way(self.target, self._predictors.says, taken.index[at], taken.kept[at], taken.held[at])
+        return Way(self.target, taken.index[at], taken.kept[at], taken.held[at])
 
     def _inputs_of(self, packed: PackedField, settings: LocationSettings) -> Inputs:
         if self._inputs is None or not self._inputs.fits(packed, settings):
@@ -128,7 +116,7 @@ class Engine:
         about = [(one.parity, one.y0, one.threshold, s) for one, s in zip(fields, passed_s, strict=True)]
         count, targets = len(fields), len(self.target)
         kept = COLUMNS * self._room + FOUND_NUMBERS * targets
-        held = HEAD + 2 * HALF_COLUMNS * self._room + (7 + TRACK) * targets + TRACK_REST
+        held = HEAD + 2 * HALF_COLUMNS * self._room + (8 + TRACK) * targets + TRACK_REST
         return _Taken(
             self._room,
             tuple(np.ascontiguousarray(packed.data) for packed in fields),

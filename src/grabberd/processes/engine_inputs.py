@@ -3,9 +3,6 @@
 import ctypes
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from grabberd.field import PackedField
 from grabberd.geometry import View
 from grabberd.kernel import NO_FULLNESS, NO_TABLE
@@ -14,23 +11,19 @@ from grabberd.measurement.compiled.binary_location import Kept, fail, known_of
 from grabberd.measurement.compiled.grey_location import grey_settings
 from grabberd.processes.engine_way import Head
 from grabberd.reconstruction import Tracker
-from grabberd.reconstruction.correspondence.displacement_field import DisplacementField, Say
+from grabberd.reconstruction.correspondence.compiled_identification import Identifying
+from grabberd.reconstruction.correspondence.compiled_predictors import Predictors
+from grabberd.reconstruction.correspondence.displacement_field import DisplacementField
 
-Indices = NDArray[np.intp]
-
-_MOST_SAYS = 32
-_WHOLE, _REAL, _ADDRESS = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
-
-
-class _Say(ctypes.Structure):
-    _fields_ = (("seen", _ADDRESS), ("count", _WHOLE), ("weights", _ADDRESS), ("sigma_mm", _ADDRESS))
+_REAL, _ADDRESS = ctypes.c_double, ctypes.c_void_p
 
 
 class Following(ctypes.Structure):
-    """Settings of tracking, the views' columns, and the predictors made so far."""
+    """Settings of tracking and identification, and the views' columns; keeps alive what it points to."""
 
     _fields_ = (
         ("columns", _REAL * 4),
+        ("speed_mm_s", _REAL),
         ("longest_gap_s", _REAL),
         ("least_share", _REAL),
         ("astray_mm", _REAL),
@@ -38,17 +31,22 @@ class Following(ctypes.Structure):
         ("acceleration_mm_s2", _REAL),
         ("vague_mm", _REAL),
         ("firm_mm", _REAL),
-        ("says", _ADDRESS),
-        ("say_count", _WHOLE),
+        ("predictors", _ADDRESS),
+        ("identifying", Identifying),
     )
+    kept: tuple[Predictors, Identifying]
 
     @classmethod
     def of(cls, tracker: Tracker, views: Sequence[View]) -> "Following":
-        """Fill in what stays; there are no predictors yet."""
-        known, limits = tracker.settings, tracker.limits
+        """Fill it in for a tracker whose targets the kernel identifies."""
+        known, limits, judges = tracker.settings, tracker.limits, tracker.correspondence
+        assert judges.identification is not None
+        assert isinstance(judges.following.field, DisplacementField)
+        predictors, identifying = Predictors.of(judges.following.field), judges.identification.in_c
         columns = [edge for view in views for edge in (view.first_column, view.end_column)]
-        return cls(
+        own = cls(
             (_REAL * 4)(*columns),
+            known.speed_mm_s,
             known.longest_gap_s,
             known.least_share,
             known.astray_mm,
@@ -56,35 +54,11 @@ class Following(ctypes.Structure):
             known.acceleration_mm_s2,
             limits.vague_mm,
             limits.firm_mm,
+            ctypes.addressof(predictors),
+            identifying,
         )
-
-
-class Predictors:
-    """Predictors of all targets from those seen, as far as they have been made.
-
-    Attributes:
-        says: The predictors.
-    """
-
-    def __init__(self, field: DisplacementField) -> None:
-        self.says: list[Say] = []
-        self._field = field
-        self._seen: list[Indices] = []
-
-    def add(self, seen: Indices, following: Following) -> None:
-        """Add the one for those seen, and tell the kernel."""
-        if len(self.says) >= _MOST_SAYS:
-            self.says.clear()
-            self._seen.clear()
-        self.says.append(self._field.say(seen))
-        self._seen.append(seen.copy())
-        of_them = [_say(*both) for both in zip(self.says, self._seen, strict=True)]
-        self._in_c = (_Say * len(of_them))(*of_them)
-        following.says, following.say_count = ctypes.addressof(self._in_c), len(of_them)
-
-
-def _say(say: Say, seen: Indices) -> _Say:
-    return _Say(seen.ctypes.data, len(seen), say.weights.T.ctypes.data, say.sigma_mm.ctypes.data)
+        own.kept = predictors, identifying
+        return own
 
 
 class Inputs:

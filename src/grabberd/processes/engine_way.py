@@ -1,17 +1,15 @@
 """A field's way through the engine: the kernel's arrays for it, and the objects that are made of them."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.kernel import DONE
 from grabberd.measurement import Blobs
 from grabberd.measurement.compiled.binary_location import COLUMNS, blobs_of
 from grabberd.reconstruction import Points, Track, ViewBlobs
 from grabberd.reconstruction.correspondence.agreement import Sighting
-from grabberd.reconstruction.correspondence.displacement_field import Expected, Say
+from grabberd.reconstruction.correspondence.displacement_field import Expected
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -28,7 +26,6 @@ class Head(NamedTuple):
     right: float
     found: float
     believed: float
-    say: float
     wide: float
     high: float
     fraction: float
@@ -43,27 +40,19 @@ HALF_COLUMNS, FOUND_NUMBERS, FOUND_INDICES, TRACK, TRACK_REST = 5, 32, 5, 8, 3
 class Way:
     """One field's way to its points, in the kernel's arrays; what nobody asks for is not made."""
 
-    def __init__(
-        self, target: NDArray[np.int32], says: Sequence[Say], index: Indices, kept: Array, held: Array
-    ) -> None:
+    def __init__(self, target: NDArray[np.int32], index: Indices, kept: Array, held: Array) -> None:
         """Take over what the kernel wrote.
 
         Args:
             target: (M,) ids of the targets.
-            says: Predictors that the kernel had.
             index: Indices of what was found.
             kept: Numbers of blobs and points, which keep them.
             held: All other numbers.
         """
-        self._target, self._says, self._targets = target, says, len(target)
+        self._target, self._targets = target, len(target)
         self._index, self._kept, self._held = index, kept, held
         self._room = (len(kept) - FOUND_NUMBERS * len(target)) // COLUMNS
         self.head = Head._make(held[:HEAD].tolist())
-
-    @property
-    def is_followed(self) -> bool:
-        """True if it has points and a track; otherwise its blobs alone are known."""
-        return self.head.status == DONE
 
     @property
     def blobs(self) -> Blobs:
@@ -83,6 +72,25 @@ class Way:
         own = self._held[HEAD + HALF_COLUMNS * room * view :]
         xy_px, sigma_px = (own[at * room :][: 2 * count].reshape(count, 2) for at in (0, 2))
         return ViewBlobs(xy_px, sigma_px, own[4 * room :][:count], self.head.common_reach_px)
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Numbers of whole blobs of the left and right view."""
+        return int(self.head.left), int(self.head.right)
+
+    @property
+    def misses(self) -> Indices | None:
+        """(M,) `Miss` of each target; None if none was found."""
+        return self._index[3] if self.head.found else None
+
+    @property
+    def unconfirmed(self) -> Indices:
+        """Indices of the targets found that are not to be reported."""
+        count = int(self.head.found)
+        if self.head.believed == count:
+            return self._index[0, :0]
+        unconfirmed: Indices = self._index[0, :count][self._index[4, :count] == 0]
+        return unconfirmed
 
     @property
     def points(self) -> Points:
@@ -106,17 +114,14 @@ class Way:
         )
 
     @property
-    def found(self) -> Indices:
-        """Indices of the targets found."""
-        return self._index[0, : int(self.head.found)]
-
-    @property
     def track(self) -> Track:
-        """Track after it, with its sighting."""
+        """Track after it, with its sighting if anything was found."""
         count, room, head = int(self.head.found), self._targets, self.head
+        if not count:
+            return Track.of_numbers(self._target, self.track_numbers)
         target, left, right = self._index[:3, :count]
         rest = self._held[HEAD + 2 * HALF_COLUMNS * self._room :]
-        expected = Expected(rest[: 3 * room].reshape(room, 3), self._says[int(head.say)].sigma_mm)
+        expected = Expected(rest[: 3 * room].reshape(room, 3), rest[7 * room :][:room])
         predicted_px = rest[3 * room :][: 4 * room].reshape(2, room, 2)
         sighting = Sighting(
             self._points, target, left, right, expected, None, head.surprise, self._index[3], predicted_px

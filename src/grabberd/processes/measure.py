@@ -22,8 +22,8 @@ from grabberd.reconstruction import (
     Track,
     Tracker,
     TrackingSettings,
-    ViewBlobs,
 )
+from grabberd.reconstruction.coverage.batch import TrackedField
 
 FIELDS_A_GROUP = 500
 """Ten seconds of video."""
@@ -154,19 +154,12 @@ class _Step:
     def _by_engine(self, engine: Engine, fields: Sequence[NumberedField]) -> Iterator[MeasuredField]:
         passed_s = [self._passed_s(one.time_ns) for one in fields]
         ways = engine.run([one.packed for one in fields], passed_s, self._locating.settings)
-        for numbered, way, own_s in zip(fields, ways, passed_s, strict=True):
+        for numbered, way in zip(fields, ways, strict=True):
             blobs = way.blobs
             self._locating.note(blobs)
-            if not way.is_followed:
-                before = Track.of_numbers(engine.target, engine.track)
-                track, points = self._tracker.step(before, *way.halves, own_s)
-                engine.track = track.numbers
-                self._count(numbered, track, points, way.halves)
-            else:
-                points = way.points
-                if self._tally is not None:
-                    self._count(numbered, way.track, points, way.halves)
-            yield MeasuredField(numbered.n, numbered.time_ns, blobs, points)
+            if self._tally is not None:
+                self._tally.add(numbered.n, way, self._tracker.correspondence)
+            yield MeasuredField(numbered.n, numbered.time_ns, blobs, way.points)
 
     def _by_numpy(self, numbered: NumberedField) -> MeasuredField:
         """Measure what the engine does not cover, each step by whatever there is for it."""
@@ -176,14 +169,10 @@ class _Step:
         self._track, points = self._tracker.step(before, left, right, self._passed_s(numbered.time_ns))
         if self._engine:
             self._engine.track = self._track.numbers
-        self._count(numbered, self._track, points, (left, right))
-        return MeasuredField(numbered.n, numbered.time_ns, blobs, points)
-
-    def _count(
-        self, numbered: NumberedField, track: Track, points: Points, halves: tuple[ViewBlobs, ViewBlobs]
-    ) -> None:
         if self._tally is not None:
-            self._tally.add(numbered.n, track, points, halves, self._tracker.correspondence)
+            field = TrackedField(self._track, points, (left, right))
+            self._tally.add(numbered.n, field, self._tracker.correspondence)
+        return MeasuredField(numbered.n, numbered.time_ns, blobs, points)
 
     def _passed_s(self, time_ns: int) -> float:
         """Time since the previous field; infinite for the first or a backward time, to restart tracking."""

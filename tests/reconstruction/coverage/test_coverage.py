@@ -8,6 +8,7 @@ import pytest
 from geometry.rigs import calibration
 from grabberd.geometry import Rig, project
 from grabberd.reconstruction import CoverageTally, ImageNoise, Tracker
+from grabberd.reconstruction.coverage.batch import TrackedField
 from grabberd.reconstruction.coverage.document import coverage_document
 from grabberd.reconstruction.coverage.verdict import CoverageVerdict, FindingCode, judge
 from grabberd.reconstruction.coverage.words import finding_in_words
@@ -44,7 +45,7 @@ def covered(fields=FIELDS, change=untouched, calibrated=None, object_model=MODEL
     for n, (blobs, whose) in enumerate(scenes(fields)):
         shown = change(n, blobs, whose)
         track, points = tracker.step(track, *shown, np.inf if n == 0 else 0.02)
-        tally.add(n, track, points, shown, tracker.correspondence)
+        tally.add(n, TrackedField(track, points, shown), tracker.correspondence)
     return tally.result()
 
 
@@ -185,7 +186,7 @@ def test_what_turns_away_from_a_view_is_not_expected():
         seen = see(*wall(min(6.0, 0.4 * n)), rng, noise=0.5, missing=0.0, false=0.0)
         blobs = seen.left, seen.right
         track, points = tracker.step(track, *blobs, np.inf if n == 0 else 0.02)
-        tally.add(n, track, points, blobs, tracker.correspondence)
+        tally.add(n, TrackedField(track, points, blobs), tracker.correspondence)
     assert tally.result().share > 0.99
 
 

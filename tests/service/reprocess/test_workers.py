@@ -18,7 +18,7 @@ from grabberd.service.reprocess.reprocess_archive import (
     ReprocessSummary,
     reprocess_archive,
 )
-from grabberd.service.reprocess.workers import cluster_workers, local_workers
+from grabberd.service.reprocess.workers import ALGEBRA_THREADS, cluster_workers, local_workers
 
 CAPTURES, FIELDS = 8, 12
 
@@ -103,6 +103,18 @@ def test_processes_here_lose_one_of_them_and_nothing_is_missing_and_nothing_twic
     assert (summary.measured + summary.unchanged, summary.refused) == (CAPTURES, [])
     assert has_all_once(tmp_path / "out")
     assert only_finished(tmp_path / "out")
+
+
+@pytest.mark.parametrize("before", [None, "7"])
+def test_a_process_here_has_one_thread_of_algebra_and_the_command_what_it_had(
+    before: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(ALGEBRA_THREADS, raising=False)
+    if before is not None:
+        monkeypatch.setenv(ALGEBRA_THREADS, before)
+    with local_workers(1) as workers, workers.start() as pool:
+        assert pool.submit(os.getenv, ALGEBRA_THREADS).result() == "1"
+    assert os.environ.get(ALGEBRA_THREADS) == before
 
 
 def test_without_dask_it_says_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -171,7 +171,8 @@ class FieldOrderCheck:
         row = self._row(n)
         at = np.searchsorted(self._target, points.target)
         self._xyz_mm[row, at] = points.xyz_mm
-        self._variance_mm2[row, at] = points.covariance_mm2.trace(axis1=1, axis2=2)
+        xx, yy, zz = points.covariance_mm2.reshape(-1, 9)[:, ::4].T
+        self._variance_mm2[row, at] = xx + yy + zz  # np.trace takes as long as all else
         return evaluated
 
     def fit(self) -> FieldOrderFit:

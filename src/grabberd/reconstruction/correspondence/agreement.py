@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.kernel import KERNEL, Kernel
 from grabberd.reconstruction.correspondence.displacement_field import Expected, Smoothness, field_of
 from grabberd.reconstruction.correspondence.hypotheses import Hypotheses
 from grabberd.reconstruction.correspondence.settings import CorrespondenceSettings
@@ -68,14 +69,18 @@ class Agreement:
     """
 
     def __init__(
-        self, model: ObjectModel, settings: CorrespondenceSettings, smoothness: Smoothness | None = None
+        self,
+        model: ObjectModel,
+        settings: CorrespondenceSettings,
+        smoothness: Smoothness | None = None,
+        kernel: Kernel | None = KERNEL,
     ) -> None:
         self.model = model
         self.settings = settings
         self._neighbours = model.neighbours()
         self._apart_mm = _lengths(model.xyz_mm, self._neighbours)
         self.pitch_mm = _median(self._apart_mm)
-        self.field = field_of(model, smoothness or settings.smoothness, self.pitch_mm)
+        self.field = field_of(model, smoothness or settings.smoothness, self.pitch_mm, kernel)
 
     @property
     def pairs(self) -> tuple[Indices, Array]:

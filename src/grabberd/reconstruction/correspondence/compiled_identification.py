@@ -4,13 +4,16 @@ The kernel does not invert a matrix for every set of targets seen, but adds targ
 and takes them away, one by one.
 """
 
+import ctypes
+
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import MeasurementError
-from grabberd.geometry import Rig, rays
+from grabberd.geometry import Rig
 from grabberd.kernel import DONE, MORE_ROOM, Kernel
 from grabberd.reconstruction.correspondence.agreement import Agreement
+from grabberd.reconstruction.correspondence.compiled_predictors import Predictors
 from grabberd.reconstruction.correspondence.compiled_search import World, buffers
 from grabberd.reconstruction.correspondence.displacement_field import DisplacementField, Expected
 from grabberd.reconstruction.correspondence.hypotheses import Hypotheses, line_mm
@@ -20,6 +23,23 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 _ROOM = 2048
 """Number of hypotheses that most fields have room in."""
+_REAL, _ADDRESS = ctypes.c_double, ctypes.c_void_p
+
+
+class Identifying(ctypes.Structure):
+    """Inputs of identification by the kernel alone; keeps alive what it points to."""
+
+    _fields_ = (
+        ("world", _ADDRESS),
+        ("predictors", _ADDRESS),
+        ("trust", _REAL),
+        ("margin", _REAL),
+        ("pitch_mm", _REAL),
+        ("covariance_mm2", _ADDRESS),
+        ("gate_mm", _REAL),
+        ("farthest_mm", _REAL),
+    )
+    kept: "Identification"
 
 
 class Identification:
@@ -29,11 +49,28 @@ class Identification:
         if not isinstance(agreement.field, DisplacementField):
             raise TypeError("the kernel does not identify by parts")
         self._kernel = kernel
-        self._rig = rig
         self._agreement = agreement
         self._world = World.of(rig, agreement, noise)
         self._gate_mm = agreement.settings.gate * line_mm(agreement.model, noise)
-        self._covariance_mm2 = np.linalg.inv(agreement.field.precision)
+        self._covariance_mm2 = np.ascontiguousarray(agreement.field.covariance_mm2)
+        self._predictors = Predictors.of(agreement.field)
+
+    @property
+    def in_c(self) -> "Identifying":
+        """All of it, for the kernel's own use."""
+        settings = self._agreement.settings
+        own = Identifying(
+            ctypes.addressof(self._world),
+            ctypes.addressof(self._predictors),
+            settings.trust,
+            settings.margin,
+            self._agreement.pitch_mm,
+            self._covariance_mm2.ctypes.data,
+            self._gate_mm,
+            settings.farthest_mm,
+        )
+        own.kept = self
+        return own
 
     def expected(self, left: ViewBlobs, right: ViewBlobs) -> Expected | None:
         """Predict as `Correspondence.expected`.
@@ -51,11 +88,6 @@ class Identification:
         Raises:
             MeasurementError: There is not enough memory.
         """
-        seen = [
-            np.ascontiguousarray(part)
-            for view, blobs in zip(self._rig.views, (left, right), strict=True)
-            for part in rays(view, blobs.xy_px)
-        ]
         room, status, count = _ROOM, MORE_ROOM, 0
         while status == MORE_ROOM:
             index, number = np.empty((3, room), np.int64), np.empty(6 * room)
@@ -64,7 +96,6 @@ class Identification:
                 *buffers(left),
                 *buffers(right),
                 left.common_reach_px,
-                *seen,
                 self._gate_mm,
                 self._agreement.settings.farthest_mm,
                 index,

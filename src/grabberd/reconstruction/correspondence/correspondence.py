@@ -44,6 +44,7 @@ class Correspondence:
         settings: Limits of acceptance.
         agreement: Judge of hypotheses where nothing else tells targets apart.
         following: Judge of hypotheses near positions predicted from earlier fields.
+        identification: Identification by the kernel; None if it does not cover the rig or the object.
     """
 
     def __init__(
@@ -58,13 +59,13 @@ class Correspondence:
         self.model = model
         self.noise = noise
         self.settings = settings or CorrespondenceSettings()
-        self.agreement = Agreement(model, self.settings)
-        self.following = Agreement(model, self.settings, self.settings.following)
+        self.agreement = Agreement(model, self.settings, kernel=kernel)
+        self.following = Agreement(model, self.settings, self.settings.following, kernel)
         self._nearby: dict[Agreement, Nearby] = {}
-        self._identification: Identification | None = None
+        self.identification: Identification | None = None
         if kernel and takes(rig):
             if isinstance(self.agreement.field, DisplacementField):
-                self._identification = Identification(kernel, rig, self.agreement, noise)
+                self.identification = Identification(kernel, rig, self.agreement, noise)
             self._nearby = {
                 judge: Nearby(kernel, rig, judge, noise) for judge in (self.agreement, self.following)
             }
@@ -80,7 +81,7 @@ class Correspondence:
             All targets identified beyond doubt; none if nothing agrees with the object model.
         """
         blurred = self._blurred(left), self._blurred(right)
-        expected = (self._identification or self).expected(*blurred)
+        expected = (self.identification or self).expected(*blurred)
         if expected is None:
             none = np.empty(0, np.intp)
             return self._sight(self.agreement, none, none, none, left, right)

@@ -10,6 +10,9 @@ targets screen the influence of far ones (kriging's screening effect). So every 
 the targets in and around it, and a few from everywhere, in case a large area is hidden. From field to field
 only parts in which a target appears or disappears are recomputed. On a grid of 864 targets that moves
 predictions by a tenth of their σ (docs/decisions/0014).
+
+The kernel computes the same without a library of linear algebra, whose rounding depends on the number of its
+threads (docs/decisions/0046).
 """
 
 from dataclasses import dataclass, field
@@ -18,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.kernel import KERNEL, Kernel
 from grabberd.reconstruction.object_model import ObjectModel
 
 Array = NDArray[np.float64]
@@ -85,15 +89,19 @@ class DisplacementField:
 
     Attributes:
         nominal_mm: (M, 3) the targets' nominal positions.
-        precision: (M, M), inverse of the covariance of measured displacements, in 1/mm².
+        covariance_mm2: (M, M), of measured displacements.
+        precision: (M, M), its inverse, in 1/mm².
         noise_mm: See `Smoothness`.
         most_kept: Number of sets of seen targets whose predictors are kept.
+        kernel: Computes the predictors; None for numpy.
     """
 
     nominal_mm: Array
+    covariance_mm2: Array
     precision: Array
     noise_mm: float
     most_kept: int = _KEPT
+    kernel: Kernel | None = None
     _kept: "dict[bytes, Say]" = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
@@ -103,6 +111,7 @@ class DisplacementField:
         smoothness: Smoothness,
         most_kept: int = _KEPT,
         variance_mm2: Array | float = 0.0,
+        kernel: Kernel | None = KERNEL,
     ) -> "DisplacementField":
         """Make the field of targets at nominal positions (M, 3).
 
@@ -111,12 +120,17 @@ class DisplacementField:
             smoothness: Prior knowledge of the deformation.
             most_kept: Number of sets of seen targets whose predictors are kept.
             variance_mm2: (M,) variance of each position beyond the noise that `smoothness` has for all.
+            kernel: Inverts the covariance and computes the predictors; None for numpy.
         """
         apart = np.linalg.norm(nominal_mm[:, np.newaxis] - nominal_mm, axis=2) / smoothness.reach_mm
         scaled = np.sqrt(5.0) * apart
         covariance = smoothness.sigma_mm**2 * (1.0 + scaled + scaled * scaled / 3.0) * np.exp(-scaled)
         covariance[np.diag_indices(len(nominal_mm))] += smoothness.noise_mm**2 + variance_mm2
-        return cls(nominal_mm, np.linalg.inv(covariance), smoothness.noise_mm, most_kept)
+        if kernel is None:
+            precision = np.linalg.inv(covariance)
+        else:
+            kernel.precision(covariance, precision := np.empty_like(covariance))
+        return cls(nominal_mm, covariance, precision, smoothness.noise_mm, most_kept, kernel)
 
     def expect(self, seen: NDArray[np.bool_], displacement_mm: Array) -> Expected:
         """Predict all targets: an unseen one from all seen ones, a seen one from all but itself.
@@ -138,12 +152,22 @@ class DisplacementField:
         if say is None:
             if len(self._kept) >= self.most_kept:
                 self._kept.clear()
-            unseen = np.ones(len(self.precision), np.bool_)
-            unseen[inside] = False
-            say = self._kept[key] = self._say_of(inside, np.flatnonzero(unseen))
+            seen = np.zeros(len(self.precision), np.bool_)
+            seen[inside] = True
+            say = self._say_by_kernel(seen, len(inside)) if self.kernel else self._say_by_numpy(seen)
+            say.sigma_mm.setflags(write=False)
+            self._kept[key] = say
         return say
 
-    def _say_of(self, inside: Indices, outside: Indices) -> "Say":
+    def _say_by_kernel(self, seen: NDArray[np.bool_], count: int) -> "Say":
+        assert self.kernel is not None
+        targets = len(self.precision)
+        weights, sigma_mm = np.empty((count, targets)), np.empty(targets)
+        self.kernel.predictor(self.covariance_mm2, self.precision, self.noise_mm**2, seen, weights, sigma_mm)
+        return Say(weights.T, sigma_mm)
+
+    def _say_by_numpy(self, seen: NDArray[np.bool_]) -> "Say":
+        inside, outside = np.flatnonzero(seen), np.flatnonzero(~seen)
         own = self.precision[inside[:, np.newaxis], inside]
         cross = self.precision[outside[:, np.newaxis], inside]
         hidden = np.linalg.inv(self.precision[outside[:, np.newaxis], outside])
@@ -153,9 +177,7 @@ class DisplacementField:
         variance[inside], variance[outside] = 1.0 / np.diag(pull), np.diag(hidden)
         weights[inside] = np.eye(len(inside)) - pull * variance[inside, np.newaxis]
         weights[outside] = guess
-        sigma_mm = np.sqrt(np.maximum(variance - self.noise_mm**2, 0.0))
-        sigma_mm.setflags(write=False)
-        return Say(weights, sigma_mm)
+        return Say(weights, np.sqrt(np.maximum(variance - self.noise_mm**2, 0.0)))
 
 
 class _Part(NamedTuple):
@@ -185,7 +207,13 @@ class _Say(NamedTuple):
 class TiledField:
     """Field of an object of M targets, like `DisplacementField`, by parts."""
 
-    def __init__(self, nominal_mm: Array, smoothness: Smoothness, variance_mm2: Array | float = 0.0) -> None:
+    def __init__(
+        self,
+        nominal_mm: Array,
+        smoothness: Smoothness,
+        variance_mm2: Array | float = 0.0,
+        kernel: Kernel | None = KERNEL,
+    ) -> None:
         self.nominal_mm = nominal_mm
         self.noise_mm = smoothness.noise_mm
         targets = np.arange(len(nominal_mm))
@@ -193,7 +221,9 @@ class TiledField:
         everywhere = np.array([region[len(region) // 2] for region in regions])
         parts = _parted(nominal_mm, targets, PART)
         variance_mm2 = np.broadcast_to(variance_mm2, len(targets))
-        self._parts = [_part(nominal_mm, np.sort(one), everywhere, smoothness, variance_mm2) for one in parts]
+        self._parts = [
+            _part(nominal_mm, np.sort(one), everywhere, smoothness, variance_mm2, kernel) for one in parts
+        ]
         self._last: _Say | None = None
 
     def expect(self, seen: NDArray[np.bool_], displacement_mm: Array) -> Expected:
@@ -218,15 +248,17 @@ class TiledField:
         return _Say(key, told, sigma_mm)
 
 
-def field_of(model: ObjectModel, smoothness: Smoothness, pitch_mm: float) -> "DisplacementField | TiledField":
+def field_of(
+    model: ObjectModel, smoothness: Smoothness, pitch_mm: float, kernel: Kernel | None = KERNEL
+) -> "DisplacementField | TiledField":
     """Make the field of an object: as a whole for few targets, by parts for many."""
     common_mm = min(model.sigma_mm, NOMINAL_SHARE * pitch_mm)
     sigma_mm = np.full(len(model), common_mm) if model.own_sigma_mm is None else model.own_sigma_mm
     sigma_mm = np.where(np.isnan(sigma_mm), common_mm, sigma_mm)
     variance_mm2 = np.maximum(sigma_mm**2 - smoothness.noise_mm**2, 0.0)
     if len(model) <= MOST_AT_ONCE:
-        return DisplacementField.of(model.xyz_mm, smoothness, variance_mm2=variance_mm2)
-    return TiledField(model.xyz_mm, smoothness, variance_mm2)
+        return DisplacementField.of(model.xyz_mm, smoothness, variance_mm2=variance_mm2, kernel=kernel)
+    return TiledField(model.xyz_mm, smoothness, variance_mm2, kernel)
 
 
 def _parted(nominal_mm: Array, targets: Indices, most: int) -> list[Indices]:
@@ -241,7 +273,12 @@ def _parted(nominal_mm: Array, targets: Indices, most: int) -> list[Indices]:
 
 
 def _part(
-    nominal_mm: Array, targets: Indices, everywhere: Indices, smoothness: Smoothness, variance_mm2: Array
+    nominal_mm: Array,
+    targets: Indices,
+    everywhere: Indices,
+    smoothness: Smoothness,
+    variance_mm2: Array,
+    kernel: Kernel | None,
 ) -> _Part:
     own = nominal_mm[targets]
     beyond = nominal_mm - nominal_mm.clip(own.min(axis=0), own.max(axis=0))
@@ -250,5 +287,5 @@ def _part(
     near = away.argsort(kind="stable")[:ROUND]
     others = np.setdiff1d(np.union1d(near, everywhere), targets)
     asked = np.concatenate([targets, others])
-    field = DisplacementField.of(nominal_mm[asked], smoothness, 1, variance_mm2[asked])
+    field = DisplacementField.of(nominal_mm[asked], smoothness, 1, variance_mm2[asked], kernel)
     return _Part(asked, len(targets), field)

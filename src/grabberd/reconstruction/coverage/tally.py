@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 from grabberd.geometry import Calibration, Rig, project_all
 from grabberd.reconstruction.correspondence.agreement import Sighting
 from grabberd.reconstruction.correspondence.correspondence import Correspondence
-from grabberd.reconstruction.coverage.batch import MOST_AT_ONCE, Batch, BothViews
+from grabberd.reconstruction.coverage.batch import MOST_AT_ONCE, Batch, BothViews, FieldSeen
 from grabberd.reconstruction.coverage.coverage import Coverage
 from grabberd.reconstruction.coverage.facing import Facing
 from grabberd.reconstruction.coverage.offsets import Offsets
 from grabberd.reconstruction.miss import Miss
 from grabberd.reconstruction.object_model import ObjectModel
-from grabberd.reconstruction.points import Points
 from grabberd.reconstruction.tracking.tracker import Track
 
 Array = NDArray[np.float64]
@@ -52,7 +51,7 @@ class CoverageTally:
         nominal_px = project_all(rig, model.xyz_mm).transpose(1, 2, 0)
         self._nominal = self._visible = self._facing.both(model.xyz_mm) & self._within(nominal_px, 0.0)
         self._batch = Batch(len(model))
-        self._last: tuple[Track, Correspondence] | None = None
+        self._last: tuple[FieldSeen, Correspondence] | None = None
         self._lost: BothViews | None = None
         self._meet: bool | None = None
         self._counts = np.zeros(len(Miss) * len(model), np.int64)
@@ -66,41 +65,38 @@ class CoverageTally:
         """Begin a tally for a calibration's rig."""
         return cls(Rig.of(calibration), calibration.lines, model)
 
-    def add(
-        self, n: int, track: Track, points: Points, blobs: BothViews, correspondence: Correspondence
-    ) -> None:
+    def add(self, n: int, field: FieldSeen, correspondence: Correspondence) -> None:
         """Count a field.
 
         Args:
             n: Its number.
-            track: Track after it.
-            points: Its points.
-            blobs: Blobs of its left and right view.
+            field: What was measured in it.
             correspondence: With which it was measured.
         """
-        residual_px = points.residual_px
+        residual_px = field.points.residual_px
         self._n.append(n)
         self._points.append(len(residual_px))
         self._square_px2.append(float(np.vdot(residual_px, residual_px)))
-        self._batch.add(track.sighting, points, blobs)
-        # Not the blobs: memory that is kept for the next field is memory that it does not find in the cache.
-        self._last = track, correspondence
-        if track.sighting is None:
-            self._note_lost(blobs)
+        self._batch.add(field)
+        self._last = field, correspondence
+        if field.misses is None:
+            self._note_lost(field)
         if self._batch.length >= min(len(self._n) // 2 + 1, MOST_AT_ONCE):
+            track = field.track
             self._count(track, correspondence)
             if track.sighting is not None:
-                self._look(track.sighting, blobs, correspondence)
+                self._look(track.sighting, field.halves, correspondence)
 
-    def _note_lost(self, blobs: BothViews) -> None:
+    def _note_lost(self, field: FieldSeen) -> None:
         """Keep the blobs of a field in which nothing was identified, if both views show any."""
-        if min(len(blobs[0]), len(blobs[1])):
-            self._lost = blobs
+        if min(field.counts):
+            self._lost = field.halves
 
     def result(self) -> Coverage:
         """Coverage of the fields so far."""
         if self._batch.length and self._last:
-            self._count(*self._last)
+            field, correspondence = self._last
+            self._count(field.track, correspondence)
         misses = self._reasoned(self._counts.reshape(len(Miss), -1).T)
         points, square_px2 = np.array(self._points, np.int64), np.array(self._square_px2)
         with np.errstate(invalid="ignore", divide="ignore"):

@@ -8,13 +8,15 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+
 from grabberd import __version__
 from grabberd.config import RigConfig
 from grabberd.documents.field_order import FieldOrderDocument
 from grabberd.documents.named_types import JsonObject
 from grabberd.errors import CaptureFileError, GrabberdError, NotReady, StorageError
 from grabberd.processes.columns import Rows
-from grabberd.processes.measure import MeasuredField, MeasureSetup, measured_groups
+from grabberd.processes.measure import MeasureSetup, measured_groups
 from grabberd.reconstruction import CoverageTally
 from grabberd.reconstruction.accuracy.field_order import FieldOrderCheck
 from grabberd.reconstruction.coverage.document import coverage_document
@@ -23,7 +25,7 @@ from grabberd.storage import CaptureReader
 from grabberd.storage.capture.content_digest import content_sha256, document_sha256
 from grabberd.storage.capture.digests import Damage, left_out_in_words
 from grabberd.storage.export.dataset_file import read_about, write_dataset_file
-from grabberd.storage.export.points_columns import FieldPoints, moment_of, rows_of
+from grabberd.storage.export.points_columns import rows_of
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}
 """Errors that every further task would run into as well."""
@@ -129,13 +131,11 @@ def _rows(
 ) -> Iterator[tuple[int, Rows]]:
     first_ns = reader.first_time_ns or 0
 
-    def counted(one: MeasuredField) -> FieldPoints:
-        order.add(one.n, one.points)
-        moment = moment_of(one.time_ns, reader.meta)
-        return FieldPoints(one.n, (one.time_ns - first_ns) / 1e9, moment, one.points)
-
     for group in measured_groups(reader.received(and_damaged=and_damaged), setup, tally):
-        yield len(group), rows_of([counted(one) for one in group])
+        for one in group:
+            order.add(one.n, one.points)
+        n, times_ns = np.array([(one.n, one.time_ns) for one in group], np.int64).T
+        yield len(group), rows_of(n, times_ns, [one.points for one in group], reader.meta, first_ns)
 
 
 def _made_with(task: CaptureTask, reader: CaptureReader) -> JsonObject:

@@ -1,5 +1,6 @@
 """The workers that re-measure captures: processes of this computer, or an existing Dask cluster."""
 
+import gc
 import importlib.util
 import logging
 import multiprocessing
@@ -15,11 +16,15 @@ from typing import TYPE_CHECKING, NamedTuple
 from grabberd import __version__
 from grabberd.errors import ExtraMissing, InputError, NotReady
 from grabberd.service.jobs.runner import NICENESS
+from grabberd.service.memory import keep_freed_memory
 
 if TYPE_CHECKING:
     from distributed import Client
 
 CONNECT_S = 10
+ALGEBRA_THREADS = "OPENBLAS_NUM_THREADS"
+COLLECTED_OBJECTS = 100_000
+"""New objects after which Python looks for cycles of them: measuring makes none, but many objects."""
 SAME_FOLDERS = "mount the captures and --out at the same path on every computer"
 
 
@@ -36,7 +41,26 @@ def local_workers(count: int | None = None) -> Iterator[Workers]:
     count = count or len(os.sched_getaffinity(0))
     # Spawned, not forked: a fork copies the locks of the command's other threads, held or not.
     spawn = multiprocessing.get_context("spawn")
-    yield Workers(lambda: ProcessPoolExecutor(count, mp_context=spawn, initializer=_prepare_process), count)
+    with _single_threaded_algebra():
+        yield Workers(
+            lambda: ProcessPoolExecutor(count, mp_context=spawn, initializer=_prepare_process), count
+        )
+
+
+@contextmanager
+def _single_threaded_algebra() -> Iterator[None]:
+    """Gives processes started meanwhile one thread of linear algebra each.
+
+    With more, they wait for one another in busy loops, on the processors that the other workers need.
+    """
+    before = os.environ.get(ALGEBRA_THREADS)
+    os.environ[ALGEBRA_THREADS] = "1"
+    try:
+        yield
+    finally:
+        del os.environ[ALGEBRA_THREADS]
+        if before is not None:
+            os.environ[ALGEBRA_THREADS] = before
 
 
 @contextmanager
@@ -99,8 +123,10 @@ def _seen_by_worker(out: str) -> tuple[str, bool, bool]:
 
 
 def _prepare_process() -> None:
-    """Prepares a new process: niced, ends with its parent, leaves Ctrl-C to it."""
+    """Prepares a new process: niced, keeps its memory, ends with its parent, leaves Ctrl-C to it."""
     os.nice(NICENESS)
+    keep_freed_memory()
+    gc.set_threshold(COLLECTED_OBJECTS)
     # A terminal sends Ctrl-C to the workers, too, but their parent ends them.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)

@@ -1,8 +1,8 @@
 """The columns of exported points and of data sets, and how a field's points fill them."""
 
 from collections.abc import Iterator, Sequence
-from datetime import UTC, datetime, timedelta
-from typing import Any, NamedTuple
+from datetime import UTC, datetime
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,24 +57,45 @@ DATASET_COLUMNS = (
 )
 
 
-class FieldPoints(NamedTuple):
-    """One field's points: its number, the time since the first field, the time of day if it is known."""
+def rows_of(
+    n: NDArray[np.int64],
+    times_ns: NDArray[np.int64],
+    points: Sequence[Points],
+    meta: CaptureMeta,
+    first_ns: int,
+) -> Rows:
+    """The points of some fields by the names of `POINT_COLUMNS`.
 
-    n: int
-    time_s: float
-    moment: datetime | None
-    points: Points
+    Args:
+        n: (F,) the fields' numbers.
+        times_ns: (F,) their times.
+        points: Points of each.
+        meta: Metadata of their capture.
+        first_ns: Time of its first field.
+    """
+    return _timed_rows(n, times_ns, [len(one) for one in points], Points.joined(points), meta, first_ns)
 
 
-def rows_of(fields: Sequence[FieldPoints]) -> Rows:
-    """The points of some fields by the names of `POINT_COLUMNS`."""
-    counts = [len(one.points) for one in fields]
-    n, time_s = (
-        np.repeat([one.n for one in fields], counts),
-        np.repeat([one.time_s for one in fields], counts),
-    )
-    utc = np.repeat([_utc(one.moment) for one in fields], counts)
-    return _rows(n, utc, time_s, Points.joined([one.points for one in fields]))
+def _timed_rows(
+    n: NDArray[np.int64],
+    times_ns: NDArray[np.int64],
+    counts: Sequence[int] | NDArray[np.int64],
+    points: Points,
+    meta: CaptureMeta,
+    first_ns: int,
+) -> Rows:
+    times_s = (times_ns - first_ns) / 1e9
+    moments = np.repeat(_moments(times_ns, meta), counts)
+    return _rows(np.repeat(n, counts), moments, np.repeat(times_s, counts), points)
+
+
+def _moments(times_ns: NDArray[np.int64], meta: CaptureMeta) -> NDArray[np.datetime64]:
+    """Times of day in UTC; not known for a recording played again, whose clock has passed."""
+    if not meta.device.get("stream", {}).get("live", True):
+        return np.full(len(times_ns), np.datetime64("NaT", "ms"))
+    start = datetime.fromisoformat(meta.created_utc).astimezone(UTC).replace(tzinfo=None)
+    since_us = np.rint((times_ns - meta.start_ns) / 1000).astype("m8[us]")
+    return (np.datetime64(start, "us") + since_us).astype("M8[ms]")
 
 
 def _rows(n: NDArray[Any], utc: NDArray[np.datetime64], time_s: NDArray[np.float64], points: Points) -> Rows:
@@ -88,10 +109,6 @@ def _rows(n: NDArray[Any], utc: NDArray[np.datetime64], time_s: NDArray[np.float
     }
 
 
-def _utc(moment: datetime | None) -> np.datetime64:
-    return np.datetime64("NaT", "ms") if moment is None else np.datetime64(moment.replace(tzinfo=None), "ms")
-
-
 def sigma_mm(covariance_mm2: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N, 3) standard deviations from (N, 3, 3) covariances."""
     sigma: NDArray[np.float64] = np.sqrt(np.diagonal(covariance_mm2, axis1=1, axis2=2))
@@ -102,15 +119,4 @@ def rows_by_group(reader: CaptureReader, run: int, first_n: int = 0, end_n: int 
     """The points of a run, as many fields together as the file has together."""
     first_ns = reader.first_time_ns or 0
     for n, times_ns, counts, points in reader.point_arrays(run, first_n, end_n):
-        moments = [_utc(moment_of(time_ns, reader.meta)) for time_ns in times_ns.tolist()]
-        times_s = (times_ns - first_ns) / 1e9
-        utc = np.repeat(np.array(moments, "M8[ms]"), counts)
-        yield _rows(np.repeat(n, counts), utc, np.repeat(times_s, counts), points)
-
-
-def moment_of(time_ns: int, meta: CaptureMeta) -> datetime | None:
-    """The time of day in UTC; None for a recording played again, whose clock has passed."""
-    if not meta.device.get("stream", {}).get("live", True):
-        return None
-    since = timedelta(microseconds=(time_ns - meta.start_ns) / 1000)
-    return (datetime.fromisoformat(meta.created_utc) + since).astimezone(UTC)
+        yield _timed_rows(n, times_ns, counts, points, reader.meta, first_ns)
