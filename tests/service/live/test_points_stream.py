@@ -22,7 +22,7 @@ def device() -> SimpleNamespace:
 
 @pytest.fixture
 def encoder(device: SimpleNamespace) -> PointsEncoder:
-    return PointsEncoder(cast(Instrument, device), cast(UtcClock, None))
+    return PointsEncoder(cast("Instrument", device), cast("UtcClock", None))
 
 
 def described(encoder: PointsEncoder) -> dict[str, Any]:
