@@ -23,7 +23,7 @@ KEPT_S = 5.0
 
 
 class _Identity(NamedTuple):
-    """What is no longer the same once a file was replaced, written or given other rights."""
+    """Signs of a file of which one changes when it is replaced, written or given other rights."""
 
     device: int
     inode: int
