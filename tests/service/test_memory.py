@@ -39,6 +39,24 @@ def test_a_field_uses_the_memory_of_the_one_before():
     assert pages_of_a_hundred_fields("given back")[1] > 1000
 
 
+LOADED = """
+import gc
+import grabberd.api, grabberd.service.service
+from grabberd.service.memory import freeze_loaded
+
+before = len(gc.get_objects())
+freeze_loaded()
+print(before, len(gc.get_objects()))
+"""
+
+
+def test_what_is_loaded_is_collected_no_more() -> None:
+    out = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=True)
+    before, afterwards = map(int, out.stdout.split())
+    assert before > 50_000
+    assert afterwards < 1_000
+
+
 UNUSED = {
     *("rich", "cv2", "scipy", "matplotlib", "pyarrow", "h5py", "jinja2"),
     *("numpy.fft", "numpy.polynomial", "numpy.testing"),
