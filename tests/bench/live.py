@@ -4,7 +4,7 @@ import multiprocessing
 import tempfile
 import time
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from multiprocessing.synchronize import Event
 from pathlib import Path
@@ -42,12 +42,14 @@ def _run(running: Daemon, seconds: float) -> list[tuple[str, str]]:
     assert instrument.worker
     running.wait_until_ready()
     memory, cost = [resident_mb()], Cost(running.grabber)
+    rounds: list[dict[str, float]] = []
     capture_id = service.capture_control.start(None, CaptureRequest(fields=round(seconds * 50))).id
     recording = instrument.recording
     assert recording
     while not recording.sealed.wait(max(1.0, seconds / 20)):
         memory.append(resident_mb())
-    shares = cost.shares()
+        rounds.append(cost.shares())
+        cost = Cost(running.grabber)
     latency = instrument.worker.latency.milliseconds(round(seconds * 50))
     with CaptureReader(service.archive.path(capture_id)) as reader:
         ledger, points = reader.ledger, sum(len(one) for _, one in reader.points())
@@ -62,7 +64,7 @@ def _run(running: Daemon, seconds: float) -> list[tuple[str, str]]:
             f"{recording.recorder.reader.deepest} of {instrument.pipeline.ring.slots} slots",
         ),
         ("deepest backlog", f"{recording.recorder.backlog.deepest} fields"),
-        *cost_rows(shares),
+        *cost_rows(rounds or [cost.shares()]),
         (
             "resident memory, start / highest / end",
             " / ".join(f"{m:.0f} MB" for m in (memory[0], max(memory), memory[-1])),
@@ -77,15 +79,23 @@ def in_words_ms(latency: np.ndarray) -> str:
     return f"{p50:.2f} / {p99:.2f} / {latency.max():.1f} ms"
 
 
-def cost_rows(shares: dict[str, float]) -> list[tuple[str, str]]:
-    """Shares of a core as rows of a table."""
-    everything, rendering = shares.pop("everything"), shares.pop("the rendering")
-    threads = sorted(shares.items(), key=lambda pair: -pair[1])
+def cost_rows(rounds: Sequence[Mapping[str, float]]) -> list[tuple[str, str]]:
+    """Shares of a core as rows of a table: the least of all rounds, and their median."""
+    threads = {name for one in rounds for name in one} - {"everything", "the rendering"}
+    by_thread = sorted(((_least_and_median(rounds, name), name) for name in threads), reverse=True)
+    without = [{"": one["everything"] - one["the rendering"]} for one in rounds]
     return [
-        ("share of a core, simulated rendering included", f"{everything:.1%}"),
-        ("share of a core without the rendering", f"{everything - rendering:.1%}"),
-        ("of it by thread", ", ".join(f"{name} {share:.1%}" for name, share in threads)),
+        ("share of a core, simulated rendering included", _least_and_median(rounds, "everything")[1]),
+        ("share of a core without the rendering", _least_and_median(without, "")[1]),
+        ("of it by thread", ", ".join(f"{name} {words}" for (_, words), name in by_thread)),
     ]
+
+
+def _least_and_median(rounds: Sequence[Mapping[str, float]], name: str) -> tuple[float, str]:
+    """The median of the rounds' shares, and both in words; a thread that hardly ran has no share."""
+    shares = [one.get(name, 0.0) for one in rounds]
+    median = float(np.median(shares))
+    return median, f"{min(shares):.1%} / {median:.1%}" if len(shares) > 1 else f"{median:.1%}"
 
 
 def _beside(watching: Witness, answered: Any) -> list[tuple[str, str]]:

@@ -133,7 +133,7 @@ def _rows(seen: Seen) -> list[tuple[str, str]]:
         ("stalls over 20 ms that the witness saw", str(seen.stalls.long_ones)),
         ("the capture thread waited for a core", f"{seen.waited_s:.1f} s"),
         ("field arrived → points published, p50 / p99 / max (goal: 5 / 40)", in_words_ms(seen.latency_ms)),
-        *cost_rows(seen.shares),
+        *cost_rows([seen.shares]),
         ("resident memory, start / highest / end", " / ".join(f"{m:.0f} MB" for m in memory)),
         ("memory, last third less the third before", f"{growth_mb(seen.memory_mb):+.1f} MB"),
     ]

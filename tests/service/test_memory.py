@@ -1,7 +1,12 @@
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+from faults.daemon import running
+from grabberd.config import shipped_configs
 
 FIELDS = """
 import resource, sys
@@ -32,3 +37,47 @@ def test_a_field_uses_the_memory_of_the_one_before():
         pytest.skip("this C library cannot be told so")
     assert pages < 100
     assert pages_of_a_hundred_fields("given back")[1] > 1000
+
+
+LOADED = """
+import gc
+import grabberd.api, grabberd.service.service
+from grabberd.service.memory import freeze_loaded
+
+before = len(gc.get_objects())
+freeze_loaded()
+print(before, len(gc.get_objects()))
+"""
+
+
+def test_what_is_loaded_is_collected_no_more() -> None:
+    out = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=True)
+    before, afterwards = map(int, out.stdout.split())
+    assert before > 50_000
+    assert afterwards < 1_000
+
+
+UNUSED = {
+    *("rich", "cv2", "scipy", "matplotlib", "pyarrow", "h5py", "jinja2"),
+    *("numpy.fft", "numpy.polynomial", "numpy.testing"),
+    *("grabberd.cli.storage", "grabberd.cli.capture", "grabberd.analysis", "grabberd.calibration"),
+    *("grabberd.reports", "grabberd.render"),
+}
+"""Modules that a daemon has no use for while nobody asks, each half a megabyte or more with what it loads."""
+
+
+def test_an_idle_daemon_has_loaded_nothing_that_it_does_not_use(tmp_path: Path) -> None:
+    device = {
+        "driver": "fake",
+        "options": {"scene": "liner"},
+        "calibration": str(shipped_configs() / "fake.calibration.json"),
+        "object": str(shipped_configs() / "objects" / "liner.yaml"),
+    }
+    command = (sys.executable, "-X", "importtime", "-c", "from grabberd.cli import main; main()")
+    with running(tmp_path, {"devices": {"cup": device}}, command) as daemon:
+        daemon.wait_until_ready()
+        daemon.get("/api/v1/devices/cup/points")
+        daemon.get("/api/v1/state")
+        loaded = set(re.findall(r"^import time:.*\| +(\S+)$", daemon.journal.read_text(), re.MULTILINE))
+    assert "grabberd.service.device.worker" in loaded
+    assert loaded & UNUSED == set()

@@ -63,13 +63,18 @@ def main() -> None:
 
 
 def _imported_app() -> Callable[[], None]:
-    """Import all commands, which takes half a second; `import grabberd.cli` stays cheap."""
+    """Import the command that is asked for, or all of them; `import grabberd.cli` stays cheap."""
     # An interrupt ends it without an exception: what is being imported may make another one of it.
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:
         signal.signal(signal.SIGINT, _end_at_once)
-    from grabberd.cli.app import app  # noqa: PLC0415
+    from grabberd.cli.application import COMMANDS, GROUPS, application  # noqa: PLC0415
 
+    first = sys.argv[1] if len(sys.argv) > 1 else ""
+    if first in COMMANDS or first in GROUPS:
+        app = application(first)
+    else:
+        from grabberd.cli.app import app  # noqa: PLC0415
     signal.signal(signal.SIGINT, before)
     return app
 

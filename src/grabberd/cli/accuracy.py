@@ -8,16 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from rich.progress import Progress
 
-from grabberd.cli.options import (
-    JsonOption,
-    LineJitterOption,
-    console,
-    follow_link,
-    given,
-    print_json,
-    progress_console,
-    warn,
-)
+from grabberd.cli.options import JsonOption, LineJitterOption, follow_link, given, print_json, warn
+from grabberd.cli.terminal import console, progress_console
 from grabberd.errors import NotReady
 
 if TYPE_CHECKING:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from grabberd.cli.options import JsonOption, console, follow_link, print_json, progress_bar, warn
+from grabberd.cli.options import JsonOption, follow_link, print_json, warn
+from grabberd.cli.terminal import console, progress_bar
 from grabberd.errors import ExtraMissing, InputError
 
 if TYPE_CHECKING:

@@ -13,13 +13,12 @@ from grabberd.cli.options import (
     JsonOption,
     check_absent,
     check_folder,
-    console,
     follow_link,
     load,
     only_device,
     print_json,
-    progress_bar,
 )
+from grabberd.cli.terminal import console, progress_bar
 from grabberd.errors import InputError, StorageError
 
 if TYPE_CHECKING:

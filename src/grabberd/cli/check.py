@@ -8,16 +8,8 @@ from urllib.parse import quote
 import typer
 from rich.table import Table
 
-from grabberd.cli.options import (
-    DEFAULT_URL,
-    JsonOption,
-    TokenFileOption,
-    UrlOption,
-    console,
-    follow_link,
-    print_json,
-    progress_bar,
-)
+from grabberd.cli.options import DEFAULT_URL, JsonOption, TokenFileOption, UrlOption, follow_link, print_json
+from grabberd.cli.terminal import console, progress_bar
 from grabberd.errors import GrabberdError, InputError
 
 NOT_FITTING = 3

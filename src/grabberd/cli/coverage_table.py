@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 import typer
 from rich.table import Table
 
-from grabberd.cli.options import VERDICTS, console
+from grabberd.cli.options import VERDICTS
+from grabberd.cli.terminal import console
 
 if TYPE_CHECKING:
     from grabberd.documents.coverage import CoverageDocument, TargetCoverage

@@ -12,7 +12,8 @@ from rich.text import Text
 
 from grabberd.acquisition import available, discover
 from grabberd.acquisition.discovery import FoundDevice, Verdict
-from grabberd.cli.options import console, print_json
+from grabberd.cli.options import print_json
+from grabberd.cli.terminal import console
 from grabberd.config import Config
 
 STYLES = {

@@ -8,8 +8,9 @@ from typing import Any
 from rich.progress import BarColumn, Progress, TimeElapsedColumn
 
 from grabberd.acquisition.clock import SystemClock
-from grabberd.cli.options import end_as_ctrl_c_does, progress_console, warn, with_device
+from grabberd.cli.options import end_as_ctrl_c_does, warn, with_device
 from grabberd.cli.serve import SWITCH_INTERVAL_S
+from grabberd.cli.terminal import progress_console
 from grabberd.config import Config, default_config_file
 from grabberd.documents.states import DeviceState
 from grabberd.errors import DeviceAbsent

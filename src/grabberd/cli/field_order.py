@@ -6,7 +6,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from grabberd.cli.options import print_result, progress_console, with_device
+from grabberd.cli.options import print_result, with_device
+from grabberd.cli.terminal import progress_console
 from grabberd.config import Config, DeviceConfig
 from grabberd.errors import DeviceRefused, StreamEnded, StreamFailed
 

@@ -15,9 +15,9 @@ from grabberd.cli.options import (
     follow_link,
     given,
     print_result,
-    progress_bar,
     warn,
 )
+from grabberd.cli.terminal import progress_bar
 
 ProposeOption = Annotated[
     Path | None,

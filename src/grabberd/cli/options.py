@@ -2,14 +2,11 @@
 
 import json
 import signal
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import Progress
 
 from grabberd.errors import ConfigError, Problem, StorageError
 
@@ -50,11 +47,6 @@ VERDICTS = {
     "not_measured": "not measured",
 }
 """Verdicts on how well a run was measured, in words."""
-
-console = Console()
-"""Standard output, for results."""
-progress_console = Console(stderr=True)
-"""Standard error, for progress, so that results can be piped."""
 
 
 def follow_link(path: Path | None) -> Path | None:
@@ -146,11 +138,3 @@ def group_file(out: Path, device: str) -> Path:
 def end_as_ctrl_c_does() -> None:
     """Let SIGTERM, too, raise KeyboardInterrupt, so that a file is sealed and progress is kept."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-
-
-@contextmanager
-def progress_bar(description: str) -> Iterator[Callable[[float], None]]:
-    """Show a progress bar for the duration of the block, which reports the share done, 0 to 1."""
-    with Progress(console=progress_console, transient=True) as progress:
-        task = progress.add_task(description, total=1.0)
-        yield lambda share: progress.update(task, completed=share)

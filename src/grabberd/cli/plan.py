@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from rich.table import Table
 
-from grabberd.cli.options import ConfigOption, JsonOption, console, load, only_device, print_json
+from grabberd.cli.options import ConfigOption, JsonOption, load, only_device, print_json
+from grabberd.cli.terminal import console
 
 if TYPE_CHECKING:
     from grabberd.config import DeviceConfig, RigConfig

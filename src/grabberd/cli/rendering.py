@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from rich.progress import Progress
 
 from grabberd.analysis import Agreement
-from grabberd.cli.options import print_json, progress_console
+from grabberd.cli.options import print_json
+from grabberd.cli.terminal import progress_console
 from grabberd.errors import InputError, NotFound, NotReady
 from grabberd.field import Field, unpack
 from grabberd.processes.measure import MeasureSetup

@@ -9,15 +9,8 @@ import typer
 from rich.progress import BarColumn, Progress, TimeRemainingColumn
 
 from grabberd.cli import EX_INTERRUPTED
-from grabberd.cli.options import (
-    IncludeDamagedOption,
-    JsonOption,
-    end_as_ctrl_c_does,
-    given,
-    print_json,
-    progress_console,
-    warn,
-)
+from grabberd.cli.options import IncludeDamagedOption, JsonOption, end_as_ctrl_c_does, given, print_json, warn
+from grabberd.cli.terminal import progress_console
 
 if TYPE_CHECKING:
     from grabberd.service.reprocess.reprocess_archive import ReprocessProgress, ReprocessSummary

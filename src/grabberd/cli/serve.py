@@ -35,7 +35,7 @@ def serve(
     from grabberd.service.faults.descriptors import affordable_connections, raise_limit  # noqa: PLC0415
     from grabberd.service.heartbeat import Heartbeat  # noqa: PLC0415
     from grabberd.service.journal import set_up_logging  # noqa: PLC0415
-    from grabberd.service.memory import keep_freed_memory  # noqa: PLC0415
+    from grabberd.service.memory import freeze_loaded, keep_freed_memory  # noqa: PLC0415
     from grabberd.service.mqtt.publisher_setup import check_mqtt  # noqa: PLC0415
     from grabberd.service.notify import Notifier  # noqa: PLC0415
     from grabberd.service.service import Service  # noqa: PLC0415
@@ -53,6 +53,7 @@ def serve(
     context = None if http.tls is None else serving.tls_context(http.tls, file)
     check_mqtt(settings, file)
     service = Service.from_config(settings, set_up(settings, file))
+    freeze_loaded()  # before fields come
     # Bound before any device starts: an address in use ends the command at once.
     listening = sockets.inherited(os.environ) or sockets.bind(
         host or http.host, http.port if port is None else port

@@ -5,7 +5,8 @@ from typing import Any
 
 from rich.table import Table
 
-from grabberd.cli.options import DEFAULT_URL, JsonOption, TokenFileOption, UrlOption, console, print_json
+from grabberd.cli.options import DEFAULT_URL, JsonOption, TokenFileOption, UrlOption, print_json
+from grabberd.cli.terminal import console
 
 
 def status(

@@ -7,15 +7,8 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from grabberd.cli.options import (
-    ConfigOption,
-    JsonOption,
-    console,
-    load,
-    print_json,
-    print_result,
-    progress_bar,
-)
+from grabberd.cli.options import ConfigOption, JsonOption, load, print_json, print_result
+from grabberd.cli.terminal import console, progress_bar
 
 CapturesArgument = Annotated[
     list[Path] | None,

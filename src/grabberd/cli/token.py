@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from grabberd.cli.options import ConfigOption, JsonOption, console, load, print_json
+from grabberd.cli.options import ConfigOption, JsonOption, load, print_json
+from grabberd.cli.terminal import console
 from grabberd.documents.roles import Role
 
 if TYPE_CHECKING:

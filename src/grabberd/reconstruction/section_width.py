@@ -1,5 +1,6 @@
 """Section width of the liner: distance between facing targets of the middle row."""
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -32,7 +33,9 @@ def section_widths(points: Points, model: ObjectModel) -> list[SectionWidth]:
     Each width is always between the same two targets, so that it can be compared from field to field; which
     pairs the cameras see depends on how far the liner is open.
     """
-    return [_width(points, pair) for pair in facing_targets(model)]
+    pairs = facing_targets(model)
+    rows = _rows(points, [target for pair in pairs for target in pair])
+    return [_width(points, *found) for found in zip(pairs, rows[::2], rows[1::2], strict=True)]
 
 
 @lru_cache(MODELS)
@@ -45,22 +48,22 @@ def facing_targets(model: ObjectModel) -> list[tuple[int, int]]:
     return list(zip(ids[:half], reversed(ids[-half:]), strict=True)) if half else []
 
 
-def _width(points: Points, pair: tuple[int, int]) -> SectionWidth:
-    ends = _rows(points, min(pair), max(pair))
-    apart = points.xyz_mm[ends[-1]] - points.xyz_mm[ends[0]] if len(ends) == 2 else np.zeros(3)
-    width_mm = float(np.linalg.norm(apart))
+def _width(points: Points, pair: tuple[int, int], one: int | None, other: int | None) -> SectionWidth:
+    """Width between the points of two targets, by their rows."""
+    if one is None or other is None:
+        return SectionWidth(pair, None, None)
+    apart = points.xyz_mm[other] - points.xyz_mm[one]
+    width_mm = math.sqrt(apart @ apart)
     if width_mm == 0:
         return SectionWidth(pair, None, None)
-    along = apart / width_mm
-    variance = along @ points.covariance_mm2[ends].sum(axis=0) @ along
-    return SectionWidth(pair, width_mm, float(np.sqrt(variance)))
+    covariance = points.covariance_mm2[one] + points.covariance_mm2[other]
+    return SectionWidth(pair, width_mm, math.sqrt(apart @ covariance @ apart) / width_mm)
 
 
-def _rows(points: Points, *targets: int) -> list[int]:
-    """Rows of those of the targets that have a point."""
+def _rows(points: Points, targets: list[int]) -> list[int | None]:
+    """Row of each target; None if it has no point."""
     found: list[int] = np.searchsorted(points.target, targets).tolist()
     return [
-        row
+        row if row < len(points) and points.target[row] == target else None
         for row, target in zip(found, targets, strict=True)
-        if row < len(points) and points.target[row] == target
     ]

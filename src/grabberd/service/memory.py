@@ -5,6 +5,7 @@ page: for the arrays of a field that costs as much as the work done on them.
 """
 
 import ctypes
+import gc
 from pathlib import Path
 
 KEPT_BYTES = 32 << 20
@@ -36,6 +37,16 @@ def keep_freed_memory() -> bool:
         _TOP_PAD: AHEAD_BYTES,
     }
     return all(mallopt(option, value) == 1 for option, value in asked.items())
+
+
+def freeze_loaded() -> None:
+    """Leaves what is loaded so far, which stays for good, out of every later collection of garbage.
+
+    A full collection would look at all of it, and hold the interpreter for some 90 ms: longer than a grabber
+    with four buffers can wait for the thread that takes its fields.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 def kill_first(pid: int | None) -> None:

@@ -16,6 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import IO, Any
 
+from grabberd.storage.capture.kept_readers import KeptReaders
 from grabberd.storage.content_frames import HEAD, UNTIL, Answer, Frame, Question, is_fault, packed_error
 from grabberd.storage.export.field_pictures import field_png
 from grabberd.storage.export.points_document import points_json
@@ -36,8 +37,10 @@ PIECE_BYTES = 65_536
 NICED = f"import os; os.nice({NICENESS})"
 """Begins the program: to import the rest takes half a second of processor time."""
 PROGRAM = f"{NICED}; from {__name__} import CONTENTS, main; main(CONTENTS)"
+_KEPT = KeptReaders()
 CONTENTS: dict[str, Callable[..., Any]] = {
-    read.__name__: read for read in (points_json, points_csv, points_ply, field_png)
+    **{read.__name__: partial(read, opened=_KEPT.opened) for read in (points_json, field_png)},
+    **{read.__name__: read for read in (points_csv, points_ply)},
 }
 """What can be read, by name: as bytes, or as a generator of pieces."""
 Step = Callable[[], tuple[Answer, bytes | bytearray]]

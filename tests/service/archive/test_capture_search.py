@@ -133,3 +133,20 @@ def test_the_last_page_says_that_it_is_the_last(archive: Archive) -> None:
 def test_a_capture_that_is_deleted_while_it_is_listed_is_left_out(archive: Archive) -> None:
     (archive.directory / "c3.grab").unlink()
     assert found(archive) == ["c5", "c4", "c2", "c1"]
+
+
+@pytest.mark.parametrize("at_once", [1, 2, 4, 5, 6])
+def test_all_are_listed_however_many_entries_are_read_at_once(
+    archive: Archive, at_once: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("grabberd.service.archive.capture_list.AT_ONCE", at_once)
+    assert found(archive) == ["c5", "c4", "c3", "c2", "c1"]
+
+
+def test_a_list_that_is_read_at_once_opens_the_index_once(
+    archive: Archive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pages, page = [], archive.index.page
+    monkeypatch.setattr(archive.index, "page", lambda *place: pages.append(place) or page(*place))
+    found(archive)
+    assert len(pages) == 1

@@ -103,13 +103,16 @@ def _newest(archive: Archive, query: CaptureQuery) -> Iterator[CaptureDocument]:
 
 def _indexed(archive: Archive, query: CaptureQuery) -> Iterator[tuple[IndexEntry, Annotation]]:
     after, annotations = query.start, archive.annotations()
-    while entries := archive.index.page(after, AT_ONCE):
+    while True:
+        entries = archive.index.page(after, AT_ONCE)
         for entry in entries:
             if query.since_utc is not None and entry.created_utc < query.since_utc:
                 return
             annotation = annotations.get(entry.id, NOTHING)
             if query.may_match(entry, annotation):
                 yield entry, annotation
+        if len(entries) < AT_ONCE:  # the last page; to ask for one more would open the index again
+            return
         after = Position(entries[-1].created_utc, entries[-1].id)
 
 

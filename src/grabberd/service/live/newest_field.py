@@ -1,19 +1,15 @@
 """A device's newest field: its illumination, and the field as a picture."""
 
-import struct
 import threading
-import zlib
-
-import numpy as np
 
 from grabberd.documents.devices import LightDocument, ViewLightDocument
 from grabberd.errors import NotReady
 from grabberd.processes.light import light_of
 from grabberd.service.device.threshold_keeper import Shown
 from grabberd.service.instrument import Instrument
+from grabberd.storage.export.grey_png import grey_png
 
 FIELD_WITHIN_S = 0.5
-FAST = 1
 
 
 def light_document(instrument: Instrument, threshold: int | None) -> LightDocument:
@@ -51,7 +47,7 @@ class PreviewPicture:
         shown = _newest(self._instrument)
         with self._encoding:
             if self._of is not shown:
-                self._of, self._png = shown, _png(shown)
+                self._of, self._png = shown, grey_png(shown.field.luma)
             return self._png
 
 
@@ -64,22 +60,3 @@ def _newest(instrument: Instrument) -> Shown:
             status.hint or "wait until its state is ready: GET /api/v1/state",
         )
     return shown
-
-
-def _png(shown: Shown) -> bytes:
-    """A PNG of grey values, its rows unfiltered.
-
-    OpenCV would write it as well, but to load that holds the interpreter for 60 to 140 ms, in which a grabber
-    with few buffers loses fields.
-    """
-    luma = shown.field.luma
-    rows, columns = luma.shape
-    unfiltered = np.zeros((rows, columns + 1), np.uint8)
-    unfiltered[:, 1:] = luma
-    head = struct.pack(">IIBBBBB", columns, rows, 8, 0, 0, 0, 0)
-    chunks = ((b"IHDR", head), (b"IDAT", zlib.compress(unfiltered.tobytes(), FAST)), (b"IEND", b""))
-    return b"\x89PNG\r\n\x1a\n" + b"".join(_chunk(kind, content) for kind, content in chunks)
-
-
-def _chunk(kind: bytes, content: bytes) -> bytes:
-    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))

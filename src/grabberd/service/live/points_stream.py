@@ -9,7 +9,6 @@ from grabberd.documents.points import PointsDescription
 from grabberd.documents.points_frame import PointsFrame, upper
 from grabberd.service.device.worker import Live
 from grabberd.service.instrument import Instrument
-from grabberd.service.setup import DeviceSetup
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -20,23 +19,26 @@ class PointsEncoder:
     def __init__(self, instrument: Instrument, clock: UtcClock) -> None:
         self._instrument = instrument
         self._clock = clock
-        self._described: DeviceSetup | None = None
+        self._described: tuple[str | None, str | None, float] | None = None
         self._number = 0
         self._description = ""
 
     def description(self) -> str:
-        """Description of the frames from now on, as JSON; its number changes with the device's setup."""
-        setup = self._instrument.setup
-        if setup is not self._described:
-            self._described = setup
+        """Description of the frames from now on, as JSON; its number changes with what it says."""
+        documents, rate_hz = self._instrument.setup.documents, self._instrument.rate_hz
+        calibration, model = documents.get("calibration"), documents.get("object")
+        calibration_id = None if calibration is None else calibration["id"]
+        object_name = None if model is None else model.get("name")
+        # A stream that is opened again may have another rate, and a new threshold makes a new setup.
+        if (said := (calibration_id, object_name, rate_hz)) != self._described:
+            self._described = said
             self._number += 1
-            calibration, model = setup.documents.get("calibration"), setup.documents.get("object")
             self._description = PointsDescription(
                 number=self._number,
                 device=self._instrument.name,
-                rate_hz=self._instrument.rate_hz,
-                calibration_id=None if calibration is None else calibration["id"],
-                object_name=None if model is None else model.get("name"),
+                rate_hz=rate_hz,
+                calibration_id=calibration_id,
+                object_name=object_name,
             ).model_dump_json()
         return self._description
 

@@ -62,6 +62,9 @@ class Content(Protocol):
     def has_digests(self) -> bool:
         """False for files of earlier versions, in which a changed bit may go unnoticed."""
 
+    def keep_groups(self) -> None:
+        """Keeps what is decoded last from now on: nobody changes the file as long as it is read."""
+
     def fields(self, first_n: int, end_n: int) -> Iterator[RecordedField]:
         """The fields with first_n ≤ n < end_n, in order."""
 

@@ -2,8 +2,8 @@
 
 import os
 import sqlite3
-from collections.abc import Collection, Iterator
-from contextlib import closing, suppress
+from collections.abc import Callable, Collection, Iterator
+from contextlib import AbstractContextManager, closing, suppress
 from pathlib import Path
 from typing import Self
 
@@ -148,14 +148,24 @@ class CaptureReader:
         Raises:
             NotFound: It does not exist, or the capture has not been measured.
         """
-        runs = self.runs
+        number = self.run_number(run)
+        return next(info for info in self.runs if info.run == number)
+
+    def run_number(self, run: int | None) -> int:
+        """Number of a run, or of the newest, without reading what it was measured with.
+
+        Raises:
+            NotFound: It does not exist, or the capture has not been measured.
+        """
+        with reading_errors(self.path):
+            rows = self._connection.execute("SELECT run FROM runs ORDER BY run").fetchall()
+        runs = [number for (number,) in rows if isinstance(number, int)]
         if run is None and not runs:
             raise NotFound(f"capture {self.meta.id} has no points", "measure it with a calibration first")
-        found = [info for info in runs if run in (None, info.run)]
-        if not found:
-            known = ", ".join(str(info.run) for info in runs) or "none"
+        if run is not None and run not in runs:
+            known = ", ".join(map(str, runs)) or "none"
             raise NotFound(f"capture {self.meta.id} has no run {run}", f"its runs are: {known}")
-        return found[-1]
+        return runs[-1] if run is None else run
 
     def points(self, run: int | None = None) -> Iterator[tuple[int, Points]]:
         """(n, points) of a run in order of n, of fields that are in the file.
@@ -188,7 +198,7 @@ class CaptureReader:
         Raises:
             NotFound: The run does not exist.
         """
-        yield from self.content.points(self.run(run).run, first_n, end_n, every)
+        yield from self.content.points(self.run_number(run), first_n, end_n, every)
 
     def check_points(self, run: int, first_n: int = 0, end_n: int = END) -> None:
         """Holds points of a run against their digests, without decoding them.
@@ -235,6 +245,10 @@ class CaptureReader:
         with reading_errors(self.path):
             row = self._connection.execute(query, values).fetchone()
             return None if row is None or row[0] is None else int(row[0])
+
+
+Opened = Callable[[Path], AbstractContextManager[CaptureReader]]
+"""Opens a capture for the duration of a block."""
 
 
 def stat_at_rest(path: Path) -> os.stat_result:

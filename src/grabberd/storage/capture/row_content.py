@@ -54,6 +54,9 @@ class RowContent:
         """See `Content`."""
         return self._rows.has_digests
 
+    def keep_groups(self) -> None:
+        """Keeps nothing: each field has rows of its own."""
+
     def fields(self, first_n: int, end_n: int) -> Iterator[RecordedField]:
         """See `Content`."""
         return self._rows.each(ALL_FIELDS, FIELDS, recorded_field, first_n, end_n)

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from grabberd.errors import InputError
 from grabberd.field import BOTTOM, TOP, PackedField, unpack
 from grabberd.storage.capture.digests import Damage
-from grabberd.storage.capture.reader import CaptureReader
+from grabberd.storage.capture.reader import CaptureReader, Opened
 from grabberd.storage.capture.rows import RecordedField
 from grabberd.storage.checked_file import write_checked
 from grabberd.storage.disk import new_folder, storage_errors
+from grabberd.storage.export.grey_png import grey_png
 from grabberd.storage.export.ledger_file import write_ledger_file, write_left_out_file
 from grabberd.storage.export.read_back import png_check
 
@@ -21,20 +22,19 @@ MANIFEST_COLUMNS = ("n", "time_ns", "sequence", "parity", "y0", "y_step", "outco
 MANIFEST = "fields.csv"
 
 
-def field_png(path: Path, n: int) -> bytes:
+def field_png(path: Path, n: int, opened: Opened = CaptureReader) -> bytes:
     """One field as a grey PNG: its own rows where they are intact, the full height where lines are doubled.
+
+    Args:
+        path: The capture.
+        n: Number of the field.
+        opened: Opens the capture.
 
     Raises:
         CaptureFileError, NotFound: No such file or field.
     """
-    with CaptureReader(path) as reader:
-        return _png(unpack(reader.field(n).numbered.packed).luma)
-
-
-def _png(luma: NDArray[np.uint8]) -> bytes:
-    import cv2  # noqa: PLC0415 - 16 MB, which the daemon seldom needs
-
-    return bytes(cv2.imencode(".png", luma, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1])
+    with opened(path) as reader:
+        return grey_png(unpack(reader.field(n).numbered.packed).luma)
 
 
 def export_png(
@@ -101,7 +101,7 @@ def _write_picture(
     name = f"{what}-{picture[0].numbered.n:08d}.png"
     packed = [field.numbered.packed for field in picture]
     luma = _weave(packed) if what == "frame" else unpack(packed[0]).luma
-    write_checked(directory / name, [_png(luma)], png_check(luma))
+    write_checked(directory / name, [grey_png(luma)], png_check(luma))
     for field in picture:
         n, time_ns, sequence, p = field.numbered
         yield (n, time_ns, sequence, p.parity, p.y0, p.y_step, str(field.outcome), name)

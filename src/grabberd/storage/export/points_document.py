@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from grabberd.documents.points import FieldPoints, PointsDocument
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.checked_rows import END
-from grabberd.storage.capture.reader import CaptureReader
+from grabberd.storage.capture.reader import CaptureReader, Opened
 from grabberd.storage.export.points_columns import sigma_mm
 
 AXES = "xyz"
@@ -39,17 +39,22 @@ class PointsQuery:
     targets: Collection[int] = ()
 
 
-def points_json(path: Path, query: PointsQuery) -> bytearray:
+def points_json(path: Path, query: PointsQuery, opened: Opened = CaptureReader) -> bytearray:
     """The points of a run as the JSON of a `PointsDocument`, written field by field.
 
     Written at once, two million numbers would keep the interpreter from every other thread for as long, and
     joined from parts they would take three times their 50 MB of memory.
 
+    Args:
+        path: The capture.
+        query: What is asked for.
+        opened: Opens the capture.
+
     Raises:
         CaptureFileError, NotFound: no such file or run.
     """
-    with CaptureReader(path) as reader:
-        run = reader.run(query.run).run
+    with opened(path) as reader:
+        run = reader.run_number(query.run)
         every = _every(reader, run, query)
         head = PointsDocument(capture=reader.meta.id, run=run, every=every, fields=[])
         document = bytearray(head.model_dump_json().encode().removesuffix(_END))

@@ -2,13 +2,14 @@
 
 import sqlite3
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from grabberd.storage.capture.checked_rows import CheckedRows, Kind, some_rows
+from grabberd.storage.capture.checked_rows import END, CheckedRows, Kind, some_rows
 from grabberd.storage.capture.content import PointArrays
 from grabberd.storage.capture.digests import FIELDS, Damage, Row, points_prefix
 from grabberd.storage.capture.groups.group_rows import (
@@ -106,6 +107,24 @@ _POINT_GROUPS = Kind(
 )
 
 
+class _RunArrays(NamedTuple):
+    """Points of a group, or None if none of its fields is in the file, and their run."""
+
+    run: int
+    arrays: PointArrays | None
+
+    def holds(self, first_n: int, end_n: int) -> bool:
+        """True if fields of no other group can be among those with first_n ≤ n < end_n."""
+        return self.arrays is not None and _holds(self.arrays.n[[0, -1]].tolist(), first_n, end_n)
+
+    def selected(self, first_n: int, end_n: int, every: int) -> PointArrays | None:
+        """Those that are wanted; None if there are none."""
+        if self.arrays is None:
+            return None
+        wanted = _wanted(self.arrays.n, first_n, end_n, every)
+        return self.arrays.select(wanted) if wanted.any() else None
+
+
 class GroupContent:
     """See `Content`."""
 
@@ -113,24 +132,45 @@ class GroupContent:
         self._path = path
         self._connection = connection
         self._rows = CheckedRows(path, connection, left_out)
+        self._keeps = False
+        self._pictures: list[RecordedField] = []
+        self._points: _RunArrays | None = None
 
     @property
     def has_digests(self) -> bool:
         """See `Content`."""
         return self._rows.has_digests
 
+    def keep_groups(self) -> None:
+        """See `Content`."""
+        self._keeps = True
+
     def fields(self, first_n: int, end_n: int) -> Iterator[RecordedField]:
         """See `Content`."""
-        wanted = (self._start(_PICTURES_START, first_n), end_n, first_n)
-        for group in self._rows.each(_PICTURE_GROUPS, FIELDS, recorded_fields, *wanted):
+        groups: Iterable[list[RecordedField]] = [self._pictures]
+        if not self._pictures or not _holds(
+            (self._pictures[0].numbered.n, self._pictures[-1].numbered.n), first_n, end_n
+        ):
+            wanted = (self._start(_PICTURES_START, first_n), end_n, first_n)
+            groups = self._rows.each(_PICTURE_GROUPS, FIELDS, recorded_fields, *wanted)
+        for group in groups:
+            if self._keeps:
+                self._pictures = group
             yield from (field for field in group if first_n <= field.numbered.n < end_n)
 
     def points(self, run: int, first_n: int, end_n: int, every: int) -> Iterator[PointArrays]:
         """See `Content`."""
 
         def decode(group: _TimedGroup) -> PointArrays | None:
-            return _point_arrays(group, first_n, end_n, every)
+            if not self._keeps:
+                return _point_arrays(group, first_n, end_n, every)
+            self._points = _RunArrays(run, _point_arrays(group, 0, END, 1))
+            return self._points.selected(first_n, end_n, every)
 
+        kept = self._points
+        if kept is not None and kept.run == run and kept.holds(first_n, end_n):
+            yield from filter(None, [kept.selected(first_n, end_n, every)])
+            return
         wanted = (self._start(_POINTS_START, first_n, run), end_n, first_n)
         # Groups that are missing are told by `check_points`, as in format 1.
         kind = _POINT_GROUPS._replace(whole=False)
@@ -179,7 +219,7 @@ class GroupContent:
         for group in self._index(run, self._start(_POINTS_START, first_n, run), end_n):
             with reading_errors(self._path):
                 numbers, counts = measured_fields(group)
-            wanted = (numbers >= first_n) & (numbers < end_n) & (numbers % every == 0)
+            wanted = _wanted(numbers, first_n, end_n, every)
             if wanted.any():
                 count, end = count + int(counts[wanted].sum()), int(numbers[wanted][-1]) + 1
         return count, end
@@ -201,10 +241,20 @@ def _point_arrays(group: _TimedGroup, first_n: int, end_n: int, every: int) -> P
     """Those points of a group that are wanted, and whose fields are in the file; None if there are none."""
     numbers, counts = measured_fields(group.points)
     times = np.array([_time(group.times.get(n, -1)) for n in numbers.tolist()], np.int64)
-    wanted = (numbers >= first_n) & (numbers < end_n) & (numbers % every == 0) & (times >= 0)
+    wanted = _wanted(numbers, first_n, end_n, every) & (times >= 0)
     if not wanted.any():
         return None
     return PointArrays(numbers, times, counts, measured_points(group.points)).select(wanted)
+
+
+def _holds(ends: Sequence[int], first_n: int, end_n: int) -> bool:
+    """True if a group with fields from one end to the other has all of those with first_n ≤ n < end_n."""
+    return ends[0] <= first_n and end_n <= ends[1] + 1
+
+
+def _wanted(numbers: NDArray[np.int64], first_n: int, end_n: int, every: int) -> NDArray[np.bool_]:
+    wanted: NDArray[np.bool_] = (numbers >= first_n) & (numbers < end_n) & (numbers % every == 0)
+    return wanted
 
 
 def _time(time_ns: object) -> int:

@@ -117,7 +117,13 @@ def measured_fields(group: PointGroup) -> tuple[NDArray[np.int64], NDArray[np.in
     Raises:
         ValueError: They are damaged.
     """
-    if group.fields not in range(1, MOST_FIELDS + 1) or group.first_n not in range(LARGEST_N):
+    # A number with a fraction would be looked for in the range one by one, for ever.
+    kinds = {type(group.fields), type(group.first_n)}
+    if (
+        kinds != {int}
+        or group.fields not in range(1, MOST_FIELDS + 1)
+        or group.first_n not in range(LARGEST_N)
+    ):
         raise ValueError(f"a group of {group.fields!r} fields from {group.first_n!r} on")
     if {len(group.field_n), len(group.field_points)} != {group.fields * _UINT32.itemsize}:
         raise ValueError("a column has another length than its fields need")

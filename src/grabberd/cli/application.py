@@ -1,0 +1,74 @@
+"""The application with the commands that are needed: a daemon runs for months and keeps all that it loads."""
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Annotated
+
+import typer
+
+from grabberd import __version__
+from grabberd.kernel import in_use, what_is_slower
+
+# In the order of a rig's life, which is that of the help; typer lists groups of commands after them.
+COMMANDS: Mapping[str, str] = {
+    "serve": "serve",
+    "status": "status",
+    "points": "points",
+    "capture": "capture",
+    "trigger": "trigger",
+    "calibrate": "calibrate",
+    "measure": "measure",
+    "accuracy": "accuracy",
+    "analyse": "analyse",
+    "check": "check",
+    "plan": "plan",
+    "export": "export",
+    "render": "render",
+    "reprocess": "reprocess",
+    "devices": "devices",
+    "diagnostics": "diagnostics",
+    "backup": "backup",
+    "restore": "backup",
+    "check-config": "check_config",
+}
+"""Commands, by name, and the modules in which they are."""
+GROUPS = ("token", "storage")
+"""Groups of commands, a module each."""
+
+
+def application(*only: str) -> typer.Typer:
+    """Make the application, with all of its commands or only those that are named."""
+    app = typer.Typer(
+        name="grabberd",
+        help="A 50 Hz three-dimensional measuring instrument from a frame grabber and a camera behind "
+        "mirrors.",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        rich_markup_mode="rich",
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback()(_options)
+    for name, module in COMMANDS.items():
+        if not only or name in only:
+            app.command(name)(getattr(import_module(f"grabberd.cli.{module}"), name.replace("-", "_")))
+    for name in GROUPS:
+        if not only or name in only:
+            app.add_typer(import_module(f"grabberd.cli.{name}").commands, name=name)
+    return app
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"grabberd {__version__} ({in_use()})")
+        if slower := what_is_slower():
+            typer.echo(slower)
+        raise typer.Exit
+
+
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
+    ] = False,
+) -> None:
+    pass
