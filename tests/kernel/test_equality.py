@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from grabberd.field import Field, double_lines, quantise
 from grabberd.kernel import KERNEL
 from grabberd.measurement import LocationSettings
-from grabberd.measurement.compiled.binary_location import measure_compiled, takes
+from grabberd.measurement.compiled.binary_location import ROOM, measure_compiled, takes
 from grabberd.measurement.location import measure_by_numpy
 from measurement.rendering import grid_of_discs
 from measurement.test_any_picture import picture
@@ -46,6 +46,8 @@ def assert_same(packed, wanted):
     st.booleans(),
     st.sampled_from([0.0, 0.12]),
 )
+# A blob whose place is sure, and lies at the edge of those searched:
+@example(45, "blots", (25, 25), False, 0.12)
 def test_of_any_picture(method, seed, kind, size, doubled, jitter_px):
     luma = picture(np.random.default_rng(seed), kind, *size).astype(np.uint8)
     field = Field.intact(luma, seed % 2)
@@ -60,3 +62,19 @@ def test_of_a_field_of_targets(method, parity, doubled):
     intact, _ = grid_of_discs(np.random.default_rng(parity), parity=parity, noise=5, jitter_px=0.12)
     field = double_lines(intact) if doubled else intact
     assert_same(quantise(field, 1, 90), LocationSettings(method))
+
+
+def test_a_field_of_more_blobs_than_the_first_call_has_room_for_is_located_once_from_then_on():
+    dots = np.zeros((64, 640), np.uint8)
+    dots[2::4, 2::8] = 200
+    packed, wanted = quantise(Field.intact(dots, 0), 1, 80), LocationSettings("centroid", min_diameter_px=0.7)
+    asked = []
+
+    class Counting:
+        def locate(self, *arguments):
+            asked.append(arguments[-1].size)
+            return KERNEL.locate(*arguments)
+
+    first, second = (measure_compiled(Counting(), packed, wanted) for _ in range(2))
+    assert len(first) == len(second) > ROOM
+    assert len(asked) == 3

@@ -38,6 +38,11 @@ typedef struct {
     int32_t row, first, last, label;
 } Run;
 
+/* Second moments about the centroid, frame pixels, and how many pixels they are of: those of delivered rows. */
+typedef struct {
+    double pixels, xx, yy, xy;
+} Moments;
+
 /* A connected component; its runs stand together, ordered by row and column. */
 typedef struct {
     int64_t pixels;
@@ -45,6 +50,8 @@ typedef struct {
     int32_t begin, count;
     double x, row; /* centroid, columns and rows */
     double area_px;
+    double row_squares, row_products; /* of its rows' lengths, and of neighbours' */
+    Moments moments;
     bool of_size, low, whole, at_border;
 } Component;
 

@@ -16,6 +16,9 @@ void terms_by_place(const double *column, const double *line, int64_t count, con
     }
 }
 
+/* The first term of the half that a disc is in: those of the other one are zero. */
+INLINE int half_of(const double *terms) { return terms[ONE_HALF] != 0 ? ONE_HALF : 0; }
+
 /* In place, of a positive definite matrix of which the lower triangle is given. */
 static void factor_terms(Terms *matrix) {
     for (int i = 0; i < TERMS; i++)
@@ -26,28 +29,31 @@ static void factor_terms(Terms *matrix) {
         }
 }
 
-void solve_terms_down(const Terms *root, double *solution) {
+static void solve_terms_down(const Terms *root, double *solution) {
     for (int i = 0; i < TERMS; i++) {
         for (int k = 0; k < i; k++) solution[i] -= root[i][k] * solution[k];
         solution[i] /= root[i][i];
     }
 }
 
-void solve_terms_up(const Terms *root, double *solution) {
+static void solve_terms_up(const Terms *root, double *solution) {
     for (int i = TERMS - 1; i >= 0; i--) {
         for (int k = i + 1; k < TERMS; k++) solution[i] -= root[k][i] * solution[k];
         solution[i] /= root[i][i];
     }
 }
 
-void smooth_leans(const Terms *terms, const double *lean, int64_t count, double *smooth) {
+WIDE void smooth_leans(const Terms *terms, const double *lean, int64_t count, double *smooth) {
     Terms normal[TERMS] = {{0}}, found = {0};
     for (int a = 0; a < TERMS; a++) normal[a][a] = RIDGE;
-    for (int64_t i = 0; i < count; i++)
-        for (int a = 0; a < TERMS; a++) {
-            found[a] += terms[i][a] * lean[i];
-            for (int b = 0; b <= a; b++) normal[a][b] += terms[i][a] * terms[i][b];
+    for (int64_t i = 0; i < count; i++) {
+        const double *own = terms[i] + half_of(terms[i]);
+        int first = half_of(terms[i]);
+        for (int a = 0; a < ONE_HALF; a++) {
+            found[first + a] += own[a] * lean[i];
+            for (int b = 0; b < ONE_HALF; b++) normal[first + a][first + b] += own[a] * own[b];
         }
+    }
     factor_terms(normal);
     solve_terms_down(normal, found);
     solve_terms_up(normal, found);
@@ -64,10 +70,11 @@ void no_leans(Leans *leans, int64_t lines) {
     for (int a = 0; a < TERMS; a++) leans->own[a][a] = 1.0 / (ANY_LEAN * ANY_LEAN);
 }
 
-void add_leans(Leans *leans, const double *terms, double squares, double right) {
-    for (int a = 0; a < TERMS; a++) {
+WIDE void add_leans(Leans *leans, const double *terms, double squares, double right) {
+    int first = half_of(terms);
+    for (int a = first; a < first + ONE_HALF; a++) {
         leans->right[a] += right * terms[a];
-        for (int b = 0; b <= a; b++) leans->own[a][b] += squares * terms[a] * terms[b];
+        for (int b = first; b < first + ONE_HALF; b++) leans->own[a][b] += squares * terms[a] * terms[b];
     }
 }
 
@@ -116,4 +123,28 @@ void solve_leans(const Leans *leans, int64_t count, double *solved) {
         for (int a = 0; a < TERMS; a++) solved[j] -= leans->half[j][a] * found[a];
 }
 
-void whole_of(Leans *leans, const Band *lower) { solve_all_up(lower, leans->half); }
+/* The inverse of the factor, its columns one after the other. */
+static void invert_terms(const Terms *root, Terms *columns) {
+    memset(columns, 0, TERMS * sizeof *columns);
+    for (int a = 0; a < TERMS; a++) {
+        columns[a][a] = 1.0;
+        solve_terms_down(root, columns[a]);
+    }
+}
+
+/* Each of these by the matrix of such columns, which is a lower triangle. */
+WIDE static void multiply_all(const Terms *restrict columns, int64_t count, Terms *restrict values) {
+    for (int64_t j = 0; j < count; j++) {
+        Terms sum = {0};
+        for (int a = 0; a < TERMS; a++)
+            for (int b = 0; b < TERMS; b++) sum[b] += columns[a][b] * values[j][a];
+        memcpy(values[j], sum, sizeof sum);
+    }
+}
+
+void spread_of(Leans *leans, const Band *lower) {
+    Terms columns[TERMS];
+    solve_all_up(lower, leans->half);
+    invert_terms(leans->root, columns);
+    multiply_all(columns, lower->count, leans->half);
+}

@@ -25,9 +25,7 @@ void add_leans(Leans *, const double *terms, double squares, double right);
 void eliminate_shifts(Leans *, const Band *lower, const double *solved);
 /* Takes the leans' part off `solved`. */
 void solve_leans(const Leans *, int64_t count, double *solved);
-/* L⁻ᵀ of `half`, in its place. */
-void whole_of(Leans *, const Band *lower);
-void solve_terms_down(const Terms *root, double *solution);
-void solve_terms_up(const Terms *root, double *solution);
+/* How the leans' errors, in units of their σ and independent of one another, move each line's shift: in the place of `half`. */
+void spread_of(Leans *, const Band *lower);
 
 #endif

@@ -1,83 +1,12 @@
 /* Mean of all positions that explain a blob's bits (as locale.py, locale_posterior.py). */
-#include "lanes.h"
-#include "patterns.h"
+#include "likelihood.h"
 
-enum { WIDTH = 2 * REACH_X + 1, LANES = 16, ABREAST = 3, NOISES = 3, NOISE_BLOBS = 24 };
+enum { NOISES = 3, NOISE_BLOBS = 24 };
 static const double UNEXPLAINED = 20.0, MOST_JITTER = 0.7, JITTER_OF_CENTRE = 0.54;
-static const float NEVER = -80.0f;
 
-typedef struct {
-    double x, y, variance_x, variance_y, evidence;
-} Posterior;
-
-typedef struct {
-    double total, along[WIDTH], down[LANES];
-} Sums;
-
-/* A column of places after the other, LANES high; those beyond the height are neighbours' and count for nothing. */
-INLINE Lanes look_up(const float *values, int64_t rows, const int64_t *entry, int64_t entries, const WholeLanes inside[2],
-                     Lanes likelihood[WIDTH][2]) {
-    Lanes most = all(-INFINITY);
-    for (int column = 0; column < WIDTH; column += ABREAST) {
-        const float *from = values + column * rows;
-        Lanes sum[ABREAST][2];
-        for (int beside = 0; beside < ABREAST; beside++)
-            for (int part = 0; part < 2; part++) sum[beside][part] = lanes_at(from + entry[0] + beside * rows + part * EIGHT);
-        for (int64_t k = 1; k < entries; k++)
-            for (int beside = 0; beside < ABREAST; beside++)
-                for (int part = 0; part < 2; part++) sum[beside][part] += lanes_at(from + entry[k] + beside * rows + part * EIGHT);
-        for (int beside = 0; beside < ABREAST; beside++) {
-            memcpy(likelihood[column + beside], sum[beside], sizeof sum[beside]);
-            most = greater(most, sum[beside][0]);
-            most = greater(most, choose(inside[1], sum[beside][1], sum[beside][0]));
-        }
-    }
-    return most;
-}
-
-/* The likelihoods of all places, the greatest of which is 1; and how likely that one is. */
-WIDE static float weigh(const float *values, int64_t rows, const int64_t *entry, int64_t entries, int height, Sums *sums) {
-    Lanes likelihood[WIDTH][2], down[2] = {{0}};
-    const WholeLanes from = {0, 1, 2, 3, 4, 5, 6, 7}, inside[2] = {from < height, from < height - EIGHT};
-    float greatest = greatest_of(look_up(values, rows, entry, entries, inside, likelihood));
-    for (int column = 0; column < WIDTH; column += ABREAST) {
-        Lanes weight[ABREAST][2];
-        for (int i = 0; i < 2 * ABREAST; i++) weight[i / 2][i % 2] = greater(likelihood[column + i / 2][i % 2] - greatest, all(NEVER));
-        exponentials(weight[0], 2 * ABREAST);
-        for (int i = 0; i < 2 * ABREAST; i++) weight[i / 2][i % 2] = only(inside[i % 2], weight[i / 2][i % 2]);
-        for (int i = 0; i < 2 * ABREAST; i++) down[i % 2] += weight[i / 2][i % 2];
-        for (int beside = 0; beside < ABREAST; beside++) sums->along[column + beside] = sum_of(weight[beside][0] + weight[beside][1]);
-    }
-    sums->total = 0;
-    for (int column = 0; column < WIDTH; column++) sums->total += sums->along[column];
-    for (int lane = 0; lane < LANES; lane++) sums->down[lane] = down[lane / EIGHT][lane % EIGHT];
-    return greatest;
-}
-
-static double evidence_of(const Sums *sums, float greatest) { return (double)greatest + log(sums->total); }
-
-/* Of places from the right and from below, in steps of 1/10 column and 1/8 frame line. */
-static Posterior posterior_of(const Sums *sums, float greatest, int height) {
-    Posterior found = {0};
-    double xx = 0, yy = 0;
-    for (int column = 0; column < WIDTH; column++) {
-        double x = -(double)(column - REACH_X) / 10.0;
-        found.x += sums->along[column] * x, xx += sums->along[column] * x * x;
-    }
-    for (int lane = 0; lane < height; lane++) {
-        double y = -(double)(lane - (height - 1) / 2) / 8.0;
-        found.y += sums->down[lane] * y, yy += sums->down[lane] * y * y;
-    }
-    found.x /= sums->total, found.y /= sums->total;
-    found.variance_x = xx / sums->total - found.x * found.x;
-    found.variance_y = yy / sums->total - found.y * found.y;
-    found.evidence = evidence_of(sums, greatest);
-    return found;
-}
-
-static bool fits(const Table *table, const int64_t *entry, int64_t entries) {
+static bool fits(const Table *table, const int64_t *entry, int64_t entries, int height) {
     for (int64_t k = 0; k < entries; k++)
-        if (entry[k] < 0 || entry[k] + (WIDTH - 1) * table->rows + LANES > table->length) return false;
+        if (entry[k] < 0 || entry[k] + 2 * REACH_X * table->rows + height > table->length) return false;
     return true;
 }
 
@@ -95,14 +24,8 @@ static int64_t looked_up(const Work *work, int64_t blob, const Kind *kind, Patte
     const Component *own = work->seen->components + blob;
     pattern_of(work->picture, own, work->sizes + blob, kind, pattern);
     int64_t entries = entries_of(work->picture, work->seen->runs, own, work->sizes + blob, pattern, kind->table, work->entry);
-    return fits(kind->table, work->entry, entries) ? entries : -1;
+    return fits(kind->table, work->entry, entries, work->height) ? entries : -1;
 }
-
-/* Weights of places, and how likely the greatest is. */
-typedef struct {
-    Sums sums;
-    float greatest;
-} Weighed;
 
 /* Some blobs of the most frequent kind, weighed by each of the noises. */
 static int64_t ask_some(const Work *work, Weighed some[NOISES][NOISE_BLOBS]) {
@@ -112,10 +35,8 @@ static int64_t ask_some(const Work *work, Weighed some[NOISES][NOISE_BLOBS]) {
         Pattern pattern;
         int64_t entries = looked_up(work, work->kinds->order[kind->begin + k], kind, &pattern);
         if (entries < 0) return -1;
-        for (int noise = 0; noise < NOISES; noise++) {
-            Weighed *own = some[noise] + k;
-            own->greatest = weigh(kind->table->values[noise], kind->table->rows, work->entry, entries, work->height, &own->sums);
-        }
+        for (int noise = 0; noise < NOISES; noise++)
+            some[noise][k] = weigh(kind->table->values[noise], kind->table->rows, work->entry, entries, work->height);
     }
     return asked;
 }
@@ -128,13 +49,13 @@ static int likeliest_noise(const Work *work, int *likeliest, Posterior found[NOI
     if (asked <= 0) return REFUSED;
     *likeliest = 0;
     for (int noise = 0; noise < NOISES; noise++) {
-        for (int64_t k = 0; k < asked; k++) evidence[k] = evidence_of(&some[noise][k].sums, some[noise][k].greatest);
+        for (int64_t k = 0; k < asked; k++) evidence[k] = evidence_of(&some[noise][k]);
         double least = median_of(evidence, asked) - UNEXPLAINED, sum = 0;
         for (int64_t k = 0; k < asked; k++) sum += larger(evidence[k], least);
         if (noise && !(sum > best)) continue;
         best = sum, *likeliest = noise;
     }
-    for (int64_t k = 0; k < asked; k++) found[k] = posterior_of(&some[*likeliest][k].sums, some[*likeliest][k].greatest, work->height);
+    for (int64_t k = 0; k < asked; k++) found[k] = posterior_of(&some[*likeliest][k], work->height);
     return DONE;
 }
 
@@ -167,11 +88,10 @@ static int posteriors_of(const Work *work, Posterior *found, double *evidence) {
             continue;
         }
         Pattern pattern;
-        Sums sums;
         int64_t entries = looked_up(work, blob, kind, &pattern);
         if (entries < 0) return REFUSED;
-        float greatest = weigh(kind->table->values[noise], kind->table->rows, work->entry, entries, work->height, &sums);
-        found[blob] = posterior_of(&sums, greatest, work->height);
+        Weighed weighed = weigh(kind->table->values[noise], kind->table->rows, work->entry, entries, work->height);
+        found[blob] = posterior_of(&weighed, work->height);
         evidence[k] = found[blob].evidence;
     }
     return status;

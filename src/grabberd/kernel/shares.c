@@ -6,39 +6,32 @@ static const double LINES_APART = 2.0, TINY = 2.2250738585072014e-308;
 /* One row alone is a line, too. */
 static int64_t last_line(const Picture *picture) { return within(picture->rows * picture->y_step / 2, 1, INT64_MAX) - 1; }
 
-/* The share of every line in a low blob's x, (height,), in half pixels; of a doubled picture rows between lines belong to
-   both, but to the one alone where the other has nothing. */
-static void shares_of(const Picture *picture, const Component *own, const Run *run, int64_t line, int64_t height, int64_t *share,
-                      int64_t *amount) {
-    int64_t last = last_line(picture);
-    bool is_intact = picture->y_step == 2;
-    for (int64_t k = 0; k < height; k++) share[k] = amount[k] = 0;
-    for (int32_t i = 0; i < own->count; i++) {
-        int64_t half_lines = run[i].row * picture->y_step - first_row(picture), length = run[i].last - run[i].first + 1;
-        if (half_lines & 1) continue;
-        amount[within(half_lines >> 1, 0, last) - line] += length;
-    }
-    for (int64_t k = 0; k < height; k++) share[k] = 2 * amount[k];
-    for (int32_t i = 0; i < own->count && !is_intact; i++) {
-        int64_t half_lines = run[i].row * picture->y_step - first_row(picture), length = run[i].last - run[i].first + 1;
-        if (!(half_lines & 1)) continue;
+/* The share of every line in a low blob's x, in half pixels, of a doubled picture: rows between lines belong to both, but to
+   the one alone where the other has nothing. `length` has room for the blob's rows. */
+static void shares_of(const Picture *picture, const Component *own, const Run *run, int64_t line, double *share, double *length) {
+    int64_t last = last_line(picture), rows = own->last_row - own->first_row + 1;
+    for (int64_t k = 0; k < rows; k++) length[k] = 0;
+    for (int32_t i = 0; i < own->count; i++) length[run[i].row - own->first_row] += run[i].last - run[i].first + 1;
+    for (int64_t k = 0; k < rows; k++) {
+        int64_t half_lines = own->first_row + k - first_row(picture);
         int64_t before = within(half_lines >> 1, 0, last) - line, after = within((half_lines + 1) >> 1, 0, last) - line;
-        int64_t part = 1 + (amount[before] > 0) - (amount[after] > 0);
-        share[before] += length * part;
-        share[after] += length * (2 - part);
+        double part = (half_lines & 1) ? 1.0 + (k > 0) - (k + 1 < rows) : 2.0;
+        share[before] += length[k] * part, share[after] += length[k] * (2.0 - part);
     }
 }
 
 /* The square sum of a blob's shares, and the sum of the products of neighbours. */
-static void share_products(const Picture *picture, const Seen *seen, const Component *own, int64_t *share, double *square, double *beside) {
-    int64_t last = last_line(picture), total = 0, squares = 0, products = 0;
-    int64_t top = own->first_row * picture->y_step - first_row(picture), bottom = own->last_row * picture->y_step - first_row(picture);
+static void share_products(const Picture *picture, const Seen *seen, const Component *own, double *share, double *square, double *beside) {
+    int64_t last = last_line(picture), top = own->first_row - first_row(picture), bottom = own->last_row - first_row(picture);
     int64_t line = within(top >> 1, 0, last), height = within((bottom + 1) >> 1, 0, last) - line + 1;
-    shares_of(picture, own, seen->runs + own->begin, line, height, share, share + height);
-    for (int64_t k = 0; k < height; k++) total += share[k], squares += share[k] * share[k];
-    for (int64_t k = 0; k + 1 < height; k++) products += share[k + 1] * share[k];
-    double all = (double)total * (double)total;
-    *square = (double)squares / all, *beside = (double)products / all;
+    double total = (double)own->pixels * (double)own->pixels;
+    *square = own->row_squares / total, *beside = own->row_products / total;
+    if (picture->y_step == 2) return;
+    for (int64_t k = 0; k < height; k++) share[k] = 0;
+    shares_of(picture, own, seen->runs + own->begin, line, share, share + height);
+    *square = share[0] * share[0], *beside = 0;
+    for (int64_t k = 1; k < height; k++) *square += share[k] * share[k], *beside += share[k] * share[k - 1];
+    *square /= 4 * total, *beside /= 4 * total;
 }
 
 int line_shares(const Picture *picture, const Settings *settings, const Seen *seen, double *common_px,
@@ -52,7 +45,7 @@ int line_shares(const Picture *picture, const Settings *settings, const Seen *se
     }
     if (jitter == 0 || !low) return DONE;
     double *correlation = malloc((size_t)low * sizeof *correlation);
-    int64_t *share = malloc((size_t)(2 * (picture->rows + 1)) * sizeof *share);
+    double *share = malloc((size_t)(2 * (picture->rows + 1)) * sizeof *share);
     bool is_room = correlation && share;
     for (int64_t i = 0; i < count && is_room; i++) {
         double square, beside;

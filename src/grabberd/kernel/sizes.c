@@ -4,31 +4,11 @@
 enum { TERMS = 6 };
 static const double STIFFNESS = 6.0, LEAST_PX2 = 0.25, POINTING_X_PX2 = 0.009, POINTING_Y_PX2 = 0.013;
 
-typedef struct {
-    double pixels, xx, yy, xy;
-} Moments;
-
 /* The quadratic of one half of the picture. */
 typedef struct {
     double middle_x, middle_row, extent_x, extent_row;
     double mean[3], factor[TERMS][3];
 } Surface;
-
-static Moments moments_of(const Picture *picture, const Run *runs, const Component *own) {
-    Moments sums = {0};
-    const Run *run = runs + own->begin;
-    for (int32_t i = 0; i < own->count; i++, run++) {
-        if (!is_delivered(picture, run->row)) continue;
-        double length = run->last - run->first + 1.0;
-        double x = (double)(run->first + run->last) / 2 - own->x;
-        double y = (run->row - own->row) * (double)picture->y_step;
-        sums.pixels += length;
-        sums.xx += length * (x * x + (length * length - 1) / 12);
-        sums.yy += length * y * y;
-        sums.xy += length * x * y;
-    }
-    return sums;
-}
 
 INLINE void terms_of(const Surface *surface, const Component *own, double terms[TERMS]) {
     double x = (own->x - surface->middle_x) / surface->extent_x;
@@ -151,8 +131,8 @@ int sizes_of(const Picture *picture, const Seen *seen, Size *sizes) {
     int status = half.own && half.size ? DONE : NO_MEMORY;
     for (int64_t i = 0; i < seen->component_count; i++) {
         if (!seen->components[i].whole) continue;
-        Moments own = moments_of(picture, seen->runs, seen->components + i);
-        sizes[i] = (Size){own.xx, own.yy, own.xy, own.pixels};
+        const Moments *own = &seen->components[i].moments;
+        sizes[i] = (Size){own->xx, own->yy, own->xy, own->pixels};
     }
     for (int right = 0; right < 2 && status == DONE; right++) {
         Surface surface;

@@ -28,7 +28,7 @@ BY_KERNEL = ("automatic", "locale", "centroid")
 COLUMNS = 9
 """Numbers per blob that the kernel writes."""
 ROOM = 256
-"""Blobs that the first call has room for; a field of 216 targets needs no second one."""
+"""Blobs that the first call has room for: a field of 216 targets needs no second one."""
 MOST_TABLES, MOST_FULLNESS = TABLES // len(NOISES), 64
 """Number of sizes kept from field to field before all are dropped."""
 
@@ -92,14 +92,19 @@ class Kept:
 
 
 class Known:
-    """Kernel inputs other than the picture, with the tables made so far."""
+    """Kernel inputs other than the picture, with the tables made so far.
+
+    Attributes:
+        kept: The tables.
+        room: Blobs that a call has room for: as many as any field had, so that the next is not located twice.
+    """
 
     def __init__(
         self, least_px: float, greatest_px: float, jitter_px: float, spread_px: float | None, y_step: int
     ) -> None:
         self.least_px, self.greatest_px, self.jitter_px = least_px, greatest_px, jitter_px
         self.spread_px, self.y_step = spread_px, y_step
-        self.kept = Kept(self, (), ())
+        self.kept, self.room = Kept(self, (), ()), ROOM
 
     def _add_table(self, kept: Kept, wide: float, high: float, fraction: float) -> Kept:
         assert self.spread_px is not None
@@ -177,7 +182,7 @@ def measure_compiled(kernel: Kernel, packed: PackedField, settings: LocationSett
     data = np.ascontiguousarray(packed.data)
     _, rows, stride = data.shape
     picture = (rows, stride, packed.columns, packed.parity, packed.y0, packed.y_step)
-    room, kept = ROOM, known.begin()
+    room, kept = known.room, known.begin()
     while True:
         out = np.empty(COLUMNS * room)
         # The kernel keeps no state: it names what it lacks, and is called again with that.
@@ -185,7 +190,7 @@ def measure_compiled(kernel: Kernel, packed: PackedField, settings: LocationSett
         if status == DONE:
             return blobs_of(out.reshape(COLUMNS, room), count, reach_px)
         if status == MORE_ROOM:
-            room = count
+            room = known.room = count
         elif status in (NO_TABLE, NO_FULLNESS):
             kept = known.completed(kept, status, missing)
         else:
