@@ -14,6 +14,8 @@ from typing import NamedTuple
 ROOTS = ("src", "drivers", "tests", "tests/service", ".")
 """Directories that imports start from; those of tests are pytest's `pythonpath`."""
 FOLDERS = ("src", "drivers", "tests")
+ANY = "*"
+"""Name of an import that is chosen at run time, among all modules whose names begin alike."""
 
 
 class Taken(NamedTuple):
@@ -48,6 +50,9 @@ class Imports:
 
     def _defining(self, taken: Taken, importer: Path) -> Iterator[Path]:
         """The file that defines what is taken; nothing for the standard library and for other packages."""
+        if taken.name == ANY:
+            yield from (path for name, path in self._modules.items() if name.startswith(taken.module))
+            return
         submodule = self._modules.get(f"{taken.module}.{taken.name}") if taken.name else None
         file = self._modules.get(taken.module)
         if submodule is not None:
@@ -76,6 +81,16 @@ def _taken(path: Path, text: str) -> Iterator[Taken]:
         elif isinstance(node, ast.ImportFrom):
             module = _absolute(node, path)
             yield from (Taken(module, alias.name, alias.asname or alias.name) for alias in node.names)
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+            yield from (Taken(start, ANY, ANY) for start in _starts(node))
+
+
+def _starts(call: ast.Call) -> Iterator[str]:
+    """What the name begins with, of a module that is imported by an f-string."""
+    for argument in call.args:
+        first = argument.values[0] if isinstance(argument, ast.JoinedStr) else None
+        if isinstance(first, ast.Constant):
+            yield str(first.value)
 
 
 def _absolute(node: ast.ImportFrom, path: Path) -> str:

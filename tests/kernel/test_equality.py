@@ -6,9 +6,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from grabberd.field import Field, double_lines, quantise
-from grabberd.kernel import KERNEL
+from grabberd.kernel import ANY_NOISE, KERNEL, NO_TABLE
 from grabberd.measurement import LocationSettings
-from grabberd.measurement.compiled.binary_location import ROOM, measure_compiled, takes
+from grabberd.measurement.compiled.binary_location import ROOM, known_of, measure_compiled, takes
 from grabberd.measurement.location import measure_by_numpy
 from measurement.rendering import grid_of_discs
 from measurement.test_any_picture import picture
@@ -78,3 +78,23 @@ def test_a_field_of_more_blobs_than_the_first_call_has_room_for_is_located_once_
     first, second = (measure_compiled(Counting(), packed, wanted) for _ in range(2))
     assert len(first) == len(second) > ROOM
     assert len(asked) == 3
+
+
+def test_a_field_needs_the_tables_of_all_noises_for_its_most_frequent_size_alone():
+    intact, _ = grid_of_discs(np.random.default_rng(5), noise=5, jitter_px=0.12)
+    packed, wanted = quantise(double_lines(intact), 1, 90), LocationSettings("locale", max_diameter_px=14.5)
+    assert_same(packed, wanted)
+    noises = sorted(len(one.made) for one in known_of(wanted, packed.y_step).kept.tables)
+    assert len(noises) > 3
+    assert noises == [1] * (len(noises) - 1) + [3]
+
+
+def test_a_table_that_lacks_a_noise_is_completed():
+    wanted = LocationSettings("locale", max_diameter_px=14.25)
+    kept = known_of(wanted, 1).kept
+    for noise in (1, 0, ANY_NOISE):
+        kept = known_of(wanted, 1).completed(kept, NO_TABLE, (7.0, 14.0, 0.5, float(noise)))
+    (table,) = kept.tables
+    assert set(table.made) == {0, 1, 2}
+    addresses = [table.made[noise].windows.ctypes.data for noise in range(3)]
+    assert list(table.values) == addresses

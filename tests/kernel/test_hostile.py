@@ -132,7 +132,7 @@ def following_of(targets, cautious_targets=None):
 )
 def test_fields_with_too_little_room_are_refused(wrong):
     def measure(fields=(bytes(64),) * 2, room=9, world=None, following=None, settings=None, **lengths):
-        given = {"track": 43, "about": 8, "indices": 50, "kept": 482, "held": 2 * 185} | lengths
+        given = {"track": 43, "about": 8, "indices": 50, "kept": 482, "held": 2 * 186} | lengths
         arrays = [
             np.zeros(count, np.intp if name == "indices" else np.float64) for name, count in given.items()
         ]

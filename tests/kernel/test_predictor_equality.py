@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from numpy._core._multiarray_umath import __cpu_features__
 
 from grabberd.kernel import KERNEL
 from grabberd.reconstruction import Smoothness
@@ -56,14 +57,16 @@ print(digest.hexdigest())
 """
 
 
-def test_the_bits_do_not_depend_on_the_number_of_processors():
-    """Numpy's do: its linear algebra rounds otherwise with every number of threads."""
+def test_the_bits_do_not_depend_on_the_number_of_processors_or_their_vector_units():
+    """Numpy's do: its linear algebra rounds otherwise with every number of threads, its exp with AVX-512."""
 
-    def bits(threads):
-        variables = {"OPENBLAS_NUM_THREADS": threads, "PYTHONPATH": ":".join(sys.path)}
-        return subprocess.check_output([sys.executable, "-c", BITS], env=variables)
+    def bits(threads, without=""):
+        variables = {"OPENBLAS_NUM_THREADS": threads, "NPY_DISABLE_CPU_FEATURES": without}
+        variables["PYTHONPATH"] = ":".join(sys.path)
+        return subprocess.check_output([sys.executable, "-W", "ignore", "-c", BITS], env=variables)
 
-    assert bits("1") == bits("2") == bits("4")
+    wide = [name for name in ("X86_V4", "AVX512_ICL", "AVX512_SPR") if __cpu_features__.get(name)]
+    assert bits("1") == bits("2") == bits("4") == bits("1", without=" ".join(wide))
 
 
 @pytest.mark.parametrize("wrong", range(5))

@@ -65,3 +65,12 @@ def test_without_one_of_both_targets_there_is_none() -> None:
 def test_targets_at_one_place_have_no_width() -> None:
     liner = model()
     assert section_widths(points_of(liner, np.zeros_like(liner.xyz_mm)), liner)[0].width_mm is None
+
+
+def test_a_covariance_that_is_none_gives_no_sigma() -> None:
+    liner = model()
+    points = points_of(liner, liner.xyz_mm)
+    first, *_ = section_widths(replace(points, covariance_mm2=-points.covariance_mm2), liner)
+    assert first.width_mm is not None
+    assert first.sigma_mm is not None
+    assert np.isnan(first.sigma_mm)

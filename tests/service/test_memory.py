@@ -76,6 +76,7 @@ def test_an_idle_daemon_has_loaded_nothing_that_it_does_not_use(tmp_path: Path) 
     command = (sys.executable, "-X", "importtime", "-c", "from grabberd.cli import main; main()")
     with running(tmp_path, {"devices": {"cup": device}}, command) as daemon:
         daemon.wait_until_ready()
+        daemon.wait_for("/api/v1/state", lambda state: state["devices"]["cup"]["live"])
         daemon.get("/api/v1/devices/cup/points")
         daemon.get("/api/v1/state")
         loaded = set(re.findall(r"^import time:.*\| +(\S+)$", daemon.journal.read_text(), re.MULTILINE))

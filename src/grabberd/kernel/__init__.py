@@ -9,11 +9,13 @@ from typing import Any, Protocol, cast
 
 Buffer = Any
 """Anything with contiguous memory: an array, a ctypes structure, bytes; `lines` in any strides."""
-LAYOUT = 8
+LAYOUT = 9
 """Version of functions and structures (module.c); a kernel with another one is left over from an older
 build."""
 DONE, NO_MEMORY, REFUSED, MORE_ROOM, NO_TABLE, NO_FULLNESS, UNSOUND = range(7)
 """Status codes of a call (kernel.h)."""
+ANY_NOISE = -1
+"""What `NO_TABLE` names where the tables of all noises are wanted (patterns.h)."""
 
 
 class Kernel(Protocol):
@@ -26,7 +28,7 @@ class Kernel(Protocol):
         settings: Buffer,
         out: Buffer,
         /,
-    ) -> tuple[int, int, float, float, float, float]:
+    ) -> tuple[int, int, float, float, float, float, float]:
         """Locate the blobs of a packed field of 1 bit."""
 
     def locate_grey(

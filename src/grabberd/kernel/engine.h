@@ -22,7 +22,7 @@ typedef struct {
 
 /* How it went, for Python: every number of it is a whole one but those in px. */
 typedef struct {
-    double status, blobs, common_reach_px, jitter_px, half[VIEWS], found, believed, missing[3], surprise;
+    double status, blobs, common_reach_px, jitter_px, half[VIEWS], found, believed, missing[4], surprise;
 } Head;
 
 /* What comes of a field. */

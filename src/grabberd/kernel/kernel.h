@@ -66,9 +66,11 @@ typedef struct {
     double half_width_px, half_height_px, lean, delivered;
 } Size;
 
-/* As `locale_table.Table`, of one size and threshold: windows into three fine grids, one for each noise. */
+enum { NOISES = 3 };
+
+/* As `locale_table.Table`, of one size and threshold: windows into fine grids, one for each noise, or NULL. */
 typedef struct {
-    const float *values[3];
+    const float *values[NOISES];
     int64_t length; /* of each, floats */
     int64_t columns, rows;
     int32_t wide, high; /* half axes in steps of `rounded` */
@@ -94,7 +96,7 @@ typedef struct {
 typedef struct {
     int64_t count;
     double common_reach_px;
-    double missing[3];
+    double missing[4];
 } Outcome;
 
 typedef struct {

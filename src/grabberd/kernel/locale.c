@@ -1,7 +1,7 @@
 /* Mean of all positions that explain a blob's bits (as locale.py, locale_posterior.py). */
 #include "likelihood.h"
 
-enum { NOISES = 3, NOISE_BLOBS = 24 };
+enum { NOISE_BLOBS = 24 };
 static const double UNEXPLAINED = 20.0, MOST_JITTER = 0.7, JITTER_OF_CENTRE = 0.54;
 
 static bool fits(const Table *table, const int64_t *entry, int64_t entries, int height) {
@@ -16,6 +16,7 @@ typedef struct {
     const Seen *seen;
     const Size *sizes;
     const Kinds *kinds;
+    double fraction;
     int64_t *entry;
     int height;
 } Work;
@@ -75,10 +76,20 @@ static void place(const Work *work, const Settings *settings, int64_t blob, cons
     at->sigma_y = sqrt(found->variance_y / (pattern.higher * pattern.higher));
 }
 
-static int posteriors_of(const Work *work, Posterior *found, double *evidence) {
+/* Few fields show more than one noise, so the other kinds' tables are made for that of this field alone. */
+static int find_tables(const Work *work, const Settings *settings, int noise, Outcome *outcome) {
+    int status = DONE;
+    for (int64_t k = 0; k < work->kinds->count && status == DONE; k++)
+        status = find_table(settings, work->fraction, noise, work->kinds->kinds + k, outcome);
+    return status;
+}
+
+static int posteriors_of(const Work *work, const Settings *settings, Posterior *found, double *evidence, Outcome *outcome) {
     Posterior some[NOISE_BLOBS];
-    const Kind *asked = work->kinds->kinds + work->kinds->first;
-    int noise, status = likeliest_noise(work, &noise, some);
+    Kind *asked = work->kinds->kinds + work->kinds->first;
+    int noise, status = find_table(settings, work->fraction, ANY_NOISE, asked, outcome);
+    if (status == DONE) status = likeliest_noise(work, &noise, some);
+    if (status == DONE) status = find_tables(work, settings, noise, outcome);
     for (int64_t k = 0; k < work->kinds->blobs && status == DONE; k++) {
         int64_t blob = work->kinds->order[k], before = k - asked->begin;
         const Kind *kind = work->kinds->kinds + work->kinds->of[blob];
@@ -97,11 +108,11 @@ static int posteriors_of(const Work *work, Posterior *found, double *evidence) {
     return status;
 }
 
-static int decode(const Work *work, const Settings *settings, Place *places) {
+static int decode(const Work *work, const Settings *settings, Place *places, Outcome *outcome) {
     size_t count = (size_t)work->seen->component_count;
     Posterior *found = malloc(count * sizeof *found);
     double *evidence = malloc(count * sizeof *evidence);
-    int status = found && evidence ? posteriors_of(work, found, evidence) : NO_MEMORY;
+    int status = found && evidence ? posteriors_of(work, settings, found, evidence, outcome) : NO_MEMORY;
     if (status == DONE) {
         double least = median_of(evidence, work->kinds->blobs) - UNEXPLAINED;
         for (size_t blob = 0; blob < count; blob++)
@@ -122,10 +133,9 @@ int locate_by_locale(const Picture *picture, const Settings *settings, const See
     if (status == DONE) status = sizes_of(picture, seen, sizes);
     if (status == DONE) status = threshold_fraction(picture, settings, seen, sizes, &fraction, outcome);
     if (status == DONE) status = kinds_of(seen, sizes, &kinds);
-    if (status == DONE) status = find_tables(settings, fraction, &kinds, outcome);
     if (status == DONE && kinds.blobs) {
-        Work work = {picture, seen, sizes, &kinds, entry, 2 * REACH_Y(picture->y_step) + 1};
-        status = decode(&work, settings, places);
+        Work work = {picture, seen, sizes, &kinds, fraction, entry, 2 * REACH_Y(picture->y_step) + 1};
+        status = decode(&work, settings, places, outcome);
     }
     free_kinds(&kinds);
     free(sizes);

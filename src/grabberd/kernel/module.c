@@ -9,7 +9,7 @@ PyObject *refused(const char *what) {
 }
 
 /* locate(bits, (rows, stride, columns, parity, y0, y_step), settings, out)
-   → status, count, reach, what is missing (three numbers) */
+   → status, count, reach, what is missing (four numbers) */
 static PyObject *locate(PyObject *self, PyObject *arguments) {
     Py_buffer bits, settings, out;
     Picture picture = {0};
@@ -28,8 +28,8 @@ static PyObject *locate(PyObject *self, PyObject *arguments) {
     PyBuffer_Release(&bits);
     PyBuffer_Release(&settings);
     PyBuffer_Release(&out);
-    return Py_BuildValue("iLdddd", status, (long long)outcome.count, outcome.common_reach_px, outcome.missing[0],
-                         outcome.missing[1], outcome.missing[2]);
+    return Py_BuildValue("iLddddd", status, (long long)outcome.count, outcome.common_reach_px, outcome.missing[0],
+                         outcome.missing[1], outcome.missing[2], outcome.missing[3]);
 }
 
 /* locate_grey(data, (bits, rows, stride, columns, parity, y0, y_step, threshold), settings, out)
@@ -118,7 +118,7 @@ static PyMethodDef FUNCTIONS[] = {{"locate", locate, METH_VARARGS, "Blobs of a p
                                   {NULL, NULL, 0, NULL}};
 
 /* Changed with every function and structure that Python sees (kernel.LAYOUT). */
-enum { LAYOUT = 8 };
+enum { LAYOUT = 9 };
 
 static int fill(PyObject *module) { return PyModule_AddIntConstant(module, "LAYOUT", LAYOUT); }
 

@@ -100,20 +100,23 @@ void free_kinds(Kinds *kinds) {
     free(kinds->order);
 }
 
-int find_tables(const Settings *settings, double fraction, Kinds *kinds, Outcome *outcome) {
-    for (int64_t i = 0; i < kinds->count; i++) {
-        Kind *kind = kinds->kinds + i;
-        for (int64_t k = 0; k < settings->table_count && !kind->table; k++) {
-            const Table *table = settings->tables + k;
-            if (table->wide == kind->wide && table->high == kind->high && table->fraction == fraction)
-                kind->table = table;
-        }
-        if (!kind->table) {
-            outcome->missing[0] = kind->wide, outcome->missing[1] = kind->high, outcome->missing[2] = fraction;
-            return NO_TABLE;
-        }
+/* The one of a kind and a threshold; NULL if none of its noises has been asked for. */
+static const Table *table_of(const Settings *settings, double fraction, const Kind *kind) {
+    for (int64_t k = 0; k < settings->table_count; k++) {
+        const Table *table = settings->tables + k;
+        if (table->wide == kind->wide && table->high == kind->high && table->fraction == fraction) return table;
     }
-    return DONE;
+    return NULL;
+}
+
+int find_table(const Settings *settings, double fraction, int noise, Kind *kind, Outcome *outcome) {
+    bool there = (kind->table = table_of(settings, fraction, kind)) != NULL;
+    int first = noise == ANY_NOISE ? 0 : noise, end = noise == ANY_NOISE ? NOISES : noise + 1;
+    for (int k = first; k < end && there; k++) there = kind->table->values[k] != NULL;
+    if (there) return DONE;
+    outcome->missing[0] = kind->wide, outcome->missing[1] = kind->high;
+    outcome->missing[2] = fraction, outcome->missing[3] = noise;
+    return NO_TABLE;
 }
 
 void pattern_of(const Picture *picture, const Component *own, const Size *size, const Kind *kind, Pattern *pattern) {

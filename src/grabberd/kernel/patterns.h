@@ -28,7 +28,10 @@ typedef struct {
 int threshold_fraction(const Picture *, const Settings *, const Seen *, const Size *, double *, Outcome *);
 int kinds_of(const Seen *, const Size *, Kinds *);
 void free_kinds(Kinds *);
-int find_tables(const Settings *, double fraction, Kinds *, Outcome *);
+enum { ANY_NOISE = -1 };
+
+/* Looks up a kind's table, for one of the noises or for all of them. */
+int find_table(const Settings *, double fraction, int noise, Kind *, Outcome *);
 void pattern_of(const Picture *, const Component *, const Size *, const Kind *, Pattern *);
 /* Where in a table a blob is looked up: above, below, and its rows' starts and ends; 2 + 2 · rows at most. */
 int64_t entries_of(const Picture *, const Run *, const Component *, const Size *, const Pattern *, const Table *,

@@ -42,7 +42,7 @@ class Following(ctypes.Structure):
         known, limits, judges = tracker.settings, tracker.limits, tracker.correspondence
         assert judges.identification is not None
         assert isinstance(judges.following.field, DisplacementField)
-        predictors, identifying = Predictors.of(judges.following.field), judges.identification.in_c
+        predictors, identifying = Predictors.of(judges.following.field), judges.identification.in_c()
         columns = [edge for view in views for edge in (view.first_column, view.end_column)]
         own = cls(
             (_REAL * 4)(*columns),
@@ -90,7 +90,7 @@ class Inputs:
         """
         if self._known is None or head.status not in (NO_TABLE, NO_FULLNESS):
             fail(int(head.status), packed)
-        missing = head.wide, head.high, head.fraction
+        missing = head.wide, head.high, head.fraction, head.noise
         self._add(self._known.completed(self._kept, int(head.status), missing))
 
     def _add(self, kept: Kept) -> None:

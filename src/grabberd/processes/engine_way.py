@@ -29,6 +29,7 @@ class Head(NamedTuple):
     wide: float
     high: float
     fraction: float
+    noise: float
     surprise: float
 
 

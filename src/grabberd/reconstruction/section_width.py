@@ -57,7 +57,8 @@ def _width(points: Points, pair: tuple[int, int], one: int | None, other: int | 
     if width_mm == 0:
         return SectionWidth(pair, None, None)
     covariance = points.covariance_mm2[one] + points.covariance_mm2[other]
-    return SectionWidth(pair, width_mm, math.sqrt(apart @ covariance @ apart) / width_mm)
+    variance = float(apart @ covariance @ apart)
+    return SectionWidth(pair, width_mm, math.sqrt(variance) / width_mm if variance >= 0 else math.nan)
 
 
 def _rows(points: Points, targets: list[int]) -> list[int | None]:

@@ -2,6 +2,8 @@
 
 import os
 import shutil
+import threading
+import time
 from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
@@ -10,9 +12,13 @@ import numpy as np
 import pytest
 
 from grabberd.errors import CaptureFileError
-from grabberd.storage import CaptureReader, CaptureWriter
+from grabberd.reconstruction import Points
+from grabberd.storage import CaptureReader, CaptureWriter, append_run
+from grabberd.storage.capture import kept_readers
+from grabberd.storage.capture.groups import group_content
+from grabberd.storage.capture.groups.group_rows import PointGroup, measured_points
 from grabberd.storage.capture.kept_readers import KEPT_S, MOST, KeptReaders
-from storage.captures import meta, slots, write
+from storage.captures import meta, points, slots, write
 
 FIELDS = 70
 MANY = 2**40
@@ -101,9 +107,10 @@ def test_another_capture_in_its_place_is_read_even_with_its_size_and_time(
 def test_what_is_written_into_it_is_read_even_with_its_time(kept: KeptReaders, capture: Path) -> None:
     before = reader_of(kept, capture)
     was = capture.stat()
-    with capture.open("r+b") as file:
-        file.write(b"SQLite format 3\0")
-    os.utime(capture, ns=(was.st_atime_ns, was.st_mtime_ns))
+    while capture.stat().st_ctime_ns == was.st_ctime_ns:  # some kernels know the time to 10 ms only
+        with capture.open("r+b") as file:
+            file.write(b"SQLite format 3\0")
+        os.utime(capture, ns=(was.st_atime_ns, was.st_mtime_ns))
     assert reader_of(kept, capture) is not before
 
 
@@ -131,6 +138,40 @@ def test_one_that_is_gone_is_said_to_be_gone(kept: KeptReaders, capture: Path) -
     capture.unlink()
     with pytest.raises(CaptureFileError):
         reader_of(kept, capture)
+    assert not is_open(capture)
+
+
+def test_one_that_is_replaced_while_it_is_read_is_not_kept(
+    kept: KeptReaders, capture: Path, tmp_path: Path
+) -> None:
+    with kept.opened(capture) as before:
+        shutil.copy(capture, tmp_path / "copy")
+        (tmp_path / "copy").replace(capture)
+    assert not is_open(capture)
+    assert reader_of(kept, capture) is not before
+
+
+def test_runs_are_told_apart(kept: KeptReaders, capture: Path) -> None:
+    append_run(capture, "measure", "", "", {}, ((n, points(n + 1)) for n in range(FIELDS)))
+    for run, n in ((1, 3), (2, 3), (1, 3)):
+        with kept.opened(capture) as reader, CaptureReader(capture) as fresh:
+            ours, theirs = (list(one.timed_points(run, n, n + 1, 1)) for one in (reader, fresh))
+            np.testing.assert_array_equal(ours[0][2].xyz_mm, theirs[0][2].xyz_mm)
+
+
+def test_a_thinned_reading_decodes_no_group_without_a_wanted_field(
+    kept: KeptReaders, capture: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    decoded: list[int] = []
+
+    def counted(group: PointGroup) -> Points:
+        decoded.append(group.first_n)
+        return measured_points(group)
+
+    monkeypatch.setattr(group_content, "measured_points", counted)
+    with kept.opened(capture) as reader:
+        numbers = [n for n, *_ in reader.timed_points(None, 0, FIELDS, 60)]
+    assert (numbers, decoded) == ([0, 60], [0, 50])
 
 
 def test_one_that_is_being_written_is_not_kept(kept: KeptReaders, tmp_path: Path) -> None:
@@ -167,3 +208,25 @@ def test_it_is_closed_when_it_has_not_been_asked_for_in_a_while(
     clock.now_s += KEPT_S / 2
     kept.close_old()
     assert not is_open(capture)
+
+
+def test_a_thread_closes_it(capture: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kept_readers, "KEPT_S", 0.01)
+    reader_of(KeptReaders(), capture)
+    until_s = time.monotonic() + 30
+    while is_open(capture):
+        assert time.monotonic() < until_s
+        time.sleep(0.01)
+
+
+def test_none_is_kept_where_no_thread_can_close_it(
+    kept: KeptReaders, capture: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(thread: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    with monkeypatch.context() as full:
+        full.setattr(threading.Thread, "start", refused)
+        reader_of(kept, capture)
+    assert not is_open(capture)
+    assert reader_of(kept, capture) is reader_of(kept, capture)

@@ -6,22 +6,23 @@ made by the same functions as numpy's, and kept.
 
 import ctypes
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import MeasurementError
 from grabberd.field import PackedField
-from grabberd.kernel import DONE, MORE_ROOM, NO_FULLNESS, NO_MEMORY, NO_TABLE, Kernel
+from grabberd.kernel import ANY_NOISE, DONE, MORE_ROOM, NO_FULLNESS, NO_MEMORY, NO_TABLE, Kernel
 from grabberd.measurement.blobs import Blobs
 from grabberd.measurement.locale.locale import NOISES
 from grabberd.measurement.locale.locale_model import Appearance
 from grabberd.measurement.locale.locale_patterns import ROUNDED_PX as KIND_PX
 from grabberd.measurement.locale.locale_sizes import FRACTIONS, ROUNDED_PX, fullness
 from grabberd.measurement.locale.locale_table import TABLES, table
+from grabberd.measurement.locale.locale_table import Table as MadeTable
 from grabberd.measurement.settings import LocationSettings
 
 BY_KERNEL = ("automatic", "locale", "centroid")
@@ -37,7 +38,7 @@ _WHOLE, _REAL, _ADDRESS = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
 
 
 class Table(ctypes.Structure):
-    """Tables for one target size and one threshold, one per noise level."""
+    """Tables for one target size and one threshold, of those noise levels that were asked for."""
 
     _fields_ = (
         ("values", _ADDRESS * len(NOISES)),
@@ -48,7 +49,28 @@ class Table(ctypes.Structure):
         ("high", ctypes.c_int32),
         ("fraction", _REAL),
     )
-    windows: Any
+    made: Mapping[int, MadeTable]
+
+    @classmethod
+    def of(cls, wide: float, high: float, fraction: float, made: Mapping[int, MadeTable]) -> "Table":
+        """The table of a kind and a threshold, from numpy's by the numbers of their noises."""
+        some = next(iter(made.values()))
+        addresses = (made[one].windows.ctypes.data if one in made else None for one in range(len(NOISES)))
+        own = cls(
+            (_ADDRESS * len(NOISES))(*addresses),
+            _floats(some.windows),
+            int(some.grid.columns),
+            int(some.grid.rows),
+            int(wide),
+            int(high),
+            fraction,
+        )
+        own.made = made  # the arrays at the addresses must stay alive
+        return own
+
+    def is_of(self, wide: float, high: float, fraction: float) -> bool:
+        """True if it is the table of this kind and threshold."""
+        return bool(self.wide == wide and self.high == high and self.fraction == fraction)
 
 
 class Fullness(ctypes.Structure):
@@ -106,20 +128,21 @@ class Known:
         self.spread_px, self.y_step = spread_px, y_step
         self.kept, self.room = Kept(self, (), ()), ROOM
 
-    def _add_table(self, kept: Kept, wide: float, high: float, fraction: float) -> Kept:
+    def _add_table(self, kept: Kept, wide: float, high: float, fraction: float, noise: float) -> Kept:
+        """The tables with one of a noise more, by its number in `NOISES`; of all of them with `ANY_NOISE`."""
         assert self.spread_px is not None
         half_axes = KIND_PX[0] * wide, KIND_PX[1] * high
         look = Appearance(*half_axes, fraction, NOISES[0], self.spread_px, self.jitter_px, self.y_step)
-        made = [table(look._replace(noise=noise)) for noise in NOISES]
-        windows = [one.windows for one in made]
-        addresses = (ctypes.c_void_p * len(NOISES))(*(one.ctypes.data for one in windows))
-        grid = made[0].grid
-        own = Table(
-            addresses, _floats(windows[0]), int(grid.columns), int(grid.rows), int(wide), int(high), fraction
-        )
-        own.windows = windows  # the arrays at the addresses must stay alive
+        made: dict[int, MadeTable] = {}
+        for one in kept.tables:
+            if one.is_of(wide, high, fraction):
+                made |= one.made
+        for number in range(len(NOISES)) if noise == ANY_NOISE else (int(noise),):
+            made[number] = table(look._replace(noise=NOISES[number]))
+        others = (one for one in kept.tables if not one.is_of(wide, high, fraction))
+        own = Table.of(wide, high, fraction, made)
         # Threads may replace each other's tables here: a lost one is named, and made, once more.
-        self.kept = Kept(self, (*kept.tables, own), kept.fullnesses)
+        self.kept = Kept(self, (*others, own), kept.fullnesses)
         return self.kept
 
     def _add_fullness(self, kept: Kept, wide: float, high: float) -> Kept:

@@ -39,7 +39,7 @@ class Identifying(ctypes.Structure):
         ("gate_mm", _REAL),
         ("farthest_mm", _REAL),
     )
-    kept: "Identification"
+    kept: "tuple[Identification, Predictors]"
 
 
 class Identification:
@@ -52,16 +52,16 @@ class Identification:
         self._agreement = agreement
         self._world = World.of(rig, agreement, noise)
         self._gate_mm = agreement.settings.gate * line_mm(agreement.model, noise)
+        self._displacements = agreement.field
         self._covariance_mm2 = np.ascontiguousarray(agreement.field.covariance_mm2)
-        self._predictors = Predictors.of(agreement.field)
 
-    @property
     def in_c(self) -> "Identifying":
-        """All of it, for the kernel's own use."""
+        """All of it, for the kernel's own use by one thread at a time: it writes into the predictors."""
+        predictors = Predictors.of(self._displacements)
         settings = self._agreement.settings
         own = Identifying(
             ctypes.addressof(self._world),
-            ctypes.addressof(self._predictors),
+            ctypes.addressof(predictors),
             settings.trust,
             settings.margin,
             self._agreement.pitch_mm,
@@ -69,7 +69,7 @@ class Identification:
             self._gate_mm,
             settings.farthest_mm,
         )
-        own.kept = self
+        own.kept = self, predictors
         return own
 
     def expected(self, left: ViewBlobs, right: ViewBlobs) -> Expected | None:

@@ -15,6 +15,7 @@ The kernel computes the same without a library of linear algebra, whose rounding
 threads (docs/decisions/0046).
 """
 
+import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -124,7 +125,7 @@ class DisplacementField:
         """
         apart = np.linalg.norm(nominal_mm[:, np.newaxis] - nominal_mm, axis=2) / smoothness.reach_mm
         scaled = np.sqrt(5.0) * apart
-        covariance = smoothness.sigma_mm**2 * (1.0 + scaled + scaled * scaled / 3.0) * np.exp(-scaled)
+        covariance = smoothness.sigma_mm**2 * (1.0 + scaled + scaled * scaled / 3.0) * _exp(-scaled)
         covariance[np.diag_indices(len(nominal_mm))] += smoothness.noise_mm**2 + variance_mm2
         if kernel is None:
             precision = np.linalg.inv(covariance)
@@ -259,6 +260,12 @@ def field_of(
     if len(model) <= MOST_AT_ONCE:
         return DisplacementField.of(model.xyz_mm, smoothness, variance_mm2=variance_mm2, kernel=kernel)
     return TiledField(model.xyz_mm, smoothness, variance_mm2, kernel)
+
+
+def _exp(values: Array) -> Array:
+    """The exponentials by the C library: numpy's have other last bits with other vector units."""
+    exponentials: Array = np.vectorize(math.exp, otypes=[np.float64])(values)
+    return exponentials
 
 
 def _parted(nominal_mm: Array, targets: Indices, most: int) -> list[Indices]:

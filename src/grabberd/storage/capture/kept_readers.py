@@ -67,8 +67,7 @@ class KeptReaders:
             CaptureFileError, StorageError, ReadingGivenUp: As `CaptureReader` does.
         """
         with reading_errors(path):
-            identity = _Identity.of(path)
-        reader = self._taken(path, identity) or _new(path)
+            reader, identity = self._taken(path)
         try:
             yield reader
         except BaseException:  # it may be in the middle of a statement
@@ -84,22 +83,22 @@ class KeptReaders:
         """Closes all that is kept."""
         self._close_until(float("inf"))
 
-    def _taken(self, path: Path, identity: _Identity) -> CaptureReader | None:
+    def _taken(self, path: Path) -> tuple[CaptureReader, _Identity]:
         with self._lock:
             kept = self._kept.pop(path, None)
-        if kept is None:
-            return None
         try:
-            # What SQLite would find beside the file, it finds now and not when the file was opened.
-            with reading_errors(path):
+            identity = _Identity.of(path)
+            if kept is not None and kept.identity == identity:
+                # What SQLite would find beside the file, it finds now and not when the file was opened.
                 read_header(path)
+                return kept.reader, identity
         except BaseException:
-            kept.reader.close()
+            if kept is not None:
+                kept.reader.close()
             raise
-        if kept.identity != identity:
+        if kept is not None:
             kept.reader.close()
-            return None
-        return kept.reader
+        return _new(path), identity
 
     def _keep(self, reader: CaptureReader, identity: _Identity) -> None:
         if reader.meta.state != SEALED or not _is_still(reader.path, identity):
@@ -110,22 +109,35 @@ class KeptReaders:
             self._kept[reader.path] = _Kept(reader, identity, self._now_s() + KEPT_S)
             if len(self._kept) > MOST:
                 closed.append(self._kept.pop(next(iter(self._kept))))
-            self._look_later()
+            if not self._will_look():
+                closed += self._kept.values()
+                self._kept.clear()
         for one in filter(None, closed):
             one.reader.close()
 
-    def _look_later(self) -> None:
+    def _will_look(self) -> bool:
+        """True if a thread will close what is old; False if the computer has no thread left to give."""
         if self._timer is None:
-            self._timer = threading.Timer(KEPT_S, self._look)
-            self._timer.daemon = True
-            self._timer.start()
+            oldest_s = min(kept.until_s for kept in self._kept.values())
+            timer = threading.Timer(max(0.0, oldest_s - self._now_s()), self._look)
+            timer.daemon = True
+            try:
+                timer.start()
+            except RuntimeError:
+                return False
+            self._timer = timer
+        return True
 
     def _look(self) -> None:
         self.close_old()
         with self._lock:
             self._timer = None
-            if self._kept:
-                self._look_later()
+            closed: list[_Kept] = []
+            if self._kept and not self._will_look():
+                closed = list(self._kept.values())
+                self._kept.clear()
+        for one in closed:
+            one.reader.close()
 
     def _close_until(self, now_s: float) -> None:
         with self._lock:

@@ -162,7 +162,8 @@ class GroupContent:
         """See `Content`."""
 
         def decode(group: _TimedGroup) -> PointArrays | None:
-            if not self._keeps:
+            numbers, _ = measured_fields(group.points)
+            if not self._keeps or not _holds(numbers[[0, -1]].tolist(), first_n, end_n):
                 return _point_arrays(group, first_n, end_n, every)
             self._points = _RunArrays(run, _point_arrays(group, 0, END, 1))
             return self._points.selected(first_n, end_n, every)
