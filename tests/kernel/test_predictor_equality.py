@@ -1,5 +1,5 @@
-"""The compiled kernel and numpy predict the same from the same targets; the kernel's bits are the same
-everywhere.
+"""The compiled kernel and numpy predict the same from the same targets; the kernel's bits are the same with
+any number of threads.
 """
 
 import subprocess

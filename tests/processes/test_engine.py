@@ -181,6 +181,55 @@ def test_after_a_gap_the_track_is_the_trackers(liner, gap_s):
     assert min(counts[:7] + counts[8:]) > 60
 
 
+def disturbed(packed, rng):
+    """A field with a band hidden, with strange blobs, with nothing, or as it was."""
+    bits = np.unpackbits(packed.data[0], axis=1)
+    match rng.choice(["as it was", "columns", "rows", "blobs", "nothing"], p=[0.35, 0.2, 0.2, 0.2, 0.05]):
+        case "columns":
+            bits[:, int(rng.integers(0, 700)) :][:, : int(rng.integers(20, 300))] = 0
+        case "rows":
+            bits[int(rng.integers(0, 500)) :][: int(rng.integers(20, 300))] = 0
+        case "blobs":
+            for row, column in rng.integers(0, (570, 710), (60, 2)):
+                bits[row : row + 5, column : column + 5] = 1
+        case "nothing":
+            bits[:] = 0
+    return replace(packed, data=np.packbits(bits, axis=1)[np.newaxis])
+
+
+def assert_same_sighting(ours, theirs):
+    assert np.array_equal(ours.target, theirs.target)
+    assert np.array_equal(ours.left, theirs.left)
+    assert np.array_equal(ours.right, theirs.right)
+    assert np.array_equal(ours.misses, theirs.misses)
+    assert np.allclose(ours.predicted_px, theirs.predicted_px, atol=1e-5, equal_nan=True)
+    assert np.allclose(ours.expected.sigma_mm, theirs.expected.sigma_mm, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_whatever_is_hidden_added_or_skipped_the_track_is_numpys(liner, seed, monkeypatch):
+    rng = np.random.default_rng(seed)
+    fields = [one.packed for one in liner.packed(1, "doubled")]
+    with monkeypatch.context() as patched:
+        patched.setattr(tracking, "Correspondence", partial(Correspondence, kernel=None))
+        by_steps = tracker_of(liner.setup)
+    engine, track = Engine(KERNEL, tracker_of(liner.setup), liner.setup.calibration.views), by_steps.start()
+    place, counts = int(rng.integers(FIELDS)), []
+    for step in range(25):
+        place = (place + int(rng.choice([1, 1, 1, 2, 3, 7]))) % FIELDS
+        passed_s = float(rng.choice([0.02, 0.02, 0.02, 0.04, 0.06, 0.1, np.inf])) if step else np.inf
+        (way,) = engine.run([disturbed(fields[place], rng)], [passed_s], LocationSettings())
+        track, points = by_steps.step(track, *way.halves, passed_s)
+        assert np.array_equal(points.target, way.points.target)
+        assert np.allclose(points.xyz_mm, way.points.xyz_mm, rtol=0, atol=1e-6)
+        assert np.allclose(track.numbers, way.track_numbers, rtol=1e-4, atol=1e-5)
+        assert (track.sighting is None) == (way.misses is None)
+        if track.sighting is not None:
+            assert_same_sighting(way.track.sighting, track.sighting)
+        counts.append(len(points))
+    assert np.median(counts) > 40
+
+
 @pytest.mark.parametrize("room", [2, 3])
 def test_predictors_that_give_way_to_others_change_no_bit(liner, room, monkeypatch):
     fields = [one.packed for one in liner.packed(1, "doubled")]

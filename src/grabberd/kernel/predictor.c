@@ -1,5 +1,5 @@
 /* What some targets tell of all of them (as displacement_field.DisplacementField.say). No library of linear algebra does
-   it: those round otherwise with every number of threads, and a capture measured on another computer would differ. */
+   it: those round otherwise with every number of threads, and live points would not be those measured again. */
 #include "agreement.h"
 
 void invert(int64_t targets, const double *covariance_mm2, double *precision, double *row) {

@@ -118,7 +118,8 @@ class Known:
 
     Attributes:
         kept: The tables.
-        room: Blobs that a call has room for: as many as any field had, so that the next is not located twice.
+        room: Blobs that a call has room for: as many as the last fields had, so that the next is not located
+            twice.
     """
 
     def __init__(
@@ -211,6 +212,8 @@ def measure_compiled(kernel: Kernel, packed: PackedField, settings: LocationSett
         # The kernel keeps no state: it names what it lacks, and is called again with that.
         status, count, reach_px, *missing = kernel.locate(data, picture, kept.settings, out)
         if status == DONE:
+            if count < room // 4:  # blobs are views of all the room
+                known.room = max(ROOM, room // 2)
             return blobs_of(out.reshape(COLUMNS, room), count, reach_px)
         if status == MORE_ROOM:
             room = known.room = count

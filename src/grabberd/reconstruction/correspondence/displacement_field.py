@@ -131,6 +131,8 @@ class DisplacementField:
             precision = np.linalg.inv(covariance)
         else:
             kernel.precision(covariance, precision := np.empty_like(covariance))
+            if not np.isfinite(precision).all():
+                raise np.linalg.LinAlgError("targets in one place, whose measurements have no noise")
         return cls(nominal_mm, covariance, precision, smoothness.noise_mm, most_kept, kernel)
 
     def expect(self, seen: NDArray[np.bool_], displacement_mm: Array) -> Expected:

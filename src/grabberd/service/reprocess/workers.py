@@ -58,7 +58,7 @@ def _single_threaded_algebra() -> Iterator[None]:
     try:
         yield
     finally:
-        del os.environ[ALGEBRA_THREADS]
+        os.environ.pop(ALGEBRA_THREADS, None)
         if before is not None:
             os.environ[ALGEBRA_THREADS] = before
 

@@ -60,7 +60,7 @@ def parquet_writer(
 
     schema = pa.schema([_field(column) for column in columns], metadata)
     # A dictionary of measured numbers, which hardly ever repeat, takes longer than all else and is larger.
-    repeating = [column.name for column in columns if not column.dtype.startswith("f")]
+    repeating = [leaf for column in columns if not column.dtype.startswith("f") for leaf in _leaves(column)]
     return pq.ParquetWriter(
         file, schema, compression="zstd", use_dictionary=repeating, write_page_checksum=True
     )
@@ -80,6 +80,12 @@ def _field(column: Column) -> "pa.Field":
 
     unit = {} if column.dtype in {WORD, LABELS} else {"unit": column.unit}
     return pa.field(column.name, _type(column), metadata={**unit, "description": column.meaning})
+
+
+def _leaves(column: Column) -> list[str]:
+    """Parquet's names of the values of a column: a map has keys and values below it."""
+    below = (".key_value.key", ".key_value.value") if column.dtype == LABELS else ("",)
+    return [column.name + one for one in below]
 
 
 def _type(column: Column) -> "pa.DataType":
