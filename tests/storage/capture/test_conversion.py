@@ -161,6 +161,14 @@ def kept_as_it_is(path, error, words):
     assert [file.name for file in path.parent.iterdir()] == [path.name]
 
 
+def test_what_a_killed_conversion_left_is_removed_by_the_next(capture):
+    left = capture.with_name(f"{conversion.FOLDER}{capture.name}")
+    left.mkdir()
+    (left / f"{capture.name}.part").write_bytes(b"half a capture")
+    convert(capture, NOW)
+    assert list(capture.parent.iterdir()) == [capture]
+
+
 def test_a_run_is_not_added_to_a_file_that_was_converted_meanwhile(capture):
     def measured():
         yield 0, points_of(capture, 1)[0]

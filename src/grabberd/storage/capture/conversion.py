@@ -5,7 +5,7 @@ import os
 import shutil
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple, TypeVar
@@ -25,8 +25,9 @@ from grabberd.storage.capture.runs import alone
 from grabberd.storage.capture.schema import FORMAT_1, PART, VERSION, connect, format_of, reading_errors
 from grabberd.storage.capture.verification import verify
 from grabberd.storage.capture.writer import CaptureWriter
-from grabberd.storage.disk import scratch_folder, storage_errors, sync_directory
+from grabberd.storage.disk import storage_errors, sync_directory
 
+FOLDER = ".converting-"
 _FIELDS_A_COMMIT = 500
 _COPIED, _VERIFIED = 0.5, 0.75
 """Shares of the work."""
@@ -70,13 +71,25 @@ def convert(path: Path, now: datetime, progress: Progress = lambda _: None) -> C
         if format_of(connection) == VERSION:
             return Converted(before.st_size, before.st_size)
         _check(reader)
-        with alone(path, before.st_ino), storage_errors(path), scratch_folder(path.parent) as folder:
+        with alone(path, before.st_ino), storage_errors(path), _folder(path) as folder:
             part = folder / f"{path.name}{PART}"
             _copy(reader, part, progress)
             _finish(connection, part, _conversion(reader, now))
             _compare(reader, part, progress)
             _replace(part, path)
     return Converted(before.st_size, path.stat().st_size)
+
+
+@contextmanager
+def _folder(path: Path) -> Iterator[Path]:
+    """A hidden folder on the capture's disk; of a conversion that was killed, the next one removes it."""
+    folder = path.with_name(f"{FOLDER}{path.name}")
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(mode=0o700)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _check(reader: CaptureReader) -> None:
