@@ -8,7 +8,8 @@ import numpy as np
 from tests.bench.accuracy import Scene
 
 from grabberd.field import NumberedField
-from grabberd.kernel import in_use
+from grabberd.kernel import KERNEL, in_use
+from grabberd.processes import measure as process
 from grabberd.processes.accuracy import requantised
 from grabberd.processes.measure import MeasureSetup, measure_fields
 from grabberd.reconstruction import Points, Track, Tracker, ViewBlobs
@@ -79,11 +80,14 @@ def _tracked(fields: list[NumberedField], setup: MeasureSetup) -> tuple[Tracker,
         return after, points
 
     Tracker.step = step  # type: ignore[method-assign,assignment]
+    # The engine takes these steps in its own call; without it they are taken one by one, by the same kernel.
+    process.KERNEL = None  # type: ignore[misc]
     try:
         for _ in measure_fields(iter(fields), setup):
             pass
     finally:
         Tracker.step = original  # type: ignore[method-assign]
+        process.KERNEL = KERNEL  # type: ignore[misc]
     return trackers[0], steps
 
 
