@@ -62,7 +62,6 @@ def loaded(seconds: float, loops: int, devices: int) -> Loaded:
                 daemon.ask(f"/api/v1/captures/{capture_id}/stop", "POST")
             stalls = watching.stalls
         captures = [_sealed(daemon, capture_id) for capture_id in ids]
-        latency = daemon.get("/api/v1/state")["devices"][names[0]].get("latency_ms")
     counts = sum((Counter(one["ledger"]["counts"]) for one in captures), Counter())
     missing = counts.total() - counts["received"]
     rows = [
@@ -75,7 +74,6 @@ def loaded(seconds: float, loops: int, devices: int) -> Loaded:
         ("of them not received (goal: none)", _in_words(captures) or "none"),
         ("share of a processor: the daemon", f"{shares[0]:.1%}"),
         ("the processes that it has started: the simulator's", f"{shares[1]:.1%}"),
-        ("newest points, field arrived → published", str(latency)),
         ("answers, p50 / p99 / max", in_words_ms(1e3 * np.array(waits_s))),
         ("longest stall of the machine, seen by a witness process", f"{stalls.longest_s * 1e3:.0f} ms"),
         ("points complete", ", ".join(f"{one['runs'][0]['state']}" for one in captures)),
