@@ -76,7 +76,7 @@ static void place(const Work *work, const Settings *settings, int64_t blob, cons
     at->sigma_y = sqrt(found->variance_y / (pattern.higher * pattern.higher));
 }
 
-/* Few fields show more than one noise, so the other kinds' tables are made for that of this field alone. */
+/* A field has one noise, told by its most frequent kind: of the other kinds only that one's tables are needed. */
 static int find_tables(const Work *work, const Settings *settings, int noise, Outcome *outcome) {
     int status = DONE;
     for (int64_t k = 0; k < work->kinds->count && status == DONE; k++)
