@@ -63,13 +63,14 @@ class Daemon:
             time.sleep(0.02)
         return int(found[1])
 
+    def connection(self) -> closing[http.client.HTTPConnection]:
+        """One that is kept for several requests."""
+        return closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE_S))
+
     def ask(self, path: str, method: str = "GET", document: Mapping[str, Any] | None = None) -> Answer:
         """One request and its answer, whatever that is."""
-        body = None if document is None else json.dumps(document)
-        with closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE_S)) as connection:
-            connection.request(method, path, body, {"Content-Type": "application/json"})
-            response = connection.getresponse()
-            return Answer(response.status, response.read())
+        with self.connection() as connection:
+            return ask_over(connection, path, method, document)
 
     def get(self, path: str) -> Any:
         """The document at a path."""
@@ -124,6 +125,19 @@ class Daemon:
         except subprocess.TimeoutExpired:
             self.process.kill()
             return self.process.wait()
+
+
+def ask_over(
+    connection: http.client.HTTPConnection,
+    path: str,
+    method: str = "GET",
+    document: Mapping[str, Any] | None = None,
+) -> Answer:
+    """A request over a connection that is there already, and its answer, whatever that is."""
+    body = None if document is None else json.dumps(document)
+    connection.request(method, path, body, {"Content-Type": "application/json"})
+    response = connection.getresponse()
+    return Answer(response.status, response.read())
 
 
 def _streams(device: Mapping[str, Any]) -> bool:

@@ -71,13 +71,21 @@ def _waited_s() -> float | None:
 def play(fault: str, on: Machine) -> Finding:
     """What comes of a fault of the machine or of clients, on a busy computer at the second try."""
     shortage = Shortage()
-    finding = _play(fault, on)
-    return _play(fault, on) if finding.problems and shortage.was_there else finding
+    first = _play(fault, on)
+    if not first.problems or not shortage.was_there:
+        return first
+    second = _play(fault, on)
+    return (
+        second._replace(problems=(*second.problems, *(f"at the first try: {one}" for one in first.problems)))
+        if second.problems
+        else second
+    )
 
 
 def _play(fault: str, on: Machine) -> Finding:
     """That it could not be played to its end is a finding, too."""
     try:
+        on.end_captures()
         return FAULTS[fault](on)
     except (AssertionError, OSError) as error:
         return Finding("", None, None, (f"{type(error).__name__}: {error}",))
