@@ -12,7 +12,7 @@ import pytest
 
 from grabberd.errors import StreamFailed
 from grabberd_fake import FakeGrabber, FakeOptions, World, read_stamp
-from grabberd_fake.drawn_ahead import SLOTS, DrawnAhead
+from grabberd_fake.drawn_ahead import SLOTS, ComesFirst, DrawnAhead
 from grabberd_fake.optics import COLUMNS
 from grabberd_fake.render import ROWS
 
@@ -121,3 +121,61 @@ def test_a_process_that_was_killed_fails_the_stream_and_the_next_start_has_anoth
         stamp = read_stamp(fields[0].field.luma)
         assert stamp
         assert stamp.number == fields[0].time_ns // 20_000_000
+
+
+class Processor:
+    """A processor of which a share is taken, and what the process has asked it for."""
+
+    def __init__(self, permitted: bool = True) -> None:
+        self.now_ns = self.ran_ns = 0
+        self.asked: list[int] = []
+        self._permitted = permitted
+
+    def schedule(self, _pid: int, policy: int, _param: object) -> None:
+        if not self._permitted:
+            raise PermissionError(1, "Operation not permitted")
+        self.asked.append(policy)
+
+    def first(self) -> ComesFirst:
+        return ComesFirst(lambda: self.now_ns, lambda: self.ran_ns, self.schedule)
+
+    def pass_s(self, seconds: float, share: float) -> None:
+        self.now_ns += round(seconds * 1e9)
+        self.ran_ns += round(seconds * 1e9 * share)
+
+
+def test_it_comes_before_other_programs_as_long_as_it_takes_its_share() -> None:
+    processor = Processor()
+    first = processor.first()
+    for _ in range(10):
+        processor.pass_s(6.0, 0.3)
+        first.keep_to_share()
+    assert first.first
+    assert processor.asked == [os.SCHED_RR]
+
+
+def test_on_a_slow_processor_it_runs_like_others_again() -> None:
+    processor = Processor()
+    first = processor.first()
+    processor.pass_s(6.0, 0.8)
+    first.keep_to_share()
+    assert not first.first
+    assert processor.asked == [os.SCHED_RR, os.SCHED_OTHER]
+
+
+def test_a_burst_at_the_start_is_no_reason() -> None:
+    processor = Processor()
+    first = processor.first()
+    processor.pass_s(0.3, 1.0)
+    first.keep_to_share()
+    processor.pass_s(5.0, 0.2)
+    first.keep_to_share()
+    assert first.first
+
+
+def test_without_the_right_to_it_it_runs_like_others() -> None:
+    processor = Processor(permitted=False)
+    first = processor.first()
+    processor.pass_s(6.0, 0.8)
+    first.keep_to_share()
+    assert not first.first
