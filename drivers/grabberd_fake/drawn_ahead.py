@@ -37,7 +37,7 @@ _PICTURE_TIMEOUT_S = 4.0
 _END_TIMEOUT_S = 1.0
 _MOST_SHARE = 0.5
 """Of a processor, for a process that comes before others; it needs a fifth."""
-_SHARE_OVER_NS = 5_000_000_000
+_SHARE_OVER_NS = 2_000_000_000
 _SHAPE = (SLOTS, ROWS, COLUMNS)
 # -P: the current folder may hold a module of any name.
 _COMMAND = [sys.executable, "-P", "-c", f"from {__name__} import main; main()"]
