@@ -13,6 +13,7 @@ from typing import Any
 
 from grabberd_fake.ellipse_options import EllipseOptions
 from grabberd_fake.faults import KINDS, Fault
+from grabberd_fake.light_options import LightOptions
 from grabberd_fake.liner_options import LinerOptions
 from grabberd_fake.reading import (
     Group,
@@ -179,6 +180,7 @@ class FakeOptions:
         target_diameter_mm: diameter of the discs.
         grazing_limit_deg: greatest angle between a visible target's normal and the line of sight.
         rig: see `RigOptions`; `camera`: `CameraOptions`; `picture`: `PictureOptions`.
+        light: a lamp in the picture, see `LightOptions`.
         driver: see `DriverOptions`.
         pace: `real`: fields arrive at 50 Hz of the clock; `free`: as fast as they are read, 20 ms apart.
         buffers: number of fields or frames that can wait for a reader; once all are full, new ones are lost.
@@ -196,6 +198,7 @@ class FakeOptions:
     rig: RigOptions = field(default_factory=RigOptions, metadata=by(Group(RigOptions)))
     camera: CameraOptions = field(default_factory=CameraOptions, metadata=by(Group(CameraOptions)))
     picture: PictureOptions = field(default_factory=PictureOptions, metadata=by(Group(PictureOptions)))
+    light: LightOptions = field(default_factory=LightOptions, metadata=by(Group(LightOptions)))
     driver: DriverOptions = field(default_factory=DriverOptions, metadata=by(Group(DriverOptions)))
     pace: str = choice("real", "free")
     buffers: int = integer(16, 2, 32)

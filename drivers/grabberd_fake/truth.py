@@ -130,7 +130,8 @@ def capture_vacuum_log(
 ) -> Iterator[str]:
     """CSV lines, the header first: file of a logger with its own clock, from one cycle before to one after.
 
-    Adding `offset_s` to its times gives seconds since the capture's first field.
+    Adding `offset_s` to its times gives seconds since the capture's first field. Where a light is in the
+    picture, the logger records its state.
 
     Raises:
         CaptureFileError: the file is no capture, has no fields, or was made by another driver.
@@ -143,7 +144,8 @@ def capture_vacuum_log(
     period_ns = round(liner.wave.period_s * 1e9)
     start_ns, end_ns = fields[0][1] - period_ns, fields[-1][1] + period_ns
     shifted_s = offset_s + liner.wave.period_s
-    return vacuum_log(liner, start_ns, end_ns, shifted_s, noise_kpa, rate_hz, options.seed)
+    light = options.light if options.light.diameter_px > 0 else None
+    return vacuum_log(liner, start_ns, end_ns, shifted_s, noise_kpa, rate_hz, options.seed, light)
 
 
 def _pulsating(options: FakeOptions) -> Pulsating:

@@ -1,11 +1,13 @@
 """The vacuum on both sides of the liner's wall, and a logger of it with its own clock."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from grabberd_fake.light_options import LightOptions, lit
 
 Array = NDArray[np.float64]
 
@@ -59,6 +61,7 @@ def vacuum_log(
     noise_kpa: float = 0.0,
     rate_hz: float = 1000.0,
     seed: int = 0,
+    light: LightOptions | None = None,
 ) -> Iterator[str]:
     """CSV lines of a logger, the header first.
 
@@ -70,11 +73,21 @@ def vacuum_log(
         noise_kpa: standard deviation of each reading.
         rate_hz: readings per second.
         seed: seed of the noise.
+        light: the lamp whose state is recorded in a last column; None: there is no such column.
     """
-    yield LOG_HEADER
+    yield LOG_HEADER + ("" if light is None else ",light")
     count = math.floor((end_ns - start_ns) / 1e9 * rate_hz) + 1
     since_s = np.arange(count) / rate_hz
     chamber = pulsation_kpa(options, start_ns / 1e9 + since_s)
     noise = np.random.default_rng(seed).normal(0.0, noise_kpa, (count, 2))
-    for time_s, kpa, (first, second) in zip(since_s - offset_s, chamber, noise, strict=True):
-        yield f"{time_s:.6f},{kpa + first:.4f},{options.wave.liner_kpa + second:.4f}"
+    states = _light_cells(light, start_ns, since_s)
+    rows = zip(since_s - offset_s, chamber, noise, states, strict=True)
+    for time_s, kpa, (first, second), state in rows:
+        yield f"{time_s:.6f},{kpa + first:.4f},{options.wave.liner_kpa + second:.4f}{state}"
+
+
+def _light_cells(light: LightOptions | None, start_ns: int, since_s: Array) -> Sequence[str]:
+    if light is None:
+        return [""] * len(since_s)
+    states = lit(light, start_ns + np.rint(since_s * 1e9).astype(np.int64))
+    return [",1" if state else ",0" for state in states.tolist()]

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from grabberd_fake.discs import Ellipses, disc_images, facing, smeared
 from grabberd_fake.faults import PERIOD_NS
+from grabberd_fake.light import light_image
+from grabberd_fake.light_options import share_lit
 from grabberd_fake.optics import Array, View
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.render import ROWS, Renderer
@@ -92,6 +94,10 @@ class World:
         if self.scene.moves and half_ns > 0:
             ends = self.scene.targets(time_ns - half_ns), self.scene.targets(time_ns + half_ns)
         left, right = (self._seen(view, targets, ends) for view in self.views)
+        if self._options.light.diameter_px > 0:
+            share = share_lit(self._options.light, time_ns, 2 * half_ns)
+            lamp = light_image(self._options.light, share)
+            left, right = (Ellipses.joined(both) for both in zip((left, right), lamp, strict=True))
         return left, right
 
     def _seen(self, view: View, targets: Targets, ends: tuple[Targets, Targets] | None) -> Ellipses:

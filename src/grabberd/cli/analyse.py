@@ -23,6 +23,9 @@ _SHOWN = (
     "wall_d_s",
     "wall_ratio",
     "iso_ratio",
+    "offset_s",
+    "opening_lag_s",
+    "closing_lag_s",
 )
 
 

@@ -5,8 +5,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from drivers.fake.iso_phases import iso_phases_s
+from grabberd.analysis.vacuum.light_clock import LightClock
 from grabberd.errors import GrabberdError, InputError
 from grabberd.processes.analysis.vacuum_inputs import read_vacuum
+from grabberd.processes.light_clock import FoundLight
 from grabberd_fake.vacuum import pulsation_kpa
 from processes.milking import FAKE, PERIOD_S, log, whole
 
@@ -86,6 +88,39 @@ def test_the_walls_lag_sets_the_beginning_of_a_pulsators_wave() -> None:
     assert_allclose(told, pulsation_kpa(FAKE.ellipse, resting), atol=0.1)
 
 
+LIGHT = LightClock(
+    offset_s=-0.3,
+    offset_sigma_s=0.0002,
+    middle_s=0.5,
+    drift=0.0,
+    drift_sigma=0.0,
+    asymmetry_s=0.0,
+    edges=300,
+    agreement=0.97,
+    scatter_s=1e-4,
+)
+BY_LIGHT = {"pulsation": "log", "liner": "log", "offset": "light", "log": log(2.4, -0.6, -0.3)}
+
+
+def test_a_light_relates_the_clocks_and_the_walls_lag_is_a_result() -> None:
+    found = read_vacuum(BY_LIGHT, whole().cycle.pulsation, TIME_S, FoundLight(LIGHT, 330.0, 550.0))
+    at = found.at(TIME_S)
+    assert_allclose([one.pulsation_kpa for one in at], pulsation_kpa(FAKE.ellipse, TIME_S), atol=0.01)
+    assert {one.time_sigma_s for one in at} == {0.0002}
+    assert found.lag.opening_shift_s == pytest.approx(LAG["opening_s"], abs=2e-3)
+    assert found.lag.closing_shift_s == pytest.approx(LAG["closing_s"], abs=2e-3)
+
+
+def test_a_drift_stretches_the_loggers_clock_about_the_middle_of_the_capture() -> None:
+    slow = FoundLight(LIGHT._replace(drift=0.01, drift_sigma=0.001), 330.0, 550.0)
+    found = read_vacuum(BY_LIGHT, None, TIME_S, slow)
+    own_s = TIME_S + 0.3 - 0.01 * (TIME_S - 0.5)
+    told = [one.pulsation_kpa for one in found.at(TIME_S)]
+    assert_allclose(told, pulsation_kpa(FAKE.ellipse, own_s - 0.3), atol=0.01)
+    assert found.time_sigma_s > 0.0002
+    assert found.lag is None
+
+
 def test_a_logger_that_does_not_cover_the_capture_is_refused() -> None:
     assert "cover" in refusal({**LOGGED, "log": log(1.25, start_s=-0.3)})
     assert "cover" in refusal({**LOGGED, "offset": {"s": 0.5, "sigma_s": 0.002}, "log": log(1.6)})
@@ -110,6 +145,8 @@ def test_a_logger_that_lacks_a_reading_is_refused_and_nothing_is_filled_in() -> 
     [
         (LOGGED, "vacuum.log"),
         ({**LOGGED, "offset": {"s": 1}, "log": log(1.6)}, "sigma_s"),
+        ({**LOGGED, "offset": "light", "log": log(1.6)}, "column light"),
+        ({**LOGGED, "offset": "bright", "log": log(1.6)}, "vacuum.offset"),
         ({"pulsation": "log", "liner": "log", "log": log(1.6)}, "vacuum.offset or vacuum.lag"),
         ({"pulsation": "log", "liner": "log", "lag": LAG, "log": log(1.6)}, "pulsation in the capture"),
         ({"pulsation": 42, "liner": {"kpa": 42, "sigma_kpa": 1}}, "vacuum.pulsation"),

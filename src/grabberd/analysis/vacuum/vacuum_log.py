@@ -13,7 +13,7 @@ from grabberd.errors import InputError
 Array = NDArray[np.float64]
 
 TIMES = {"time_s": 1.0, "time_ms": 1e-3}
-PULSATION, LINER = "pulsation_vacuum_kpa", "liner_vacuum_kpa"
+PULSATION, LINER, LIGHT = "pulsation_vacuum_kpa", "liner_vacuum_kpa", "light"
 MOST_READINGS = 1_000_000
 """Readings of a log: a thousand a second for a quarter of an hour."""
 LEAST_KPA, MOST_KPA = 15.0, 80.0
@@ -23,7 +23,8 @@ _GAP_STEPS = 3.0
 """Steps between two readings from which on readings are missing; a logger's clock may jitter by less."""
 _LEAST_ROWS = 10
 _COLUMNS = (
-    f"the first line names the columns: {' or '.join(TIMES)}, {PULSATION} and, where it is known, {LINER};"
+    f"the first line names the columns: {' or '.join(TIMES)}, {PULSATION} and, where they are known, {LINER}"
+    f" and {LIGHT};"
     " every further line is one reading"
 )
 _UNITS: tuple[tuple[Callable[[float], bool], str], ...] = (
@@ -44,11 +45,13 @@ class VacuumLog:
         time_s: (K,) the logger's own time, ascending.
         pulsation_kpa: (K,) vacuum in the pulsation chamber, below atmosphere.
         liner_kpa: (K,) vacuum in the liner, or None if it was not logged.
+        light: (K,) input to which the light in the picture is wired, in any unit, or None likewise.
     """
 
     time_s: Array
     pulsation_kpa: Array
     liner_kpa: Array | None = None
+    light: Array | None = None
 
     def __post_init__(self) -> None:
         """Checks times and units.
@@ -100,10 +103,10 @@ def read_vacuum_log(text: str) -> VacuumLog:
     time = next((name for name in TIMES if name in names), None)
     if time is None or PULSATION not in names:
         raise InputError(f"the vacuum log has the columns {', '.join(names) or 'none'}", _COLUMNS)
-    wanted = {name: names.index(name) for name in (time, PULSATION, LINER) if name in names}
+    wanted = {name: names.index(name) for name in (time, PULSATION, LINER, LIGHT) if name in names}
     rows = _rows(lines, separator, tuple(wanted.values()))
     columns = {name: _numbers(rows, place, name, separator) for place, name in enumerate(wanted)}
-    return VacuumLog(columns[time] * TIMES[time], columns[PULSATION], columns.get(LINER))
+    return VacuumLog(columns[time] * TIMES[time], columns[PULSATION], columns.get(LINER), columns.get(LIGHT))
 
 
 def _rows(lines: list[str], separator: str, places: tuple[int, ...]) -> list[tuple[str, ...]]:

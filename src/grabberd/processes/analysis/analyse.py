@@ -43,6 +43,7 @@ from grabberd.processes.analysis.smoothings import Smoothings
 from grabberd.processes.analysis.vacuum_inputs import Vacuum, needs_pulsation, read_vacuum
 from grabberd.processes.analysis.wall_series import WallSeries
 from grabberd.processes.analysis.wall_state import WallState
+from grabberd.processes.light_clock import FoundLight
 from grabberd.reconstruction import Points
 
 Array = NDArray[np.float64]
@@ -115,6 +116,7 @@ def analyse(
     inputs: AnalysisInputs,
     progress: Progress | None = None,
     rig: Rig | None = None,
+    light: FoundLight | None = None,
 ) -> Analysis:
     """Analyses a capture.
 
@@ -124,6 +126,7 @@ def analyse(
         inputs: inputs besides the points.
         progress: called with the number of finished states and the total.
         rig: whose views saw the points; None if targets that one view alone sees are of no use.
+        light: that relates the clocks of camera and logger, for `vacuum.offset: light`.
 
     Raises:
         AnalysisError: no field determines a surface, or the reference state does not.
@@ -133,7 +136,7 @@ def analyse(
         raise AnalysisError(
             "the capture has no points", "measure it first; its fields have to show the object"
         )
-    work = _Work(captures, grid, inputs, progress or (lambda done, of: None), rig)
+    work = _Work(captures, grid, inputs, progress or (lambda done, of: None), rig, light)
     return work.whole()
 
 
@@ -147,8 +150,10 @@ class _Work:
         inputs: AnalysisInputs,
         progress: Progress,
         rig: Rig | None,
+        light: FoundLight | None,
     ) -> None:
         self._grid, self._inputs, self._progress, self._rig = grid, inputs, progress, rig
+        self._light = light
         self._timed = [[field.timed for field in capture] for capture in captures]
         self._fields = tuple(captures[0])
         self._time_s = np.array([field.timed.time_s for field in captures[0]])
@@ -242,7 +247,7 @@ class _Work:
                 "found; give vacuum.offset, or start_s of the pulsator, instead"
             )
             return None
-        vacuum = read_vacuum(self._inputs.vacuum, pulsation, self._time_s)
+        vacuum = read_vacuum(self._inputs.vacuum, pulsation, self._time_s, self._light)
         if vacuum and pulsation and vacuum.is_curve and vacuum.phases is None:
             self._problems.add("the vacuum's curve holds no whole cycle, so it has no ISO phases")
         return vacuum

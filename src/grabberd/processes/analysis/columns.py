@@ -119,7 +119,16 @@ TABLES: Mapping[str, TableSpec] = {
             _number("stroke_spread", "1", "standard deviation of the cycles' strokes, by the mean one"),
             *_phases("wall", "wall"),
             *_phases("iso", "ISO"),
-            _measured("offset_s", "s", "camera's time less the vacuum's, as the wall's movement shows it"),
+            _measured(
+                "offset_s", "s", "camera's time less the vacuum's, by the light or the wall's movement"
+            ),
+            _measured("clock_drift", "1", "seconds that the vacuum's clock loses in one, by the light"),
+            _count("light_switchings", "switchings of the light that relate the clocks"),
+            _measured(
+                "opening_lag_s", "s", "from the vacuum's half height to the wall's half stroke, by the light"
+            ),
+            _measured("closing_lag_s", "s", "likewise, closing"),
+            _number("clock_kpa", "kPa", "σ of the vacuum on its steepest slope for want of a common clock"),
             _count("touch_n", "field in which pressure begins; the first where it has some already"),
             _id("touch_target", "target at which it begins"),
         ),

@@ -6,7 +6,7 @@ vacuum:
   pulsation: {kpa: 0, sigma_kpa: 0.5}   or {rate_per_min: 60, ratio: 0.6, …}, or log
   liner: {kpa: 42, sigma_kpa: 0.5}      or log
   log: "time_s,pulsation_vacuum_kpa…"   the text of a logger's file
-  offset: {s: 12.3, sigma_s: 0.005}     the camera's time less the logger's
+  offset: {s: 12.3, sigma_s: 0.005}     the camera's time less the logger's, or light: both have seen it
   gauge_sigma_kpa: 0.2                  σ of a logger's zero, for a ramp
   lag: {opening_s: 0.03, closing_s: 0.03, sigma_s: 0.005, near_s: 12}   in place of offset
 teat: none                              the liner is empty: a ramp of the vacuum, for the liner's own values
@@ -41,6 +41,8 @@ KEYS = (
     "flow_stop",
 )
 _VACUUM_KEYS = ("pulsation", "liner", "log", "offset", "lag", "gauge_sigma_kpa")
+BY_LIGHT = "light"
+"""Of `vacuum.offset`: the clocks are related by the light in the picture and in the log."""
 _HINT = "correct these inputs; docs/howto/analyse.md describes all of them"
 # Time and memory of an analysis grow with the phases.
 _MOST_PHASES = 200
@@ -196,6 +198,8 @@ def _vacuum(reading: Reading, value: object) -> Mapping[str, Any]:
         reading.refuse("vacuum", value, f"a mapping of {', '.join(_VACUUM_KEYS)}")
         return {}
     reading.keys("vacuum.", value, _VACUUM_KEYS)
+    if value.get("offset") == BY_LIGHT and "log" not in value:
+        reading.problems.append(f"vacuum.offset: {BY_LIGHT} needs vacuum.log, with a column light")
     if "offset" in value and "lag" in value:
         reading.problems.append("vacuum: offset and lag are both given; give one of them")
     return value

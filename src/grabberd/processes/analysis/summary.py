@@ -1,12 +1,14 @@
 """Values of the summary of an analysis, and of the gaps of its capture."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.analysis import Estimate, Phases
+from grabberd.analysis import ChamberVacuum, Estimate, Phases
 from grabberd.processes.analysis.analyse import Analysis, Cycle
+from grabberd.processes.analysis.vacuum_inputs import Vacuum
 
 _UNKNOWN = Estimate(np.asarray(np.nan), np.asarray(np.nan))
 _PHASES = "abcd"
@@ -15,7 +17,6 @@ _PHASES = "abcd"
 def summary_values(analysis: Analysis) -> dict[str, Any]:
     """Values of the table `summary` by column name; NaN where unknown."""
     cycle, touch = analysis.cycle, analysis.touch
-    offset = analysis.source.offset if analysis.source else None
     return {
         "fields": len(analysis.numbers),
         "analysed": len(analysis.fields),
@@ -23,10 +24,44 @@ def summary_values(analysis: Analysis) -> dict[str, Any]:
         **_pulsation(cycle),
         **_phases("wall", cycle.wall if cycle else None),
         **_phases("iso", analysis.source.phases if analysis.source else None),
-        "offset_s": Estimate(np.asarray(offset.offset_s), np.asarray(offset.sigma_s)) if offset else _UNKNOWN,
+        **_clocks(analysis.source),
+        "clock_kpa": _clock_kpa(analysis.vacuum),
         "touch_n": analysis.fields[touch.field].n if touch else np.nan,
         "touch_target": analysis.grid.target[touch.place] if touch else np.nan,
     }
+
+
+def _clocks(source: Vacuum | None) -> dict[str, Any]:
+    """Relation of the clocks, and with it the wall's lag."""
+    light = source.light.clock if source and source.light else None
+    offset, lag = (source.offset, source.lag) if source else (None, None)
+    found = _UNKNOWN
+    if light:
+        found = _estimate(light.offset_s, light.offset_sigma_s)
+    elif offset:
+        found = _estimate(offset.offset_s, offset.sigma_s)
+    unsure_s = source.time_sigma_s if source else np.nan
+    return {
+        "offset_s": found,
+        "clock_drift": _estimate(light.drift, light.drift_sigma) if light else _UNKNOWN,
+        "light_switchings": light.edges if light else np.nan,
+        "opening_lag_s": _estimate(lag.opening_shift_s, np.hypot(lag.opening_sigma_s, unsure_s))
+        if lag
+        else _UNKNOWN,
+        "closing_lag_s": _estimate(lag.closing_shift_s, np.hypot(lag.closing_sigma_s, unsure_s))
+        if lag
+        else _UNKNOWN,
+    }
+
+
+def _estimate(value: float, sigma: float) -> Estimate:
+    return Estimate(np.asarray(value), np.asarray(sigma))
+
+
+def _clock_kpa(vacuum: Sequence[ChamberVacuum]) -> float:
+    """Error of the vacuum on its steepest slope, by the clocks' σ; NaN where there is no second clock."""
+    steepest = max((abs(one.pulsation_slope_kpa_per_s) * one.time_sigma_s for one in vacuum), default=np.nan)
+    return steepest if steepest > 0 else np.nan
 
 
 def _pulsation(cycle: Cycle | None) -> dict[str, Any]:

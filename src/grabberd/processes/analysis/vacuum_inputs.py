@@ -13,7 +13,8 @@ from grabberd.analysis.vacuum.vacuum_log import VacuumLog, read_vacuum_log
 from grabberd.analysis.vacuum.vacuum_offset import Offset, WallLag, find_offset
 from grabberd.errors import AnalysisError, InputError
 from grabberd.geometry import Reading
-from grabberd.processes.analysis.inputs import missing
+from grabberd.processes.analysis.inputs import BY_LIGHT, missing
+from grabberd.processes.light_clock import FoundLight
 
 Array = NDArray[np.float64]
 
@@ -29,6 +30,8 @@ class Vacuum(NamedTuple):
         pulsation: source of the pulsation chamber's vacuum; `liner`: of the vacuum inside the liner.
         time_sigma_s: σ of the offset between the clocks; 0 if there is only one clock.
         offset: offset found from the wall's movement, or None.
+        light: light in the picture that related the clocks, or None.
+        lag: with a light, how far the wall is behind the vacuum: the shifts of an `Offset`; or None.
         phases: ISO phases a, b, c, d; None unless the chamber's vacuum is a curve with a whole cycle.
     """
 
@@ -37,6 +40,8 @@ class Vacuum(NamedTuple):
     time_sigma_s: float
     offset: Offset | None
     phases: Phases | None
+    light: FoundLight | None = None
+    lag: Offset | None = None
 
     @property
     def is_curve(self) -> bool:
@@ -64,8 +69,19 @@ class Vacuum(NamedTuple):
         return slope
 
 
-def read_vacuum(document: Mapping[str, Any], pulsation: Pulsation | None, time_s: Array) -> Vacuum | None:
+def read_vacuum(
+    document: Mapping[str, Any],
+    pulsation: Pulsation | None,
+    time_s: Array,
+    light: FoundLight | None = None,
+) -> Vacuum | None:
     """The vacuum that the inputs describe; None where they lack one of the chambers.
+
+    Args:
+        document: the inputs' `vacuum`.
+        pulsation: of the wall, or None if none was found.
+        time_s: (F,) the fields' times.
+        light: the light in the picture, where the inputs leave the clocks to it.
 
     Raises:
         InputError, AnalysisError: the vacuum cannot be used, or does not belong to this capture.
@@ -73,6 +89,8 @@ def read_vacuum(document: Mapping[str, Any], pulsation: Pulsation | None, time_s
     if not {"pulsation", "liner"} <= set(document):
         return None
     log = read_vacuum_log(document["log"]) if "log" in document else None
+    if document.get("offset") == BY_LIGHT:
+        return _by_light(document, log, pulsation, time_s, light)
     wave = _wave(document["pulsation"])
     offset = _found_offset(document, log, wave, pulsation)
     clock = _clock(document, log, wave, offset)
@@ -85,6 +103,38 @@ def read_vacuum(document: Mapping[str, Any], pulsation: Pulsation | None, time_s
         offset=offset,
         phases=_phases(log, wave, time_s),
     )
+
+
+def _by_light(
+    document: Mapping[str, Any],
+    log: VacuumLog | None,
+    pulsation: Pulsation | None,
+    time_s: Array,
+    light: FoundLight | None,
+) -> Vacuum:
+    if log is None or light is None:
+        raise missing("a vacuum.log with a column light", "vacuum.offset: light is for the log of a logger")
+    log = replace(log, time_s=light.clock.camera_s(log.time_s))
+    clock = (0.0, light.clock.sigma_s(float(np.ptp(time_s))))
+    return Vacuum(
+        pulsation=_source("pulsation", document["pulsation"], log, clock),
+        liner=_source("liner", document["liner"], log, clock),
+        time_sigma_s=clock[1],
+        offset=None,
+        phases=_phases(log, None, time_s),
+        light=light,
+        lag=_lag(log, pulsation),
+    )
+
+
+def _lag(log: VacuumLog, pulsation: Pulsation | None) -> Offset | None:
+    """Lag of the wall behind a vacuum whose clock is known; None where one of them has no cycle."""
+    if pulsation is None:
+        return None
+    try:
+        return find_offset(log, pulsation, None, 0.0)
+    except AnalysisError:
+        return None
 
 
 def needs_pulsation(document: Mapping[str, Any]) -> bool:

@@ -101,13 +101,13 @@ def analyse_file(
         CaptureFileError, NotFound: A capture or run does not exist.
         NotReady: A capture was measured without an object model.
         InputError: An input does not suit this capture, or its object model cannot be read.
-        AnalysisError: The points make no surface.
+        AnalysisError: The points make no surface, or the clocks are left to a light that is not found.
     """
     from grabberd.analysis import Grid
     from grabberd.processes.analysis.analyse import analyse
     from grabberd.processes.analysis.inputs import read_inputs
     from grabberd.processes.analysis.tables import tables
-    from grabberd.service.jobs.analysis_source import check_same_model, common_rig, read_source
+    from grabberd.service.jobs.analysis_source import check_same_model, common_rig, found_light, read_source
 
     # Only the wall's equilibrium can use the rays of a single view.
     single = "material" in inputs and "vacuum" in inputs
@@ -118,7 +118,10 @@ def analyse_file(
     progress(0.0)
     fields = [capture.fields for capture in captures]
     of_reading = tuple(capture.problem for capture in captures if capture.problem)
-    analysis = analyse(fields, grid, read, lambda done, of: progress(done / max(of, 1)), common_rig(captures))
+    light = found_light(path, read.vacuum)
+    analysis = analyse(
+        fields, grid, read, lambda done, of: progress(done / max(of, 1)), common_rig(captures), light
+    )
     analysis = replace(analysis, problems=of_reading + analysis.problems)
     about = {
         **captures[0].about,

@@ -1,16 +1,19 @@
 """Reads from captures what an analysis is made of: points, object model, and what a single view saw."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from textwrap import shorten
+from typing import Any
 
 from grabberd.acquisition import Ledger
-from grabberd.analysis import TimedPoints
+from grabberd.analysis import TimedPoints, read_vacuum_log
 from grabberd.documents.named_types import JsonObject
 from grabberd.errors import InputError, NotReady
 from grabberd.geometry import Calibration, Rig
 from grabberd.processes.analysis.analyse import FieldPoints
+from grabberd.processes.analysis.inputs import BY_LIGHT
+from grabberd.processes.light_clock import FoundLight, find_light, logged_light
 from grabberd.processes.measure import MeasureSetup
 from grabberd.processes.single_views import single_view_images
 from grabberd.reconstruction import ObjectModel, Points
@@ -69,6 +72,27 @@ def read_source(path: Path, run: int | None, single: bool) -> AnalysisSource:
         fields = [_field(n, time_ns - first_ns, points) for n, (time_ns, points) in timed.items()]
         calibration = info.made_with.get("calibration") if setup else None
         return AnalysisSource(fields, model, calibration, _origin(reader, info), problem)
+
+
+def found_light(path: Path, vacuum: Mapping[str, Any]) -> FoundLight | None:
+    """The light in a capture's pictures, where the inputs' vacuum leaves the clocks to it; else None.
+
+    Raises:
+        InputError: The log has no light.
+        AnalysisError: There is none in the pictures that goes by the log.
+        CaptureFileError: The capture cannot be read.
+    """
+    if vacuum.get("offset") != BY_LIGHT:
+        return None
+    log = read_vacuum_log(vacuum["log"])
+    if log.light is None:
+        raise InputError(
+            "the vacuum log has no column light, which vacuum.offset: light is found by",
+            "record the light's voltage beside the vacuum, or give the offset in s with its σ",
+        )
+    with CaptureReader(path) as reader:
+        logged = logged_light(log.time_s, log.light)
+        return find_light(reader.received(), reader.first_time_ns or 0, logged)
 
 
 def common_rig(sources: Sequence[AnalysisSource]) -> Rig | None:

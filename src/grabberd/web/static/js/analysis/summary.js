@@ -5,7 +5,7 @@ import { column, single } from "./tables.js";
 /** @import { Context } from "../core/context.js" */
 /** @import { Analysis, AnalysisRow } from "types/documents" */
 
-const FACTS = /** @type {[string, string, number][]} */ ([["rate_per_min", "1/min", 2], ["period_s", "s", 3], ["stroke_mm", "mm", 2], ["wall_ratio", "%", 1], ["iso_ratio", "%", 1], ["offset_s", "s", 3]]);
+const FACTS = /** @type {[string, string, number][]} */ ([["rate_per_min", "1/min", 2], ["period_s", "s", 3], ["stroke_mm", "mm", 2], ["wall_ratio", "%", 1], ["iso_ratio", "%", 1], ["offset_s", "s", 3], ["opening_lag_s", "s", 4], ["closing_lag_s", "s", 4], ["clock_kpa", "kPa", 2]]);
 const PHASES = ["a", "b", "c", "d"];
 
 /** @param {Context} context @param {Analysis} document @param {AnalysisRow} record */

@@ -1,0 +1,88 @@
+"""The offset of a logger's clock, found through a light that is in the picture and in the log."""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis.vacuum.light_clock import LightClock, relate_clocks
+from grabberd.analysis.vacuum.light_signal import LightSignal, agreement_at_best
+from grabberd.errors import AnalysisError, InputError
+from grabberd.field import NumberedField
+from grabberd.measurement.flashing import FlashingPlace, Levels, flashing_places, tile_levels
+
+Array = NDArray[np.float64]
+
+MOST_FIELDS = 15_000
+"""Fields that are looked at, five minutes: more add little to the offset, and each takes 13 kB."""
+_LEAST_SWING = 0.8
+"""Share of the readings that lie near one of both states of a light's input."""
+
+
+class FoundLight(NamedTuple):
+    """The light in the picture, and the clocks' relation that it tells.
+
+    Attributes:
+        clock: Relation of the clocks.
+        x_px: Column of the light's middle, frame pixels; `y_px`: its frame line.
+    """
+
+    clock: LightClock
+    x_px: float
+    y_px: float
+
+
+def find_light(fields: Iterable[NumberedField], first_ns: int, logged: LightSignal) -> FoundLight:
+    """Finds the light in the fields and the offset between the camera's clock and the logger's.
+
+    Args:
+        fields: Fields of a capture.
+        first_ns: Time from which the camera's seconds count.
+        logged: The light's state in each reading of the logger.
+
+    Raises:
+        AnalysisError: There is no light in the picture that goes by the log, or it does not determine the
+            offset.
+    """
+    time_s, levels, y_step = _levels(fields, first_ns)
+    places = flashing_places(levels, y_step)
+    if not places:
+        raise AnalysisError(
+            "no place in the picture goes on and off",
+            "look at the picture for the light: it has to be in view, brighter than the threshold, and"
+            " switched several times during the capture",
+        )
+    agreement = [agreement_at_best(LightSignal(time_s, place.lit), logged) for place in places]
+    best: FlashingPlace = places[int(np.argmax(agreement))]
+    return FoundLight(relate_clocks(LightSignal(time_s, best.lit), logged), best.x_px, best.y_px)
+
+
+def _levels(fields: Iterable[NumberedField], first_ns: int) -> tuple[Array, Levels, int]:
+    """Times in s, tile levels and the lines from row to row of the first fields."""
+    times, levels, y_step = [], [], 1
+    for field in fields:
+        times.append((field.time_ns - first_ns) / 1e9)
+        levels.append(tile_levels(field.packed))
+        y_step = field.packed.y_step
+        if len(times) == MOST_FIELDS:
+            break
+    if not times:
+        raise AnalysisError("the capture has no fields", "choose a capture with fields")
+    return np.array(times), np.stack(levels), y_step
+
+
+def logged_light(time_s: Array, level: Array) -> LightSignal:
+    """The light's states in a log, from a column in any unit.
+
+    Raises:
+        InputError: It has not two states.
+    """
+    low, high = np.percentile(level, (1, 99))
+    near = np.minimum(np.abs(level - low), np.abs(level - high)) <= 0.25 * (high - low)
+    if not high > low or near.mean() < _LEAST_SWING:
+        raise InputError(
+            f"the vacuum log's light goes from {low:g} to {high:g} without two states",
+            "record the voltage at the light, or 1 while it is on and 0 while it is off",
+        )
+    return LightSignal(time_s, level > (low + high) / 2)
