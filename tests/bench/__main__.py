@@ -21,6 +21,7 @@ from tests.bench import (
     core_numbers,
     goals,
     identification,
+    light_clock,
     live,
     loaded,
     location,
@@ -76,6 +77,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "An empty liner taken for one on a teat": pressure_empty.table,
     },
     "identification": {"Identification of 2 × 108, first field and after a gap": identification.table},
+    "light": {"Clocks related by a light, against the truth": light_clock.table},
     "location": {
         "Pointing of all locators on the same fields, px": location.table,
         "Pointing over bits, one capture quantised anew, RMS in px": location.table_of_bits,

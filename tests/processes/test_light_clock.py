@@ -5,7 +5,7 @@ import pytest
 
 from grabberd.analysis.vacuum.light_signal import LightSignal
 from grabberd.errors import AnalysisError, InputError
-from grabberd.processes.light_clock import find_light, logged_light
+from grabberd.processes.light_clock import find_light, logged_light, steady_times
 from grabberd_fake.light_options import LightOptions, lit
 from processes.fake_scene import take_scene
 
@@ -65,3 +65,18 @@ def test_a_logs_light_may_be_in_any_unit() -> None:
 def test_a_log_without_two_states_is_refused(level) -> None:
     with pytest.raises(InputError, match="two states"):
         logged_light(np.arange(200) / 100, level)
+
+
+def test_stamps_that_scatter_and_are_late_now_and_then_become_equal_steps() -> None:
+    rng = np.random.default_rng(1)
+    number = np.delete(np.arange(1500), slice(700, 800))
+    true_s = 3.0 + 0.020001 * number
+    late_s = np.where(rng.random(len(number)) < 0.05, rng.exponential(0.03, len(number)), 0.0)
+    steady = steady_times(number, true_s + rng.normal(0, 1e-3, len(number)) + late_s)
+    assert np.abs(steady - true_s).max() < 2.5e-4
+
+
+def test_a_film_that_was_cut_keeps_its_times() -> None:
+    number = np.arange(200)
+    time_s = 0.02 * number + np.where(number > 100, 5.0, 0.0)
+    assert (steady_times(number, time_s) == time_s).all()

@@ -16,6 +16,9 @@ Array = NDArray[np.float64]
 
 MOST_FIELDS = 15_000
 """Fields that are looked at, five minutes: more add little to the offset, and each takes 13 kB."""
+_LEAST_FIELDS, _FITS = 50, 4
+_MOST_SCATTER_S = 3e-3
+"""Median departure from equal steps that stamps may have, far below what a missing field makes."""
 _LEAST_SWING = 0.8
 """Share of the readings that lie near one of both states of a light's input."""
 
@@ -60,8 +63,9 @@ def find_light(fields: Iterable[NumberedField], first_ns: int, logged: LightSign
 
 def _levels(fields: Iterable[NumberedField], first_ns: int) -> tuple[Array, Levels, int]:
     """Times in s, tile levels and the lines from row to row of the first fields."""
-    times, levels, y_step = [], [], 1
+    numbers, times, levels, y_step = [], [], [], 1
     for field in fields:
+        numbers.append(field.n)
         times.append((field.time_ns - first_ns) / 1e9)
         levels.append(tile_levels(field.packed))
         y_step = field.packed.y_step
@@ -69,7 +73,24 @@ def _levels(fields: Iterable[NumberedField], first_ns: int) -> tuple[Array, Leve
             break
     if not times:
         raise AnalysisError("the capture has no fields", "choose a capture with fields")
-    return np.array(times), np.stack(levels), y_step
+    return steady_times(np.array(numbers), np.array(times)), np.stack(levels), y_step
+
+
+def steady_times(number: NDArray[np.int64], time_s: Array) -> Array:
+    """(F,) times of fields without the scatter of their stamps: a camera's fields come at equal steps.
+
+    They stay as they are where they do not, as in a film that was cut.
+    """
+    if len(number) < _LEAST_FIELDS:
+        return time_s
+    kept = np.ones(len(number), np.bool_)
+    for _ in range(_FITS):
+        slope, start = np.polyfit(number[kept], time_s[kept], 1)
+        departure = np.abs(time_s - start - slope * number)
+        # Stamps are late now and then, by tens of milliseconds; those of half of the fields are not.
+        kept = departure <= 4 * np.median(departure) + 1e-6
+    fitted: Array = start + slope * number
+    return fitted if np.median(departure) < _MOST_SCATTER_S else time_s
 
 
 def logged_light(time_s: Array, level: Array) -> LightSignal:
