@@ -5,6 +5,7 @@ of what it shows, in space and in the picture, and shares no formula with the pr
 world runs on an injectable clock; noise, jitter and rig follow from seeds; faults follow a script.
 
     FakeGrabber(**options)                      the driver; `FakeOptions` lists the options
+    FakeLogger(**options)                       a logger of the same vacuum; `FakeLoggerOptions` lists its options
     truth_at(options, time_ns) -> Truth         truth of the targets at a field's time
     truth_of_liner(options, time_ns)            truth of the liner: strain, contact pressure, load, vacuum
     python -m grabberd_fake calibration         its exact calibration, in the program's own format
@@ -17,6 +18,8 @@ world runs on an injectable clock; noise, jitter and rig follow from seeds; faul
 from grabberd_fake.faults import KINDS
 from grabberd_fake.grabber import Clock, FakeGrabber, JumpingClock, RealClock
 from grabberd_fake.liner_truth import LinerTruth, WallPlaces, truth_of_liner
+from grabberd_fake.logger import FakeLogger
+from grabberd_fake.logger_options import LOGGER_FAULTS, FakeLoggerOptions
 from grabberd_fake.options import SCENES, FakeOptions
 from grabberd_fake.stamp import Stamp, read_stamp
 from grabberd_fake.truth import truth_at
@@ -34,6 +37,8 @@ The liner's wall is in equilibrium at every moment but for a limit of its speed:
 creep of the rubber are left out, and it opens by the states that it closed by. Its teat is a bed of springs
 that neither moves nor changes, and no milk flows; its ends are held and do not turn. The rubber is the same
 everywhere; the vacuum has straight slopes and no ripple, and none of it depends on the wall.
+The logger's sensors have neither a time constant nor a temperature, and its tubes no length; mouthpiece chamber
+and milk line have a constant vacuum.
 The scene `ellipse` moves as prescribed: there is no teat, and the pressure of its truth is what equilibrium
 across the wall would demand of that movement, also suction, and friction that nothing gives.
 """
@@ -41,10 +46,13 @@ across the wall would demand of that movement, also suction, and friction that n
 
 __all__ = [
     "KINDS",
+    "LOGGER_FAULTS",
     "NOT_SIMULATED",
     "SCENES",
     "Clock",
     "FakeGrabber",
+    "FakeLogger",
+    "FakeLoggerOptions",
     "FakeOptions",
     "JumpingClock",
     "LinerTruth",

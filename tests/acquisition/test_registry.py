@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from grabberd.acquisition import registry
+from grabberd.acquisition import GRABBERS
 from grabberd.errors import DriverMissing
 
 DRIVER = """
@@ -37,44 +37,44 @@ def installed(tmp_path, monkeypatch):
 
 @pytest.mark.usefixtures("installed")
 def test_installed_drivers_are_listed_without_importing_them():
-    assert {"barn", "needy", "old"} <= set(registry.available())
+    assert {"barn", "needy", "old"} <= set(GRABBERS.available())
     assert "barn_driver" not in sys.modules
 
 
 @pytest.mark.usefixtures("installed")
 def test_a_driver_is_made_from_its_options():
-    grabber = registry.create("barn", {"path": "/dev/video7", "gain": 3})
+    grabber = GRABBERS.create("barn", {"path": "/dev/video7", "gain": 3})
     assert (grabber.path, grabber.gain) == ("/dev/video7", 3)
 
 
 @pytest.mark.usefixtures("installed")
 def test_an_unknown_name_is_answered_with_those_that_are_there():
     with pytest.raises(DriverMissing, match=r"no driver 'brn'; installed are: .*barn") as caught:
-        registry.create("brn", {})
+        GRABBERS.create("brn", {})
     assert "grabberd.drivers" in caught.value.hint
 
 
 @pytest.mark.usefixtures("installed")
 def test_a_driver_that_lacks_a_library_says_what_to_install():
     with pytest.raises(DriverMissing, match="'needy' cannot be imported") as caught:
-        registry.create("needy", {})
+        GRABBERS.create("needy", {})
     assert "a_library_nobody_has" in caught.value.hint
 
 
 @pytest.mark.usefixtures("installed")
 def test_an_entry_that_points_nowhere_is_a_missing_driver():
     with pytest.raises(DriverMissing, match="not where its package says"):
-        registry.create("old", {})
+        GRABBERS.create("old", {})
 
 
 @pytest.mark.usefixtures("installed")
 @pytest.mark.parametrize("options", [{"pth": "x"}, {}, {"path": "x", "colour": 1}])
 def test_unknown_and_missing_options_are_refused_with_those_that_exist(options):
     with pytest.raises(ValueError, match=r"driver 'barn': .*options are: path, gain"):
-        registry.create("barn", options)
+        GRABBERS.create("barn", options)
 
 
 @pytest.mark.usefixtures("installed")
 def test_what_the_driver_says_of_a_value_is_passed_on():
     with pytest.raises(ValueError, match="gain must not be negative"):
-        registry.create("barn", {"path": "x", "gain": -1})
+        GRABBERS.create("barn", {"path": "x", "gain": -1})

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.acquisition import Ledger, Outcome, Slot
-from grabberd.acquisition.registry import create
+from grabberd.acquisition.registry import GRABBERS
 from grabberd.config import shipped_configs
 from grabberd.field import Field, NumberedField, PackedField, double_lines, quantise
 from grabberd.processes.measure import measure_fields
@@ -41,7 +41,7 @@ def table() -> str:
 
 
 def _fields() -> list[NumberedField]:
-    grabber = create("fake", {"pace": "free"})
+    grabber = GRABBERS.create("fake", {"pace": "free"})
     grabber.open()
     fields: list[NumberedField] = []
     while len(fields) < FIELDS:

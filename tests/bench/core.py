@@ -6,7 +6,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from grabberd.acquisition.registry import create
+from grabberd.acquisition.registry import GRABBERS
 from grabberd.config import default_config_file, load_config
 from grabberd.field import Field, NumberedField, double_lines, quantise, unpack
 from grabberd.kernel import in_use
@@ -45,7 +45,7 @@ def measuring_setup() -> MeasureSetup:
 
 
 def _grabbed() -> list[tuple[int, Field]]:
-    grabber = create("fake", {"pace": "free"})
+    grabber = GRABBERS.create("fake", {"pace": "free"})
     grabber.open()
     fields = []
     for _ in range(FIELDS):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.acquisition import create
+from grabberd.acquisition import GRABBERS
 from grabberd.errors import InputError
 from grabberd.field import BIT_DEPTHS, Field, PackedField, double_lines, quantise
 from grabberd.measurement import METHODS, Blobs, LocationSettings, ThresholdRule, choose_threshold, measure
@@ -185,7 +185,7 @@ def _fields(scene: Scene) -> list[tuple[Field, Array]]:
     picture = {"noise": scene.noise, "jitter_px": scene.jitter_px, **spread}
     asked = {"scene": "calibration_frame", "target_diameter_mm": scene.diameter_mm, "picture": picture}
     options = FakeOptions.read(asked)
-    grabber = create("fake", {**asked, "pace": "free"})
+    grabber = GRABBERS.create("fake", {**asked, "pace": "free"})
     grabber.open()
     fields: list[tuple[Field, Array]] = []
     while len(fields) < FIELDS:

@@ -10,7 +10,7 @@ from pathlib import Path
 from statistics import median
 
 from grabberd.acquisition import Ledger, Outcome, Slot
-from grabberd.acquisition.registry import create
+from grabberd.acquisition.registry import GRABBERS
 from grabberd.config import default_config_file, load_config, shipped_configs
 from grabberd.field import Field, NumberedField, double_lines, quantise
 from grabberd.service.reprocess.reprocess_archive import (
@@ -157,7 +157,7 @@ def _children_mb(name: str) -> Iterator[float]:
 
 def _fields() -> list[Field]:
     """One pulsation cycle, which can be repeated."""
-    grabber = create("fake", {"pace": "free"})
+    grabber = GRABBERS.create("fake", {"pace": "free"})
     grabber.open()
     fields: list[Field] = []
     while len(fields) < PERIOD:

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from drivers.v4l2.computer import Computer
-from grabberd.acquisition import registry
+from grabberd.acquisition import GRABBERS
 from grabberd.acquisition.discovery import FoundDevice, Verdict
 from grabberd.cli.app import app
 from grabberd.cli.devices_listing import print_listing, yaml_of
@@ -137,7 +137,7 @@ def test_what_the_v4l2_driver_finds_is_yaml_that_it_takes(tmp_path):
     assert list(devices) == ["grabber-2", "grabber-3", "grabber-4"]
     for one, device in zip(found, devices.values(), strict=True):
         assert device.options == one.options
-        registry.create(device.driver, device.options)
+        GRABBERS.create(device.driver, device.options)
 
 
 def test_devices_get_names_that_are_free():

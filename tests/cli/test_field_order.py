@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from grabberd.acquisition import registry
+from grabberd.acquisition import GRABBERS
 from grabberd.cli.app import app
 from grabberd.errors import DeviceRefused, StreamFailed
 from grabberd.field import BOTTOM, TOP
@@ -49,7 +49,7 @@ class Grabber:
 @pytest.fixture(scope="module")
 def fields() -> list[np.ndarray]:
     """What the simulated camera sees of a liner that moves, top field first."""
-    grabber, seen = registry.create("fake", MOVING), []
+    grabber, seen = GRABBERS.create("fake", MOVING), []
     grabber.open()
     while len(seen) < FIELDS:
         with grabber.dequeue(1.0) as grabbed:

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner, Result
 
-from grabberd.acquisition import registry
+from grabberd.acquisition import GRABBERS
 from grabberd.cli.app import app
 from grabberd.config import default_config_file
 from grabberd_fake.documents import calibration_document, object_document
@@ -25,7 +25,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("reversed")
     frames = made / "frames"
     frames.mkdir()
-    grabber, fields = registry.create("fake", LINER), []
+    grabber, fields = GRABBERS.create("fake", LINER), []
     grabber.open()
     while len(fields) < FIELDS:
         with grabber.dequeue(1.0) as grabbed:

@@ -1,7 +1,7 @@
 """From a grabber's buffers to numbered fields in the ring.
 
-`device` is the contract that every driver implements, `registry` finds drivers by name, `discovery` lists the
-devices they can see. `numbering` works out which of the camera's fields a grabbed one is and what was lost
+`device` is the contract that every driver of a grabber implements, `channels` that of the data loggers beside
+it; `registry` finds drivers by name, `discovery` lists the devices they can see. `numbering` works out which of the camera's fields a grabbed one is and what was lost
 before it, although timestamps jitter and drivers' counters cannot be trusted; `checks` look for damage and a
 missing signal in the picture itself. The `ring` holds the newest packed fields for several readers, none of
 which can hold up the capture; the `ledger` accounts for every field that should have come, `causes` says
@@ -17,11 +17,13 @@ from grabberd.acquisition.discovery import FoundDevice, Verdict, discover
 from grabberd.acquisition.ledger import UNCERTAIN, Ledger, LedgerEntry, Outcome
 from grabberd.acquisition.numbering import FieldNumbering, Numbered
 from grabberd.acquisition.rebases import LedgerEvent, Rebase, numbers_off, too_high_by
-from grabberd.acquisition.registry import available, create
+from grabberd.acquisition.registry import GRABBERS, LOGGERS
 from grabberd.acquisition.ring import Policy, Ring, RingReader, Slot
 from grabberd.acquisition.standstill import Standstill
 
 __all__ = [
+    "GRABBERS",
+    "LOGGERS",
     "UNCERTAIN",
     "Clock",
     "Content",
@@ -47,9 +49,7 @@ __all__ = [
     "StreamInfo",
     "SystemClock",
     "Verdict",
-    "available",
     "cause_of_loss",
-    "create",
     "discover",
     "numbers_off",
     "too_high_by",

@@ -1,7 +1,8 @@
-"""Discovery of the grabbers in this computer, configured or not.
+"""Discovery of the grabbers and loggers in this computer, configured or not.
 
-A driver that can search offers a function without arguments in the entry point group `grabberd.discovery`. It
-opens devices to query them, never to stream, and lists a device even if another program is using it.
+A driver that can search offers a function without arguments in the entry point group `grabberd.discovery`, for
+loggers `grabberd.logger_discovery`. It opens devices to query them, never to stream, and lists a device even
+if another program is using it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,11 +13,11 @@ from typing import Any
 
 from grabberd.errors import DriverMissing
 
-GROUP = "grabberd.discovery"
+GRABBER_SEARCH, LOGGER_SEARCH = "grabberd.discovery", "grabberd.logger_discovery"
 
 
 class Verdict(StrEnum):
-    """Suitability of a grabber."""
+    """Suitability of a device."""
 
     RECOMMENDED = "recommended"
     USABLE = "usable"
@@ -26,7 +27,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class FoundDevice:
-    """A grabber found in this computer.
+    """A grabber or logger found in this computer.
 
     Attributes:
         driver: Name of the driver in the configuration, e.g. "v4l2".
@@ -55,13 +56,16 @@ class FoundDevice:
 Discovery = Callable[[], Sequence[FoundDevice]]
 
 
-def discover() -> tuple[FoundDevice, ...]:
+def discover(group: str = GRABBER_SEARCH) -> tuple[FoundDevice, ...]:
     """List the devices that all installed drivers find, ordered by driver name.
+
+    Args:
+        group: Entry point group of the searches: `GRABBER_SEARCH` or `LOGGER_SEARCH`.
 
     Raises:
         DriverMissing: A driver cannot be imported.
     """
-    entries = sorted(entry_points(group=GROUP), key=lambda entry: entry.name)
+    entries = sorted(entry_points(group=group), key=lambda entry: entry.name)
     return tuple(found for entry in entries for found in _load(entry)())
 
 

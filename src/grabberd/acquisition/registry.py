@@ -1,48 +1,65 @@
-"""Registry of drivers: packages with an entry point in the group `grabberd.drivers`, by name."""
+"""Registries of drivers: packages with an entry point in a group of their own, by name.
+
+Grabbers are found in the group `grabberd.drivers`, loggers in `grabberd.loggers`.
+"""
 
 import inspect
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any, cast
+from typing import Any, Generic, TypeVar, cast
 
+from grabberd.acquisition.channels.logger import Logger
 from grabberd.acquisition.device import Grabber
 from grabberd.errors import DriverMissing
 
-GROUP = "grabberd.drivers"
+Driven = TypeVar("Driven")
 
 
-def available() -> tuple[str, ...]:
-    """List the names of the installed drivers, sorted, without importing any."""
-    return tuple(sorted({entry.name for entry in entry_points(group=GROUP)}))
+@dataclass(frozen=True, slots=True)
+class Registry(Generic[Driven]):
+    """The installed drivers of one kind of device.
 
-
-def create(driver: str, options: Mapping[str, Any]) -> Grabber:
-    """Create a grabber, not yet opened.
-
-    Raises:
-        DriverMissing: No driver of that name is installed, or a package it needs is missing.
-        ValueError: An option is unknown, missing or unusable; the message says which.
+    Attributes:
+        group: Group of their entry points.
     """
-    factory = _load(_find(driver))
-    _check_names(driver, factory, options)
-    return factory(**options)
+
+    group: str
+
+    def available(self) -> tuple[str, ...]:
+        """List the names of the installed drivers, sorted, without importing any."""
+        return tuple(sorted({entry.name for entry in entry_points(group=self.group)}))
+
+    def create(self, driver: str, options: Mapping[str, Any]) -> Driven:
+        """Create a device, not yet opened.
+
+        Raises:
+            DriverMissing: No driver of that name is installed, or a package it needs is missing.
+            ValueError: An option is unknown, missing or unusable; the message says which.
+        """
+        factory = cast("Callable[..., Driven]", _load(self._find(driver)))
+        _check_names(driver, factory, options)
+        return factory(**options)
+
+    def _find(self, driver: str) -> EntryPoint:
+        found = [entry for entry in entry_points(group=self.group) if entry.name == driver]
+        if not found:
+            names = ", ".join(self.available()) or "none at all"
+            raise DriverMissing(
+                f"there is no driver '{driver}'; installed are: {names}",
+                f"correct the name, or install the package that offers '{driver}' in the entry point group "
+                f"'{self.group}' into the same Python environment",
+            )
+        return found[0]
 
 
-def _find(driver: str) -> EntryPoint:
-    found = [entry for entry in entry_points(group=GROUP) if entry.name == driver]
-    if not found:
-        names = ", ".join(available()) or "none at all"
-        raise DriverMissing(
-            f"there is no driver '{driver}'; installed are: {names}",
-            f"correct the name, or install the package that offers '{driver}' in the entry point group "
-            f"'{GROUP}' into the same Python environment",
-        )
-    return found[0]
+GRABBERS = Registry[Grabber]("grabberd.drivers")
+LOGGERS = Registry[Logger]("grabberd.loggers")
 
 
-def _load(entry: EntryPoint) -> Callable[..., Grabber]:
+def _load(entry: EntryPoint) -> Any:
     try:
-        return cast("Callable[..., Grabber]", entry.load())
+        return entry.load()
     except ImportError as error:
         missing = error.name or str(error)
         raise DriverMissing(
@@ -56,7 +73,7 @@ def _load(entry: EntryPoint) -> Callable[..., Grabber]:
         ) from error
 
 
-def _check_names(driver: str, factory: Callable[..., Grabber], options: Mapping[str, Any]) -> None:
+def _check_names(driver: str, factory: Callable[..., Any], options: Mapping[str, Any]) -> None:
     signature = inspect.signature(factory)
     try:
         signature.bind(**options)

@@ -26,6 +26,7 @@ COMMANDS: Mapping[str, str] = {
     "render": "render",
     "reprocess": "reprocess",
     "devices": "devices",
+    "logger": "logger",
     "diagnostics": "diagnostics",
     "backup": "backup",
     "restore": "backup",

@@ -1,11 +1,16 @@
 """`grabberd check-config`: validates a configuration file."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from grabberd.cli.options import JsonOption, print_result
+from grabberd.errors import ConfigError, Problem
+
+if TYPE_CHECKING:
+    from grabberd.config import Config
 
 
 def check_config(
@@ -16,15 +21,34 @@ def check_config(
     Example: grabberd check-config /etc/grabberd/grabberd.yaml
     """
     from grabberd.config import load_config  # noqa: PLC0415
+    from grabberd.service.logger_setup import set_up_loggers  # noqa: PLC0415
     from grabberd.service.mqtt.publisher_setup import check_mqtt  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
 
     config = load_config(file)
-    devices = set_up(config, file)
-    check_mqtt(config, file)
+    checks: list[Callable[[Config, Path], object]] = [set_up, set_up_loggers, check_mqtt, _check_tls]
+    problems = [problem for check in checks for problem in _problems(check, config, file)]
+    if problems:
+        raise ConfigError(problems)
+    devices, loggers = sorted(config.devices), sorted(config.loggers)
+    words = f"{file}: valid; devices: {', '.join(devices)}"
+    words += f"; loggers: {', '.join(loggers)}" if loggers else ""
+    print_result({"file": str(file), "devices": devices, "loggers": loggers}, words, as_json=json)
+
+
+def _problems(
+    check: "Callable[[Config, Path], object]", config: "Config", file: Path
+) -> "tuple[Problem, ...]":
+    """What a check finds, so that those after it run all the same."""
+    try:
+        check(config, file)
+    except ConfigError as error:
+        return error.problems
+    return ()
+
+
+def _check_tls(config: "Config", file: Path) -> None:
     if config.http.tls is not None:
         from grabberd.api.serving import tls_context  # noqa: PLC0415
 
         tls_context(config.http.tls, file)
-    document = {"file": str(file), "devices": sorted(devices)}
-    print_result(document, f"{file}: valid; devices: {', '.join(sorted(devices))}", as_json=json)

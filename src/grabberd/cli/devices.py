@@ -1,4 +1,4 @@
-"""`grabberd devices`: lists grabbers, their suitability, and the configuration for them."""
+"""`grabberd devices`: lists grabbers, their suitability, the configuration for them, and loggers."""
 
 from typing import Annotated
 
@@ -23,7 +23,7 @@ def devices(
     ] = False,
     json: JsonOption = False,
 ) -> None:
-    """List the grabbers of this computer and the configured devices, or check a device's field order.
+    """List the grabbers and data loggers of this computer and the configured ones, or check a device's field order.
 
     Example: grabberd devices
 

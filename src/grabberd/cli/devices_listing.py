@@ -6,22 +6,16 @@ from itertools import count
 
 import typer
 import yaml
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from grabberd.acquisition import available, discover
+from grabberd.acquisition import GRABBERS, discover
 from grabberd.acquisition.discovery import FoundDevice, Verdict
+from grabberd.cli.devices_text import one_line, print_device, print_plain
+from grabberd.cli.loggers_listing import loggers_document, print_loggers
 from grabberd.cli.options import print_json
 from grabberd.cli.terminal import console
 from grabberd.config import Config
-
-STYLES = {
-    Verdict.RECOMMENDED: "bold green",
-    Verdict.USABLE: "green",
-    Verdict.DOUBTFUL: "yellow",
-    Verdict.UNUSABLE: "bold red",
-}
 
 NOTHING_FOUND = (
     "No frame grabber was found. If one is plugged in ('lsusb', 'lspci'), the kernel has no driver for it: "
@@ -31,17 +25,20 @@ NOTHING_FOUND = (
 
 
 def list_devices(settings: Config, json: bool) -> None:
-    """Print the installed drivers, the configured devices, and the grabbers found."""
-    drivers, found = available(), discover()
+    """Print the installed drivers, the configured devices, and the grabbers and loggers found."""
+    drivers, found = GRABBERS.available(), discover()
     if not json:
-        print_listing(drivers, settings, found)
+        print_loggers(settings)
+        print_listing(drivers, settings, found)  # ends with what is to be pasted
         return
     configured = {
         name: {"driver": device.driver, "options": device.options}
         for name, device in settings.devices.items()
     }
     named = [asdict(one) | {"configured_as": configured_as(settings, one)} for one in found]
-    print_json({"drivers": drivers, "devices": configured, "found": named})
+    print_json(
+        {"drivers": drivers, "devices": configured, "found": named} | loggers_document(settings)
+    )
 
 
 def configured_as(settings: Config, found: FoundDevice) -> list[str]:
@@ -54,15 +51,15 @@ def configured_as(settings: Config, found: FoundDevice) -> list[str]:
 def print_listing(drivers: Sequence[str], settings: Config, found: Sequence[FoundDevice]) -> None:
     """Print the grabbers found, the configured devices, and a configuration for the grabbers without one."""
     for device in found:
-        _print_device(device, configured_as(settings, device))
+        print_device(device, configured_as(settings, device))
     if not found:
-        _print_plain(NOTHING_FOUND)
+        print_plain(NOTHING_FOUND)
     _print_configured(settings, found)
-    _print_plain(f"Installed drivers: {', '.join(drivers)}.")
+    print_plain(f"Installed drivers: {', '.join(drivers)}.")
     new = [one for one in found if one.verdict is not Verdict.UNUSABLE and not configured_as(settings, one)]
     if new:
         what = "it, add this" if len(new) == 1 else "them, add all or part of this"
-        _print_plain(f"\nTo use {what} to the configuration:")
+        print_plain(f"\nTo use {what} to the configuration:")
         typer.echo("\n" + yaml_of(new, settings.devices), nl=False)
 
 
@@ -73,40 +70,13 @@ def yaml_of(found: Sequence[FoundDevice], taken: Container[str] = ()) -> str:
         # width: yaml would fold a long value, and a folded one is easily spoilt when it is pasted.
         document = {name: {"driver": device.driver, "options": dict(device.options)}}
         text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=1000)
-        lines += [f"  # {_one_line(device.card)}", *(f"  {line}" for line in text.splitlines())]
+        lines += [f"  # {one_line(device.card)}", *(f"  {line}" for line in text.splitlines())]
     return "\n".join(lines) + "\n"
 
 
 def _free_names(taken: Container[str]) -> Iterator[str]:
     names = ("grabber" if number == 1 else f"grabber-{number}" for number in count(1))
     return (name for name in names if name not in taken)
-
-
-def _print_device(device: FoundDevice, names: Sequence[str]) -> None:
-    title = Text(_one_line(device.card), style="bold")
-    title.append(f"  {device.verdict}", style=STYLES[device.verdict])
-    if names:
-        title.append(f"  configured as {', '.join(names)}", style="not bold")
-    console.print(title)
-    console.print(Padding(_facts(device), (0, 0, 0, 2)))
-    for remark in device.remarks:
-        console.print(_bullet(remark))
-    console.print()
-
-
-def _facts(device: FoundDevice) -> Table:
-    grid = Table.grid(padding=(0, 2))
-    grid.add_column(style="dim", no_wrap=True)
-    grid.add_column(overflow="fold")
-    for name, words in device.facts.items():
-        grid.add_row(name, Text(_one_line(words)))
-    return grid
-
-
-def _bullet(remark: str) -> Padding:
-    grid = Table.grid(padding=(0, 1))
-    grid.add_row("•", Text(_one_line(remark)))
-    return Padding(grid, (0, 0, 0, 2))
 
 
 def _print_configured(settings: Config, found: Sequence[FoundDevice]) -> None:
@@ -117,16 +87,6 @@ def _print_configured(settings: Config, found: Sequence[FoundDevice]) -> None:
         calibration = device.calibration.name if device.calibration else "none"
         there = [one.card for one in found if one.is_meant_by(device.driver, device.options)]
         known = any(one.driver == device.driver for one in found)
-        words = ", ".join(map(_one_line, there)) or ("not found" if known else "–")
+        words = ", ".join(map(one_line, there)) or ("not found" if known else "–")
         table.add_row(name, device.driver, Text(words), calibration)
     console.print(table)
-
-
-def _print_plain(text: str) -> None:
-    # Text from devices may contain anything: without markup, brackets stay brackets.
-    console.print(text, highlight=False, markup=False)
-
-
-def _one_line(text: str) -> str:
-    """Reduce a name reported by a device, which may contain anything, to one printable line."""
-    return " ".join("".join(char if char.isprintable() else " " for char in text).split())

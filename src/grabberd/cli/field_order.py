@@ -50,10 +50,10 @@ def _document(finding: "FieldOrderFinding") -> dict[str, Any]:
 
 
 def _watch(name: str, device: DeviceConfig) -> "tuple[StreamInfo, FieldOrderFinding]":
-    from grabberd.acquisition import FieldOrder, create  # noqa: PLC0415
+    from grabberd.acquisition import GRABBERS, FieldOrder  # noqa: PLC0415
     from grabberd.processes.field_order import check as judged  # noqa: PLC0415
 
-    with closing(create(device.driver, device.options)) as grabber:
+    with closing(GRABBERS.create(device.driver, device.options)) as grabber:
         info = _opened(grabber)
         if info.field_order is FieldOrder.ONE_PARITY:
             raise DeviceRefused(

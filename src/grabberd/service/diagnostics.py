@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grabberd import __version__
-from grabberd.acquisition import available, discover
+from grabberd.acquisition import GRABBERS, discover
 from grabberd.acquisition.clock import SystemClock, iso_utc
 from grabberd.documents.named_types import JsonObject
 from grabberd.service.journal import last_lines
@@ -126,7 +126,7 @@ def versions() -> JsonObject:
 
 
 def _grabbers() -> JsonObject:
-    return {"drivers": available(), "found": [asdict(found) for found in discover()]}
+    return {"drivers": GRABBERS.available(), "found": [asdict(found) for found in discover()]}
 
 
 def _captures(service: "Service") -> list[JsonObject]:

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import yaml
 
-from grabberd.acquisition import registry
+from grabberd.acquisition import GRABBERS
 from grabberd.acquisition.device import Grabber
 from grabberd.bounded_documents import parse_yaml, read_text
 from grabberd.config import Config, DeviceConfig, RigConfig
@@ -87,7 +87,7 @@ def _device(name: str, config: DeviceConfig, file: Path, problems: list[Problem]
         problems.extend(Problem(str(file), f"devices.{name}.{key}", message) for message in messages)
         return None
 
-    grabber = attempt("options", lambda: registry.create(config.driver, config.options))
+    grabber = attempt("options", lambda: GRABBERS.create(config.driver, config.options))
     documents = attempt("calibration", lambda: read_documents(config.calibration, config.object))
     located = attempt("location", lambda: location_settings(settings_of(config)))
     measuring = attempt("calibration", lambda: _measuring(config, documents or {})) if located else None

@@ -6,7 +6,7 @@ import os
 import pytest
 
 from drivers.v4l2.computer import Computer
-from grabberd.acquisition import registry
+from grabberd.acquisition import GRABBERS
 from grabberd.acquisition.discovery import Verdict
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.answers import Answers
@@ -106,7 +106,7 @@ def test_every_way_to_name_it_is_one_that_the_driver_takes_and_finds(computer):
     computer.plug_card(2)
     for device in found(computer):
         for options in (device.options, *device.other_options):
-            grabber = registry.create("v4l2", options)
+            grabber = GRABBERS.create("v4l2", options)
             assert str(grabber.options.identity)
             assert device.is_meant_by("v4l2", options)
 

@@ -6,7 +6,7 @@ import errno
 import pytest
 
 from drivers.v4l2.bench import Bench, card_with, dongle
-from grabberd.acquisition import Signal, registry
+from grabberd.acquisition import GRABBERS, Signal
 from grabberd.errors import DeviceAbsent, DeviceError, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_v4l2 import V4l2Grabber
 from grabberd_v4l2.abi import Arrangement
@@ -31,7 +31,7 @@ def refused_at(folder, number, answer):
 
 
 def test_it_is_found_by_name():
-    assert isinstance(registry.create("v4l2", {"device": "/dev/video0"}), V4l2Grabber)
+    assert isinstance(GRABBERS.create("v4l2", {"device": "/dev/video0"}), V4l2Grabber)
 
 
 def test_nothing_is_opened_before_it_is_asked(bench):

@@ -6,9 +6,10 @@ clear message for options it cannot use; nothing is opened before `open()`. Only
 time, and nothing that takes fields ever waits for it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,10 +47,11 @@ class LoggerInfo:
         driver: Name of the driver.
         model: The logger's own name.
         channels: Names of its columns, in the order of `Readings.values`.
+        units: The unit that the logger itself states for each column, or None where it states none.
         rate_hz: Readings per second, or None where only the logger knows.
         dating: See `Dating`.
-        time_sigma_ns: Standard deviation of a reading's time about the moment it was taken, without what is
-            the same for all readings.
+        time_sigma_ns: Standard deviation to expect of a reading's time about the moment it was taken, without
+            what is the same for all readings; `Readings.time_sigma_ns` says what it has become.
         details: Further information for people.
         remarks: Warnings for people, in sentences.
     """
@@ -57,6 +59,7 @@ class LoggerInfo:
     driver: str
     model: str
     channels: tuple[str, ...]
+    units: tuple[str | None, ...]
     rate_hz: float | None
     dating: Dating
     time_sigma_ns: int
@@ -87,11 +90,19 @@ class Readings(NamedTuple):
         time_ns: (K,) int64, when each was taken, CLOCK_MONOTONIC, ascending, also from one call to the next.
         values: (K, C) in the logger's own unit, before any calibration; NaN where a channel has none.
         anomalies: What else has come meanwhile.
+        time_sigma_ns: Standard deviation of these times, without what is the same for all readings: it
+            shrinks while a logger's clock becomes known, and grows when that has jumped.
     """
 
     time_ns: NDArray[np.int64]
     values: NDArray[np.float64]
     anomalies: tuple[Anomaly, ...] = ()
+    time_sigma_ns: int = 0
+
+    @classmethod
+    def none(cls, channels: int, anomalies: Sequence[Anomaly] = ()) -> Self:
+        """No readings of so many channels, but perhaps anomalies."""
+        return cls(np.empty(0, np.int64), np.empty((0, channels)), tuple(anomalies))
 
 
 class Logger(Protocol):

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.pulsation.phases import ISO_THRESHOLD_KPA
-from grabberd.analysis.vacuum.vacuum_log import LEAST_KPA, MOST_KPA, VacuumLog
+from grabberd.analysis.vacuum.vacuum_log import VacuumLog
 from grabberd.errors import InputError
+from grabberd.vacuum_units import LEAST_KPA, MOST_KPA
 
 Array = NDArray[np.float64]
 

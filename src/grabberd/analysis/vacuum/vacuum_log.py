@@ -2,13 +2,13 @@
 
 import csv
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import InputError
+from grabberd.vacuum_units import LEAST_KPA, MOST_KPA, likely_unit
 
 Array = NDArray[np.float64]
 
@@ -16,8 +16,6 @@ TIMES = {"time_s": 1.0, "time_ms": 1e-3}
 PULSATION, LINER, LIGHT = "pulsation_vacuum_kpa", "liner_vacuum_kpa", "light"
 MOST_READINGS = 1_000_000
 """Readings of a log: a thousand a second for a quarter of an hour."""
-LEAST_KPA, MOST_KPA = 15.0, 80.0
-"""Limits of the maximum vacuum of a milking machine."""
 
 _GAP_STEPS = 3.0
 """Steps between two readings from which on readings are missing; a logger's clock may jitter by less."""
@@ -26,14 +24,6 @@ _COLUMNS = (
     f"the first line names the columns: {' or '.join(TIMES)}, {PULSATION} and, where they are known, {LINER}"
     f" and {LIGHT};"
     " every further line is one reading"
-)
-_UNITS: tuple[tuple[Callable[[float], bool], str], ...] = (
-    (lambda top: 400.0 <= top <= 1100.0, "mbar (hPa): divide by 10"),
-    (lambda top: 9000.0 <= top <= 110000.0, "Pa: divide by 1000"),
-    (lambda top: 80.0 < top <= 110.0, "absolute pressure in kPa: vacuum is atmosphere less pressure"),
-    (lambda top: 150.0 < top < 400.0, "mmHg (Torr): multiply by 0.13332, or mbar: divide by 10"),
-    (lambda top: 8.0 <= top < LEAST_KPA, "inHg: multiply by 3.3864"),
-    (lambda top: 0.15 <= top < 0.8, "bar: multiply by 100"),
 )
 
 
@@ -158,10 +148,7 @@ def _check_unit(name: str, kpa: Array) -> None:
             "turn its sign: vacuum counts downward from atmosphere",
         )
     if not LEAST_KPA <= top <= MOST_KPA:
-        likely = next(
-            (unit for fits, unit in _UNITS if fits(top)), "no unit that a milking machine's vacuum has"
-        )
         raise InputError(
             f"{name} of the vacuum log reaches {top:g}, a milking machine's vacuum 30 to 60 kPa",
-            f"these numbers look like {likely}" if ":" in likely else f"they are in {likely}",
+            likely_unit(top),
         )

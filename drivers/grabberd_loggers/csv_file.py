@@ -1,0 +1,144 @@
+"""A CSV file that another program appends to: lines are read as they are written."""
+
+import errno
+import os
+import time
+from io import BufferedReader
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
+from grabberd_loggers.line_logger import Clock, LineLogger, Opened, RealClock, Received
+from grabberd_loggers.options import LineOptions, read_options
+
+_BYTES = 65_536
+_BACK = 65_536
+"""Bytes before the end of the file in which its last line begins."""
+_GONE_NS = 2_000_000_000
+"""Time for which a file may be missing: a program that starts a new one renames the old one first."""
+ROTATED, TRUNCATED = "a new file took the place of the old one", "the file was truncated"
+
+
+class CsvOptions(LineOptions):
+    """All options.
+
+    Attributes:
+        path: the file.
+        poll_s: time between two looks at it.
+    """
+
+    path: Path
+    poll_s: float = Field(0.02, ge=0.001, le=10, allow_inf_nan=False)
+
+
+class CsvLogger(LineLogger):
+    """A file that grows; `CsvOptions` lists its options."""
+
+    def __init__(self, *, clock: Clock | None = None, **options: Any) -> None:
+        """Checks the options; nothing is opened.
+
+        Args:
+            clock: clock that arrivals are dated by; by default the machine's.
+            options: see `CsvOptions`.
+
+        Raises:
+            ValueError: an option is unknown or not allowed; the message has a line for each.
+        """
+        read = read_options(CsvOptions, options)
+        super().__init__(_GrowingFile(read, clock or RealClock()), read, clock)
+
+
+class _GrowingFile:
+    """The end of a file, wherever it is now."""
+
+    driver = "csv"
+    begins_anywhere = False
+
+    def __init__(self, options: CsvOptions, clock: Clock) -> None:
+        self._options, self._clock = options, clock
+        self._file: BufferedReader | None = None
+        self._header = b""
+        self._missing_since_ns: int | None = None
+
+    def open(self) -> Opened:
+        path = self._options.path
+        try:
+            self._file = path.open("rb")
+            first = self._file.readline(_BYTES)
+            self._header = b"" if self._options.columns else first
+            size = os.fstat(self._file.fileno()).st_size
+            self._file.seek(max(size - _BACK, 0))
+            # What the file holds is the past; a line that has begun will be complete later.
+            self._file.seek(max(self._file.tell() + self._file.read().rfind(b"\n") + 1, len(first)))
+        except OSError as error:
+            self.close()
+            raise _not_opened(path, error) from error
+        self._missing_since_ns = None
+        return Opened(path.name, {"path": str(path)})
+
+    def receive(self, timeout_s: float) -> Received:
+        if self._file is None:
+            raise DeviceLost("the file is not open", "open it first")
+        if self._header:
+            header, self._header = self._header, b""
+            return Received(header)
+        deadline_ns = self._clock.now_ns() + round(timeout_s * 1e9)
+        while True:
+            received = self._look(self._file)
+            left_s = (deadline_ns - self._clock.now_ns()) / 1e9
+            if received.data or received.anomalies or left_s <= 0:
+                return received
+            time.sleep(min(self._options.poll_s, left_s))
+
+    def close(self) -> None:
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+        self._header = b""
+
+    def _look(self, file: BufferedReader) -> Received:
+        try:
+            data = file.read(_BYTES)
+            if data:
+                return Received(data)
+            if os.fstat(file.fileno()).st_size < file.tell():
+                file.seek(0)
+                return Received(file.read(_BYTES), ((TRUNCATED, str(self._options.path)),), starts_anew=True)
+            return self._look_for_another(file)
+        except OSError as error:
+            raise StreamFailed(
+                f"{self._options.path} cannot be read: {error.strerror}", "check the disk or the share it is on"
+            ) from error
+
+    def _look_for_another(self, file: BufferedReader) -> Received:
+        """What a new file of the same name holds, once the old one has been read."""
+        path = self._options.path
+        try:
+            now = path.stat()
+        except FileNotFoundError:
+            self._wait_for_it()
+            return Received()
+        self._missing_since_ns = None
+        old = os.fstat(file.fileno())
+        if (now.st_ino, now.st_dev) == (old.st_ino, old.st_dev):
+            return Received()
+        self._file = path.open("rb")
+        file.close()
+        return Received(self._file.read(_BYTES), ((ROTATED, str(path)),), starts_anew=True)
+
+    def _wait_for_it(self) -> None:
+        now_ns = self._clock.now_ns()
+        since_ns = self._missing_since_ns = self._missing_since_ns or now_ns
+        if now_ns - since_ns > _GONE_NS:
+            raise DeviceLost(f"{self._options.path} is gone", "grabberd goes on once it is there again")
+
+
+def _not_opened(path: Path, error: OSError) -> DeviceAbsent | DeviceRefused:
+    if error.errno in (errno.EACCES, errno.EPERM):
+        hint = "let grabberd's user read it and enter its folders"
+        return DeviceRefused(f"{path} may not be read: {error.strerror}", hint, Cause.NO_RIGHTS)
+    if error.errno in (errno.ENOENT, errno.ENOTDIR):
+        return DeviceAbsent(f"there is no file {path}", "start the program that writes it, or correct its path")
+    return DeviceRefused(f"{path} cannot be opened: {error.strerror}", "give the path of a file")

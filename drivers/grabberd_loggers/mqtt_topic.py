@@ -1,0 +1,235 @@
+"""Readings that somebody publishes to an MQTT topic: a number, a line of text, or JSON."""
+
+import json
+import ssl
+import time
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Self
+
+from pydantic import Field, model_validator
+
+from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
+from grabberd_loggers.line_buffer import LONGEST
+from grabberd_loggers.line_format import IGNORED, Column
+from grabberd_loggers.line_logger import Clock, LineLogger, Opened, Received
+from grabberd_loggers.options import LineOptions, read_options
+
+try:
+    from paho.mqtt import client as paho
+    from paho.mqtt.enums import CallbackAPIVersion
+except ImportError as error:
+    raise ImportError(str(error), name="grabberd[mqtt]") from error
+
+_ANSWER_S = 5.0
+_STEP_S = 0.1
+_WAITING = 10_000
+"""Messages that wait for the reader, the newest: a thread that stood still need not fill the memory."""
+RETAINED = "a retained message is an old reading"
+OVERLONG = "a message is too long to be a reading"
+DROPPED = "messages were dropped: they came faster than they were read"
+_CHECK = "check host, port and topic, and the broker's log; under systemd install the drop-in egress.conf"
+
+
+class MqttOptions(LineOptions):
+    """All options.
+
+    Attributes:
+        host: the broker; `port`: 1883, with TLS 8883.
+        topic: the topic, without wildcards.
+        columns: names of the numbers in a message; in a JSON object, its keys.
+        user, password_file: credentials; the file holds the password alone.
+        tls: true, or the path of a PEM file with the broker's certificate authority.
+        qos: 0, 1 or 2.
+    """
+
+    host: str = Field(min_length=1, max_length=253)
+    port: int | None = Field(None, ge=1, le=65535)
+    topic: str = Field(pattern=r"^[^+#\x00]+$", max_length=1000)
+    user: str | None = None
+    password_file: Path | None = None
+    tls: bool | Path = False
+    qos: int = Field(0, ge=0, le=2)
+
+    @model_validator(mode="after")
+    def _named(self) -> Self:
+        if self.columns is None:
+            raise ValueError("columns: missing; messages have no header")
+        return self
+
+    @model_validator(mode="after")
+    def _password_has_a_user(self) -> Self:
+        if self.password_file is not None and self.user is None:
+            raise ValueError("password_file requires user")
+        return self
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port of the broker."""
+        return self.host, self.port or (8883 if self.tls else 1883)
+
+
+class MqttLogger(LineLogger):
+    """An MQTT topic; `MqttOptions` lists its options."""
+
+    def __init__(self, *, clock: Clock | None = None, **options: Any) -> None:
+        """Checks the options; nothing is opened.
+
+        Args:
+            clock: clock that arrivals are dated by; by default the machine's.
+            options: see `MqttOptions`.
+
+        Raises:
+            ValueError: an option is unknown or not allowed; the message has a line for each.
+        """
+        read = read_options(MqttOptions, options)
+        super().__init__(_Topic(read), read, clock)
+
+
+def line_of(payload: bytes, columns: Sequence[Column]) -> str:
+    """The line of text that a message means.
+
+    A JSON object gives each column the value of its key; a list, its values in order; a number, itself. Any
+    other text is a line already.
+    """
+    text = payload.decode("utf-8", "replace").strip()
+    if text[:1] not in ("{", "["):
+        return " ".join(text.split("\n"))
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError):
+        return text
+    if isinstance(content, dict):
+        if not any(column.name in content for column in columns):
+            return text
+        content = [content.get(column.name) for column in columns]
+    return ";".join(IGNORED if one is None else str(one).replace(";", "?") for one in content)
+
+
+class _Topic:
+    """A subscription to one topic."""
+
+    driver = "mqtt"
+    begins_anywhere = False
+
+    def __init__(self, options: MqttOptions) -> None:
+        self._options = options
+        line_format = options.line_format
+        self._columns = () if line_format is None else line_format.columns
+        self._client: paho.Client | None = None
+        self._messages: deque[paho.MQTTMessage] = deque(maxlen=_WAITING)
+        self._dropped = 0
+        self._refusal: str | None = None
+        self._is_subscribed = False
+
+    def open(self) -> Opened:
+        host, port = self._options.address
+        self._messages.clear()
+        self._refusal, self._is_subscribed = None, False
+        client = self._client = self._made()
+        try:
+            client.connect(host, port, keepalive=30)
+        except (OSError, ValueError) as error:
+            self.close()
+            raise DeviceAbsent(f"the broker {host}:{port} cannot be reached: {error}", _CHECK) from error
+        try:
+            self._await_subscription(client)
+        except BaseException:
+            self.close()
+            raise
+        return Opened(self._options.topic, {"broker": f"{host}:{port}", "topic": self._options.topic})
+
+    def receive(self, timeout_s: float) -> Received:
+        if self._client is None:
+            raise DeviceLost("the topic is not subscribed to", "open it first")
+        deadline_s = time.monotonic() + timeout_s
+        while True:
+            left_s = max(deadline_s - time.monotonic(), 0.0)
+            if not self._messages:
+                self._loop(self._client, min(left_s, _STEP_S))
+            if self._messages or left_s <= 0:
+                return self._received()
+
+    def close(self) -> None:
+        client, self._client = self._client, None
+        if client is not None:
+            client.disconnect()
+
+    def _received(self) -> Received:
+        lines, anomalies = [], []
+        if self._dropped:
+            anomalies.append((DROPPED, f"{self._dropped} messages"))
+            self._dropped = 0
+        while self._messages:
+            message = self._messages.popleft()
+            if message.retain:
+                anomalies.append((RETAINED, self._options.topic))
+            elif len(message.payload) > LONGEST:
+                anomalies.append((OVERLONG, f"{len(message.payload)} bytes"))
+            else:
+                lines.append(line_of(message.payload, self._columns) + "\n")
+        return Received("".join(lines).encode(), tuple(anomalies))
+
+    def _made(self) -> paho.Client:
+        options = self._options
+        client = paho.Client(CallbackAPIVersion.VERSION2)
+        client.connect_timeout = _ANSWER_S
+        if options.user is not None:
+            client.username_pw_set(options.user, self._password())
+        if options.tls:
+            client.tls_set_context(self._tls())
+        client.on_connect, client.on_subscribe = self._connected, self._subscribed
+        client.on_message = self._arrived
+        return client
+
+    def _password(self) -> str | None:
+        file = self._options.password_file
+        try:
+            return None if file is None else file.read_text(encoding="utf-8").rstrip("\r\n")
+        except (OSError, UnicodeDecodeError) as error:
+            raise DeviceRefused(f"{file} cannot be read: {error}", "let the daemon's user read it") from error
+
+    def _tls(self) -> ssl.SSLContext:
+        authority = self._options.tls
+        try:
+            return ssl.create_default_context(cafile=authority if isinstance(authority, Path) else None)
+        except OSError as error:
+            hint = "give a PEM file with the broker's certificate authority"
+            raise DeviceRefused(f"{authority} cannot be used: {error}", hint) from error
+
+    def _connected(self, client: paho.Client, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
+        if reason.is_failure:
+            self._refusal = f"the broker refuses the connection: {reason}"
+        else:
+            client.subscribe(self._options.topic, self._options.qos)
+
+    def _subscribed(self, _client: Any, _data: Any, _mid: Any, reasons: Any, _properties: Any) -> None:
+        refused = [reason for reason in reasons if reason.is_failure]
+        self._is_subscribed = not refused
+        if refused:
+            self._refusal = f"the broker refuses {self._options.topic}: {refused[0]}"
+
+    def _arrived(self, _client: Any, _data: Any, message: paho.MQTTMessage) -> None:
+        self._dropped += len(self._messages) == _WAITING
+        self._messages.append(message)
+
+    def _await_subscription(self, client: paho.Client) -> None:
+        deadline_s = time.monotonic() + _ANSWER_S
+        while not self._is_subscribed:
+            if self._refusal is not None:
+                hint = "check user, password and the broker's access list"
+                raise DeviceRefused(self._refusal, hint, Cause.NO_RIGHTS)
+            if time.monotonic() > deadline_s:
+                raise StreamFailed(f"the broker did not answer within {_ANSWER_S:g} s", _CHECK)
+            result = client.loop(_STEP_S)
+            if result != paho.MQTT_ERR_SUCCESS and self._refusal is None:
+                raise StreamFailed(f"the broker ended the connection: {paho.error_string(result)}", _CHECK)
+
+    def _loop(self, client: paho.Client, timeout_s: float) -> None:
+        result = client.loop(max(timeout_s, 0.001))
+        if result != paho.MQTT_ERR_SUCCESS:
+            raise DeviceLost(
+                f"the connection to the broker is lost: {paho.error_string(result)}",
+                "grabberd connects again by itself; check network and broker if it does not",
+            )

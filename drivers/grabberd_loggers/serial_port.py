@@ -1,0 +1,149 @@
+"""Serial lines of text: a microcontroller, a bench logger or an adapter on a serial port or USB."""
+
+import errno
+import fcntl
+import os
+import select
+import termios
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import field_validator
+
+from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
+from grabberd_loggers.line_logger import Clock, LineLogger, Opened, Received
+from grabberd_loggers.options import LineOptions, read_options
+
+_BYTES = 65_536
+_PARITY = {"none": 0, "even": termios.PARENB, "odd": termios.PARENB | termios.PARODD}
+_GONE = frozenset([errno.EIO, errno.ENXIO, errno.ENODEV, errno.EBADF])
+_PLUG = "plug the logger in; 'grabberd devices' lists the serial ports"
+
+
+class SerialOptions(LineOptions):
+    """All options.
+
+    Attributes:
+        port: the port, preferably a link in /dev/serial/by-id, which stays the same.
+        baud: its speed.
+        parity: parity bit of its characters.
+        start: text that is sent once it is open, for loggers that wait to be asked.
+    """
+
+    port: Path
+    baud: int = 115_200
+    parity: Literal["none", "even", "odd"] = "none"
+    start: str = ""
+
+    @field_validator("baud")
+    @classmethod
+    def _known_speed(cls, baud: int) -> int:
+        if not hasattr(termios, f"B{baud}") or baud == 0:
+            known = sorted(int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit())
+            raise ValueError(f"the speeds of serial ports are {', '.join(map(str, known[1:]))}")
+        return baud
+
+
+class SerialLogger(LineLogger):
+    """A logger on a serial port; `SerialOptions` lists its options."""
+
+    def __init__(self, *, clock: Clock | None = None, **options: Any) -> None:
+        """Checks the options; nothing is opened.
+
+        Args:
+            clock: clock that arrivals are dated by; by default the machine's.
+            options: see `SerialOptions`.
+
+        Raises:
+            ValueError: an option is unknown or not allowed; the message has a line for each.
+        """
+        read = read_options(SerialOptions, options)
+        super().__init__(_Port(read), read, clock)
+
+
+class _Port:
+    """A serial port in raw mode."""
+
+    driver = "serial"
+    begins_anywhere = True
+
+    def __init__(self, options: SerialOptions) -> None:
+        self._options = options
+        self._file: int | None = None
+
+    def open(self) -> Opened:
+        port = self._options.port
+        try:
+            self._file = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        except OSError as error:
+            raise _not_opened(port, error) from error
+        try:
+            self._set_up(self._file)
+        except termios.error as error:
+            self.close()
+            raise DeviceRefused(f"{port} is no serial port: {error.args[-1]}", _PLUG) from error
+        except OSError as error:
+            self.close()
+            raise _not_opened(port, error) from error
+        details = {"port": str(port), "device": str(port.resolve()), "baud": str(self._options.baud)}
+        return Opened(port.name, details)
+
+    def receive(self, timeout_s: float) -> Received:
+        file = self._file
+        if file is None:
+            raise DeviceLost("the serial port is not open", "open it first")
+        poll = select.poll()
+        poll.register(file, select.POLLIN)
+        if not poll.poll(timeout_s * 1000):
+            return Received()
+        try:
+            data = os.read(file, _BYTES)
+        except BlockingIOError:
+            return Received()
+        except OSError as error:
+            if error.errno in _GONE:
+                raise self._lost() from error
+            raise StreamFailed(f"{self._options.port} cannot be read: {error.strerror}", _PLUG) from error
+        if not data:
+            raise self._lost()
+        return Received(data)
+
+    def close(self) -> None:
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+
+    def _set_up(self, file: int) -> None:
+        """Raw characters of 8 bits at the given speed; what has waited in the kernel is dropped."""
+        options = self._options
+        settings = termios.tcgetattr(file)
+        speed = getattr(termios, f"B{options.baud}")
+        control = termios.CS8 | termios.CREAD | termios.CLOCAL | _PARITY[options.parity]
+        characters = list(settings[6])
+        characters[termios.VMIN], characters[termios.VTIME] = 0, 0
+        termios.tcsetattr(file, termios.TCSANOW, [0, 0, control, 0, speed, speed, characters])
+        _claim(file)
+        if options.start:
+            os.write(file, options.start.encode())
+
+    def _lost(self) -> DeviceLost:
+        return DeviceLost(
+            f"{self._options.port} is gone", "plug the logger in again; grabberd retries automatically"
+        )
+
+
+def _claim(file: int) -> None:
+    """Keep other programs from the port: two readers would each get half of the lines."""
+    fcntl.ioctl(file, termios.TIOCEXCL)
+    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def _not_opened(port: Path, error: OSError) -> DeviceAbsent | DeviceRefused:
+    if error.errno in (errno.EBUSY, errno.EWOULDBLOCK):
+        return DeviceRefused(f"another program has {port}", "end it", Cause.DEVICE_BUSY)
+    if error.errno in (errno.EACCES, errno.EPERM):
+        hint = "add grabberd's user to the group that owns it, usually dialout"
+        return DeviceRefused(f"{port} may not be opened: {error.strerror}", hint, Cause.NO_RIGHTS)
+    if error.errno in (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.EIO, errno.ENOTDIR):
+        return DeviceAbsent(f"there is no {port}", _PLUG)
+    return DeviceRefused(f"{port} cannot be opened: {error.strerror}", _PLUG)
