@@ -16,6 +16,7 @@ from grabberd.config.device import (
     RingConfig,
     ThresholdConfig,
 )
+from grabberd.config.logger import ChannelConfig, LoggerConfig
 from grabberd.config.mqtt import MqttConfig, MqttTlsConfig
 from grabberd.config.paths import default_config_file, default_state_directory, shipped_configs
 from grabberd.config.reading import load_config
@@ -23,6 +24,7 @@ from grabberd.config.reading import load_config
 __all__ = [
     "BitDepth",
     "CaptureConfig",
+    "ChannelConfig",
     "Config",
     "DeviceConfig",
     "GlassConfig",
@@ -30,6 +32,7 @@ __all__ = [
     "HttpLimits",
     "Lines",
     "LocationConfig",
+    "LoggerConfig",
     "MqttConfig",
     "MqttTlsConfig",
     "OnInterruption",

@@ -7,6 +7,7 @@ from typing import Annotated, Self
 from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
 from grabberd.config.device import DeviceConfig
+from grabberd.config.logger import LoggerConfig
 from grabberd.config.mqtt import MqttConfig
 from grabberd.config.paths import default_state_directory
 from grabberd.config.section import ExistingFile, Section
@@ -119,6 +120,9 @@ class Config(Section):
 
     site: dict[str, str] = Field(default_factory=dict)
     devices: dict[DeviceName, DeviceConfig] = Field(min_length=1)
+    loggers: dict[DeviceName, LoggerConfig] = Field(
+        default_factory=dict, description="data loggers beside the grabbers; default: none"
+    )
     storage: StorageConfig = StorageConfig()
     http: HttpConfig = HttpConfig()
     mqtt: MqttConfig | None = Field(None, description="default: nothing is published")

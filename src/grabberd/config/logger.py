@@ -1,0 +1,110 @@
+"""Configuration sections of one data logger and its channels."""
+
+from datetime import date
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, StringConstraints, model_validator
+
+from grabberd.acquisition.channels import Quantity
+from grabberd.acquisition.channels.vacuum import Channel, Reference
+from grabberd.config.section import Section
+
+Unit = Literal["kPa", "mbar", "hPa", "Pa", "bar", "mmHg", "Torr", "inHg", "psi", "V", "mV", "mA", "counts"]
+ChannelName = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]{0,31}$")]
+
+
+class ChannelConfig(Section):
+    """One channel: a column of the logger as a vacuum.
+
+    Pressure in kPa is number × unit × gain + offset_kpa.
+    """
+
+    quantity: Quantity | None = Field(None, description="default: the channel's name, if it is a quantity")
+    column: str = Field(min_length=1, description="`grabberd logger NAME` lists the logger's columns")
+    unit: Unit | None = Field(None, description="default: the one that the logger states")
+    gain: float | None = Field(
+        None,
+        allow_inf_nan=False,
+        description="for pressures 1; for V, mV, mA and counts required: kPa for each V, mA or count",
+    )
+    offset_kpa: float = Field(0.0, allow_inf_nan=False, description="pressure at 0")
+    sigma_kpa: float = Field(
+        gt=0, le=20, description="σ of the gauge that it was compared with: the same for all readings"
+    )
+    calibrated: date | None = Field(None, description="day of the calibration; default: never")
+    reference: Reference = Field(
+        Reference.VACUUM, description="what the sensor's numbers are above or below"
+    )
+    atmosphere_kpa: float | None = Field(
+        None, ge=50, le=110, description="air pressure, not reduced to sea level; required for absolute"
+    )
+    devices: tuple[str, ...] = Field((), description="grabbers that it belongs to; default: all")
+
+    @model_validator(mode="after")
+    def _gain_is_not_zero(self) -> Self:
+        if self.gain == 0:
+            raise ValueError("gain 0 makes every reading the same")
+        return self
+
+    @model_validator(mode="after")
+    def _absolute_needs_the_atmosphere(self) -> Self:
+        if (self.reference is Reference.ABSOLUTE) != (self.atmosphere_kpa is not None):
+            raise ValueError("reference absolute requires atmosphere_kpa, and only absolute takes it")
+        return self
+
+    @model_validator(mode="after")
+    def _signals_need_a_gain(self) -> Self:
+        if self.unit in ("V", "mV", "mA", "counts") and self.gain is None:
+            raise ValueError(f"unit {self.unit} requires gain, in kPa for each V, mA or count")
+        return self
+
+
+class LoggerConfig(Section):
+    """One data logger, and the quantities that it measures on the fields' clock."""
+
+    driver: str
+    options: dict[str, Any] = Field(default_factory=dict)
+    delay_ms: float = Field(
+        0.0, ge=-1000, le=1000, description="time by which all readings are late, by filters and cables"
+    )
+    delay_sigma_ms: float = Field(
+        5.0, ge=0, le=1000, description="its σ; 5 ms is an adapter whose shortest way nobody has measured"
+    )
+    channels: dict[ChannelName, ChannelConfig] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _quantities_are_named(self) -> Self:
+        nameless = [name for name, one in self.channels.items() if one.quantity is None and name not in _QUANTITIES]
+        if nameless:
+            raise ValueError(
+                f"channel {', '.join(nameless)}: 'quantity' is missing; give one of {', '.join(_QUANTITIES)}"
+            )
+        return self
+
+    @property
+    def delay_ns(self) -> int:
+        """Time by which all readings are late."""
+        return round(self.delay_ms * 1e6)
+
+    def measured(self) -> tuple[Channel, ...]:
+        """The channels, as the readings are turned into vacuum by."""
+        return tuple(_channel(name, config) for name, config in self.channels.items())
+
+
+_QUANTITIES = tuple(quantity.value for quantity in Quantity)
+
+
+def _channel(name: str, config: ChannelConfig) -> Channel:
+    return Channel(
+        name=name,
+        quantity=config.quantity or Quantity(name),
+        column=config.column,
+        sigma_kpa=config.sigma_kpa,
+        unit=config.unit,
+        gain=config.gain,
+        offset_kpa=config.offset_kpa,
+        calibrated=None if config.calibrated is None else config.calibrated.isoformat(),
+        reference=config.reference,
+        atmosphere_kpa=config.atmosphere_kpa,
+        devices=config.devices,
+    )
