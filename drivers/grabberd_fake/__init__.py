@@ -5,7 +5,7 @@ of what it shows, in space and in the picture, and shares no formula with the pr
 world runs on an injectable clock; noise, jitter and rig follow from seeds; faults follow a script.
 
     FakeGrabber(**options)                      the driver; `FakeOptions` lists the options
-    FakeLogger(**options)                       a logger of the same vacuum; `FakeLoggerOptions` lists its options
+    FakeLogger(**options)                       a logger of the same vacuum; see `FakeLoggerOptions`
     truth_at(options, time_ns) -> Truth         truth of the targets at a field's time
     truth_of_liner(options, time_ns)            truth of the liner: strain, contact pressure, load, vacuum
     python -m grabberd_fake calibration         its exact calibration, in the program's own format
@@ -37,8 +37,8 @@ The liner's wall is in equilibrium at every moment but for a limit of its speed:
 creep of the rubber are left out, and it opens by the states that it closed by. Its teat is a bed of springs
 that neither moves nor changes, and no milk flows; its ends are held and do not turn. The rubber is the same
 everywhere; the vacuum has straight slopes and no ripple, and none of it depends on the wall.
-The logger's sensors have neither a time constant nor a temperature, and its tubes no length; mouthpiece chamber
-and milk line have a constant vacuum.
+The logger's sensors have neither a time constant nor a temperature, and its tubes no length; mouthpiece
+chamber and milk line have a constant vacuum.
 The scene `ellipse` moves as prescribed: there is no teat, and the pressure of its truth is what equilibrium
 across the wall would demand of that movement, also suction, and friction that nothing gives.
 """

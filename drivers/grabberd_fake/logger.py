@@ -170,7 +170,9 @@ class FakeLogger:
 
     def _packet(self, number: int) -> _Packet:
         options, chance = self.options, self._chance(number)
-        begin, end = (math.ceil((number + more) * self._packet_ns / self._period_ns - 1e-9) for more in (0, 1))
+        begin, end = (
+            math.ceil((number + more) * self._packet_ns / self._period_ns - 1e-9) for more in (0, 1)
+        )
         taken_ns = np.round(np.arange(begin, end) * self._period_ns).astype(np.int64)
         chance.exponential()  # the packet's lateness
         noise = chance.normal(0.0, options.noise_kpa, (len(taken_ns), len(options.CHANNELS)))

@@ -2,15 +2,15 @@
 
 import errno
 import os
-import time
 from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
 from pydantic import Field
 
+from grabberd.acquisition.clock import Clock, SystemClock
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
-from grabberd_loggers.line_logger import Clock, LineLogger, Opened, RealClock, Received
+from grabberd_loggers.line_logger import LineLogger, Opened, Received
 from grabberd_loggers.options import LineOptions, read_options
 
 _BYTES = 65_536
@@ -47,7 +47,7 @@ class CsvLogger(LineLogger):
             ValueError: an option is unknown or not allowed; the message has a line for each.
         """
         read = read_options(CsvOptions, options)
-        super().__init__(_GrowingFile(read, clock or RealClock()), read, clock)
+        super().__init__(_GrowingFile(read, clock or SystemClock()), read, clock)
 
 
 class _GrowingFile:
@@ -90,7 +90,7 @@ class _GrowingFile:
             left_s = (deadline_ns - self._clock.now_ns()) / 1e9
             if received.data or received.anomalies or left_s <= 0:
                 return received
-            time.sleep(min(self._options.poll_s, left_s))
+            self._clock.sleep(min(self._options.poll_s, left_s))
 
     def close(self) -> None:
         if self._file is not None:
@@ -109,7 +109,8 @@ class _GrowingFile:
             return self._look_for_another(file)
         except OSError as error:
             raise StreamFailed(
-                f"{self._options.path} cannot be read: {error.strerror}", "check the disk or the share it is on"
+                f"{self._options.path} cannot be read: {error.strerror}",
+                "check the disk or the share it is on",
             ) from error
 
     def _look_for_another(self, file: BufferedReader) -> Received:
@@ -140,5 +141,7 @@ def _not_opened(path: Path, error: OSError) -> DeviceAbsent | DeviceRefused:
         hint = "let grabberd's user read it and enter its folders"
         return DeviceRefused(f"{path} may not be read: {error.strerror}", hint, Cause.NO_RIGHTS)
     if error.errno in (errno.ENOENT, errno.ENOTDIR):
-        return DeviceAbsent(f"there is no file {path}", "start the program that writes it, or correct its path")
+        return DeviceAbsent(
+            f"there is no file {path}", "start the program that writes it, or correct its path"
+        )
     return DeviceRefused(f"{path} cannot be opened: {error.strerror}", "give the path of a file")

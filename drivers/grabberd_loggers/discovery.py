@@ -19,7 +19,9 @@ def discover() -> Sequence[FoundDevice]:
 
 def serial_ports(roots: Roots = SYSTEM) -> Iterator[FoundDevice]:
     """Serial ports, without those of a mainboard that has none: the kernel offers names for 32."""
-    names = {link.resolve(): link for link in sorted((roots.dev / "serial" / "by-id").glob("*"), reverse=True)}
+    names = {
+        link.resolve(): link for link in sorted((roots.dev / "serial" / "by-id").glob("*"), reverse=True)
+    }
     for port in sorted(roots.dev.glob("tty*"), key=lambda port: (len(port.name), port.name)):
         if not _PORT.match(port.name) or not _exists(port, roots):
             continue

@@ -24,6 +24,7 @@ IGNORED = "-"
 NOT_A_NUMBER, OTHER_CELLS, NO_TIME = "not a number", "another number of cells", "no time"
 
 _BRACKETS = re.compile(r"^(?P<name>[^\[\]()]+?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]$")
+_BEFORE_UNIT = re.compile(r"\s+(?=[\[(])")
 _NAME = re.compile(r"^[^\W\d][\w .%/+-]*$")
 _ABSENT = frozenset(["", "-", "nan", "NaN", "NAN"])
 _SUFFIXES = {unit.lower(): unit for unit in UNITS}
@@ -54,7 +55,9 @@ class Column(NamedTuple):
             return cls(in_brackets["name"], in_brackets["unit"].strip() or None)
         suffix = cell.rpartition("_")[2]
         is_time = cell.lower().startswith("time_") and suffix.lower() in TIME_UNITS_NS
-        return cls(cell, suffix.lower() if is_time else _SUFFIXES.get(suffix.lower()) if "_" in cell else None)
+        return cls(
+            cell, suffix.lower() if is_time else _SUFFIXES.get(suffix.lower()) if "_" in cell else None
+        )
 
 
 class Line(NamedTuple):
@@ -89,7 +92,9 @@ class LineFormat:
             ValueError: It is one, but cannot be used.
         """
         has_mark = text.lstrip().startswith("#")
-        text = text.strip().lstrip("#").strip()
+        text = _BEFORE_UNIT.sub("", text.strip().lstrip("#").strip())
+        if not text:
+            return None
         separator = separator_of(text)
         columns = tuple(Column.of(cell) for cell in _cells(text, separator))
         announces = columns[0].is_time or (has_mark and any(column.unit for column in columns))

@@ -1,9 +1,9 @@
 """The logger contract over any source of lines: a serial port, a file that grows, an MQTT topic."""
 
-import time
 from typing import NamedTuple, Protocol
 
 from grabberd.acquisition.channels import Anomaly, Dating, LoggerInfo, Readings
+from grabberd.acquisition.clock import Clock, SystemClock
 from grabberd.errors import DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.line_buffer import LineBuffer
 from grabberd_loggers.line_readings import LineReadings
@@ -13,22 +13,6 @@ HEADER_S = 5.0
 """Time in which a logger must send its header: those that restart when they are opened need two seconds."""
 OVERLONG = "a line without an end"
 _SIGMA_NS = {Dating.OWN_CLOCK: 1_000_000, Dating.ARRIVAL: 10_000_000}
-
-
-class Clock(Protocol):
-    """CLOCK_MONOTONIC or a substitute."""
-
-    def now_ns(self) -> int:
-        """Current time in ns."""
-        ...
-
-
-class RealClock:
-    """The machine's monotonic clock."""
-
-    def now_ns(self) -> int:
-        """CLOCK_MONOTONIC."""
-        return time.monotonic_ns()
 
 
 class Opened(NamedTuple):
@@ -82,7 +66,7 @@ class LineLogger:
 
     def __init__(self, source: Source, options: LineOptions, clock: Clock | None) -> None:
         self._source, self._options = source, options
-        self._clock = clock or RealClock()
+        self._clock = clock or SystemClock()
         self._lines: LineReadings | None = None
         self._buffer = LineBuffer()
 

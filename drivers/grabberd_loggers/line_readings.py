@@ -72,7 +72,12 @@ class LineReadings:
 
     def _line(self, text: str, arrival_ns: int, anomalies: list[Anomaly]) -> Line | None:
         skips, self._skips_first = self._skips_first, False
-        if self._is_header(text, arrival_ns, anomalies) or text.startswith("#") or skips or self.format is None:
+        if (
+            self._is_header(text, arrival_ns, anomalies)
+            or text.startswith("#")
+            or skips
+            or self.format is None
+        ):
             return None
         line = self.format.read(text)
         self._counted += 1  # also for nonsense: a reading was taken

@@ -10,10 +10,11 @@ from typing import Any, Self
 
 from pydantic import Field, model_validator
 
+from grabberd.acquisition.clock import Clock
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.line_buffer import LONGEST
 from grabberd_loggers.line_format import IGNORED, Column
-from grabberd_loggers.line_logger import Clock, LineLogger, Opened, Received
+from grabberd_loggers.line_logger import LineLogger, Opened, Received
 from grabberd_loggers.options import LineOptions, read_options
 
 try:

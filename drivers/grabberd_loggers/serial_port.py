@@ -10,8 +10,9 @@ from typing import Any, Literal
 
 from pydantic import field_validator
 
+from grabberd.acquisition.clock import Clock
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
-from grabberd_loggers.line_logger import Clock, LineLogger, Opened, Received
+from grabberd_loggers.line_logger import LineLogger, Opened, Received
 from grabberd_loggers.options import LineOptions, read_options
 
 _BYTES = 65_536

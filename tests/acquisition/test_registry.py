@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from grabberd.acquisition import GRABBERS
+from grabberd.acquisition import GRABBERS, LOGGERS
 from grabberd.errors import DriverMissing
 
 DRIVER = """
@@ -27,6 +27,8 @@ def installed(tmp_path, monkeypatch):
         "barn = barn_driver:Grabber\n"
         "needy = needy_driver:Grabber\n"
         "old = barn_driver:Gone\n"
+        "[grabberd.loggers]\n"
+        "gauge = barn_driver:Grabber\n"
     )
     (tmp_path / "barn_driver.py").write_text(DRIVER)
     (tmp_path / "needy_driver.py").write_text("import a_library_nobody_has\n")
@@ -78,3 +80,13 @@ def test_unknown_and_missing_options_are_refused_with_those_that_exist(options):
 def test_what_the_driver_says_of_a_value_is_passed_on():
     with pytest.raises(ValueError, match="gain must not be negative"):
         GRABBERS.create("barn", {"path": "x", "gain": -1})
+
+
+@pytest.mark.usefixtures("installed")
+def test_loggers_and_grabbers_are_kept_apart():
+    assert LOGGERS.create("gauge", {"path": "/dev/ttyUSB0"}).path == "/dev/ttyUSB0"
+    with pytest.raises(DriverMissing, match="no driver 'gauge'"):
+        GRABBERS.create("gauge", {"path": "/dev/ttyUSB0"})
+    with pytest.raises(DriverMissing, match="no driver 'barn'") as caught:
+        LOGGERS.create("barn", {"path": "/dev/video0"})
+    assert "grabberd.loggers" in caught.value.hint

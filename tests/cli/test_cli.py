@@ -168,6 +168,18 @@ def test_drivers_options_and_calibrations_are_checked_too(tmp_path: Path, line: 
     assert says in result.stderr
 
 
+def test_problems_of_devices_loggers_and_mqtt_are_named_together(tmp_path):
+    file = tmp_path / "grabberd.yaml"
+    file.write_text(
+        "devices: {one: {driver: nonsuch}}\n"
+        "loggers: {vacuum: {driver: nonsuch, channels: {liner: {column: p1, sigma_kpa: 0.3}}}}\n"
+        "mqtt: {host: broker}\n"
+    )
+    problems = {problem.key for problem in run("check-config", file).exception.problems}
+    assert {"devices.one.options", "loggers.vacuum.options"} <= problems
+    assert any(key.startswith(("mqtt", "site")) for key in problems)
+
+
 def test_the_shipped_configuration_is_good() -> None:
     result = run("check-config", shipped_configs() / "fake.yaml")
     assert result.exit_code == 0

@@ -143,3 +143,53 @@ def test_what_the_v4l2_driver_finds_is_yaml_that_it_takes(tmp_path):
 def test_devices_get_names_that_are_free():
     device = FoundDevice("barn", "card", {"path": "/dev/video0"}, Verdict.USABLE)
     assert "  grabber-3:" in yaml_of([device], ["grabber", "grabber-2"])
+
+
+@pytest.fixture
+def found_loggers(tmp_path, monkeypatch):
+    """A driver that finds one serial port."""
+    info = tmp_path / "ports-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: ports\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[grabberd.logger_discovery]\nports = found_ports:look\n")
+    (tmp_path / "found_ports.py").write_text(
+        "from grabberd.acquisition.discovery import FoundDevice, Verdict\n"
+        "def look():\n"
+        "    return [FoundDevice('serial', 'usb-FTDI [bold]', {'port': '/dev/ttyUSB7'}, Verdict.USABLE)]\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    yield
+    sys.modules.pop("found_ports", None)
+
+
+LOGGER = """
+loggers:
+  vacuum:
+    driver: serial
+    options: {port: /dev/ttyUSB7, columns: [p1]}
+    channels: {pulsation: {column: p1, unit: kPa, sigma_kpa: 0.3}}
+"""
+
+
+@pytest.mark.usefixtures("found_loggers")
+def test_what_may_be_a_logger_is_listed_with_the_command_to_listen_to_it(tmp_path):
+    file = tmp_path / "grabberd.yaml"
+    file.write_text("devices: {grabber: {driver: fake}}")
+    shown = run("--config", file).output
+    assert "usb-FTDI [bold]" in shown
+    assert "grabberd logger serial:" in shown
+    assert "Drivers of loggers: csv, fake, iio, mqtt, serial." in shown
+
+
+@pytest.mark.usefixtures("found_loggers")
+def test_configured_loggers_are_listed_with_their_channels(tmp_path):
+    file = tmp_path / "grabberd.yaml"
+    file.write_text("devices: {grabber: {driver: fake}}" + LOGGER)
+    shown = run("--config", file).output
+    assert "configured as vacuum" in shown
+    assert "pulsation" in shown
+    document = json.loads(run("--config", file, "--json").stdout)
+    assert document["loggers"]["vacuum"]["driver"] == "serial"
+    (port,) = [one for one in document["found_loggers"] if one["options"] == {"port": "/dev/ttyUSB7"}]
+    assert port["configured_as"] == ["vacuum"]
+    assert "serial" in document["logger_drivers"]

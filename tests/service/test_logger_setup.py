@@ -56,7 +56,9 @@ def test_a_channel_of_another_name_says_what_it_measures(tmp_path: Path) -> None
       milk_line: {column: milk_line, sigma_kpa: 0.3}
 """,
     )
-    assert [channel.quantity.value for channel in found["vacuum"].channels] == ["pulsation"] * 2 + ["milk_line"]
+    assert [channel.quantity.value for channel in found["vacuum"].channels] == ["pulsation"] * 2 + [
+        "milk_line"
+    ]
 
 
 def test_without_loggers_there_are_none(tmp_path: Path) -> None:
@@ -73,7 +75,10 @@ def test_problems_of_all_loggers_are_named_at_once(tmp_path: Path) -> None:
   two: {driver: lpt, channels: {liner: {column: p1, sigma_kpa: 0.3}}}
 """,
     )
-    assert "there is no driver 'lpt'; installed are: csv, fake, iio, mqtt, serial" in found["loggers.two.options"]
+    assert (
+        "there is no driver 'lpt'; installed are: csv, fake, iio, mqtt, serial"
+        in found["loggers.two.options"]
+    )
     assert "baud" in found["loggers.one.options"] or "port: missing" in found["loggers.one.options"]
     assert "there is no device cup9; known are: cup1, cup2" in found["loggers.one.channels.liner.devices"]
 

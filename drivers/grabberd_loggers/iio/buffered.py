@@ -4,6 +4,7 @@ import errno
 import os
 import select
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -88,10 +89,8 @@ class BufferedChannels:
         if self._file is not None:
             os.close(self._file)
             self._file = None
-            try:
+            with suppress(OSError):  # the device may be gone, and its buffer with it
                 _write(self._device.folder / "buffer" / "enable", "0")
-            except OSError:
-                pass  # the device is gone, and its buffer with it
 
     def _bytes(self, file: int) -> bytes:
         try:

@@ -121,7 +121,8 @@ class IioLogger:
         unknown = [name for name in wanted if name not in known]
         if unknown or not wanted:
             raise DeviceRefused(
-                f"{device.number} has no {', '.join(unknown) or 'channels'}; it has: {', '.join(known) or 'none'}",
+                f"{device.number} has no {', '.join(unknown) or 'channels'}; "
+                f"it has: {', '.join(known) or 'none'}",
                 "correct the channels in the options",
             )
         return tuple(known[name] for name in wanted)
@@ -130,7 +131,7 @@ class IioLogger:
 def _not_opened(device: IioDevice, error: OSError) -> DeviceAbsent | DeviceRefused:
     what = f"{error.filename or device.number}: {error.strerror}"
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-        hint = "give grabberd's user the right to read and write it by a udev rule, or poll it: buffered: false"
+        hint = "let grabberd's user write it (udev rule, loggers.conf), or poll it: buffered: false"
         return DeviceRefused(f"{device.number} may not be used: {what}", hint, Cause.NO_RIGHTS)
     if error.errno == errno.EBUSY:
         return DeviceRefused(f"another program has {device.number}: {what}", "end it", Cause.DEVICE_BUSY)

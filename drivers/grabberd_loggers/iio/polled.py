@@ -58,7 +58,9 @@ class PolledChannels:
         self._clock.sleep(wait_ns / 1e9)
         begin_ns = self._clock.now_ns()
         anomalies: list[Anomaly] = []
-        values = [self._value(*one, begin_ns, anomalies) for one in zip(self._channels, self._files, strict=True)]
+        values = [
+            self._value(*one, begin_ns, anomalies) for one in zip(self._channels, self._files, strict=True)
+        ]
         end_ns = self._clock.now_ns()
         anomalies += self._next(end_ns)
         middle = np.array([(begin_ns + end_ns) // 2], np.int64)

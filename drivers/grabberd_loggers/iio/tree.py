@@ -91,7 +91,9 @@ class IioDevice:
     def _channel(self, name: str, kind: str, file: Path) -> IioChannel:
         is_processed = file.name.endswith("_input")
         scale, offset = (
-            next((number(self.folder / f"in_{of}_{what}") for of in (name, kind) if self._has(of, what)), usual)
+            next(
+                (number(self.folder / f"in_{of}_{what}") for of in (name, kind) if self._has(of, what)), usual
+            )
             for what, usual in (("scale", 1.0), ("offset", 0.0))
         )
         return IioChannel(name, _UNITS[kind], file, is_processed, scale, offset)

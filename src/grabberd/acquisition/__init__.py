@@ -1,12 +1,12 @@
 """From a grabber's buffers to numbered fields in the ring.
 
-`device` is the contract that every driver of a grabber implements, `channels` that of the data loggers beside
-it; `registry` finds drivers by name, `discovery` lists the devices they can see. `numbering` works out which of the camera's fields a grabbed one is and what was lost
-before it, although timestamps jitter and drivers' counters cannot be trusted; `checks` look for damage and a
-missing signal in the picture itself. The `ring` holds the newest packed fields for several readers, none of
-which can hold up the capture; the `ledger` accounts for every field that should have come, `causes` says
-where to look for what is missing, `rebases` what numbers and times go by, `standstill` why the program was
-late. No threads are started here.
+`device` is the contract that every driver of a grabber implements, `channels` has that of data loggers;
+`registry` finds drivers by name, `discovery` lists the devices they can see. `numbering` works out which of
+the camera's fields a grabbed one is and what was lost before it, although timestamps jitter and drivers'
+counters cannot be trusted; `checks` look for damage and a missing signal in the picture itself. The `ring`
+holds the newest packed fields for several readers, none of which can hold up the capture; the `ledger`
+accounts for every field that should have come, `causes` says where to look for what is missing, `rebases`
+what numbers and times go by, `standstill` why the program was late. No threads are started here.
 """
 
 from grabberd.acquisition.causes import LossCause, cause_of_loss

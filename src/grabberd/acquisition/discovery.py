@@ -1,8 +1,8 @@
 """Discovery of the grabbers and loggers in this computer, configured or not.
 
-A driver that can search offers a function without arguments in the entry point group `grabberd.discovery`, for
-loggers `grabberd.logger_discovery`. It opens devices to query them, never to stream, and lists a device even
-if another program is using it.
+A driver that can search offers a function without arguments in the entry point group `grabberd.discovery`,
+for loggers `grabberd.logger_discovery`. It opens devices to query them, never to stream, and lists a device
+even if another program is using it.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -53,8 +53,8 @@ class Registry(Generic[Driven]):
         return found[0]
 
 
-GRABBERS = Registry[Grabber]("grabberd.drivers")
-LOGGERS = Registry[Logger]("grabberd.loggers")
+GRABBERS: Registry[Grabber] = Registry("grabberd.drivers")
+LOGGERS: Registry[Logger] = Registry("grabberd.loggers")
 
 
 def _load(entry: EntryPoint) -> Any:

@@ -23,7 +23,7 @@ def devices(
     ] = False,
     json: JsonOption = False,
 ) -> None:
-    """List the grabbers and data loggers of this computer and the configured ones, or check a device's field order.
+    """List grabbers and loggers, found and configured, or check a device's field order.
 
     Example: grabberd devices
 

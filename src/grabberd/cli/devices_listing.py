@@ -36,9 +36,7 @@ def list_devices(settings: Config, json: bool) -> None:
         for name, device in settings.devices.items()
     }
     named = [asdict(one) | {"configured_as": configured_as(settings, one)} for one in found]
-    print_json(
-        {"drivers": drivers, "devices": configured, "found": named} | loggers_document(settings)
-    )
+    print_json({"drivers": drivers, "devices": configured, "found": named} | loggers_document(settings))
 
 
 def configured_as(settings: Config, found: FoundDevice) -> list[str]:

@@ -1,6 +1,5 @@
 """`grabberd logger`: shows what a data logger says, before anything relies on it."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer

@@ -245,12 +245,14 @@ def _print_columns(heard: Heard) -> None:
 
 
 def _print_channels(heard: Heard, vacuum: VacuumChannels) -> None:
-    table = Table("channel", "column", "least", "mean", "greatest", "newest", "noise (σ)", "calibration")
-    for channel, about in zip(vacuum.channels, _channels(heard).values(), strict=True):
-        calibration = f"σ {channel.sigma_kpa:g} kPa, {channel.calibrated or 'never calibrated'}"
-        table.add_row(channel.name, Text(channel.column), *_cells(about["kpa"]), calibration)
+    table = Table("channel", "unit", "least", "mean", "greatest", "newest", "noise (σ)")
+    for name, about in _channels(heard).items():
+        table.add_row(name, "kPa", *_cells(about["kpa"]))
     _print("In kPa below atmosphere, as configured:")
     console.print(table)
+    for channel in vacuum.channels:
+        day = f"calibrated on {channel.calibrated}" if channel.calibrated else "never calibrated"
+        _print(f"  {channel.name}: column {channel.column}, σ {channel.sigma_kpa:g} kPa, {day}")
 
 
 def _cells(summary: Mapping[str, float | int | None]) -> list[str]:
@@ -261,7 +263,11 @@ def _cells(summary: Mapping[str, float | int | None]) -> list[str]:
 def _print_anomalies(heard: Heard) -> None:
     counted = _counted(heard.anomalies)
     if not counted:
-        _print("Nothing was wrong." if len(heard.time_ns) else "It said nothing: is it switched on and measuring?")
+        _print(
+            "Nothing was wrong."
+            if len(heard.time_ns)
+            else "It said nothing: is it switched on and measuring?"
+        )
     for reason, (count, lost, example) in list(counted.items())[:_SHOWN]:
         gone = f", {lost} readings lost" if lost else ""
         _print(f"{count} × {reason}{gone}, such as: {example}")

@@ -16,8 +16,12 @@ from grabberd.config import Config
 
 def loggers_document(settings: Config) -> dict[str, Any]:
     """Drivers, configured and found loggers, for scripts."""
-    configured = {name: {"driver": one.driver, "options": one.options} for name, one in settings.loggers.items()}
-    found = [asdict(one) | {"configured_as": _configured_as(settings, one)} for one in discover(LOGGER_SEARCH)]
+    configured = {
+        name: {"driver": one.driver, "options": one.options} for name, one in settings.loggers.items()
+    }
+    found = [
+        asdict(one) | {"configured_as": _configured_as(settings, one)} for one in discover(LOGGER_SEARCH)
+    ]
     return {"logger_drivers": LOGGERS.available(), "loggers": configured, "found_loggers": found}
 
 

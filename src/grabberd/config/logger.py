@@ -32,9 +32,7 @@ class ChannelConfig(Section):
         gt=0, le=20, description="σ of the gauge that it was compared with: the same for all readings"
     )
     calibrated: date | None = Field(None, description="day of the calibration; default: never")
-    reference: Reference = Field(
-        Reference.VACUUM, description="what the sensor's numbers are above or below"
-    )
+    reference: Reference = Field(Reference.VACUUM, description="what the sensor's numbers are above or below")
     atmosphere_kpa: float | None = Field(
         None, ge=50, le=110, description="air pressure, not reduced to sea level; required for absolute"
     )
@@ -74,7 +72,9 @@ class LoggerConfig(Section):
 
     @model_validator(mode="after")
     def _quantities_are_named(self) -> Self:
-        nameless = [name for name, one in self.channels.items() if one.quantity is None and name not in _QUANTITIES]
+        nameless = [
+            name for name, one in self.channels.items() if one.quantity is None and name not in _QUANTITIES
+        ]
         if nameless:
             raise ValueError(
                 f"channel {', '.join(nameless)}: 'quantity' is missing; give one of {', '.join(_QUANTITIES)}"

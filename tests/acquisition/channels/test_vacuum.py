@@ -14,7 +14,9 @@ INFO = LoggerInfo("fake", "bench", ("p1", "p2"), ("mbar", None), 100.0, Dating.M
 
 
 def channel(**changes) -> Channel:
-    return Channel(**{"name": "pulsation", "quantity": Quantity.PULSATION, "column": "p1", "sigma_kpa": 0.3} | changes)
+    return Channel(
+        **{"name": "pulsation", "quantity": Quantity.PULSATION, "column": "p1", "sigma_kpa": 0.3} | changes
+    )
 
 
 def readings(*values: float, anomalies: tuple[Anomaly, ...] = ()) -> Readings:
@@ -71,7 +73,8 @@ def test_two_channels_may_share_a_column() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "advice"), [(4190.0, "mbar"), (1013.0, "absolute pressure"), (-400.0, "gauge"), (90_000.0, "Pa")]
+    ("value", "advice"),
+    [(4190.0, "mbar"), (1013.0, "absolute pressure"), (-400.0, "gauge"), (90_000.0, "Pa")],
 )
 def test_an_impossible_vacuum_is_left_out_and_its_cause_guessed(value: float, advice: str) -> None:
     found = VacuumChannels([channel()], INFO).vacuum(readings(400.0, value, value, 410.0))

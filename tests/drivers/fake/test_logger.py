@@ -57,9 +57,10 @@ def test_two_of_one_seed_say_the_same_and_two_seeds_do_not() -> None:
 def test_its_own_clock_is_found_in_spite_of_packets_and_drift() -> None:
     run = Run(60, clock_drift_ppm=200, noise_kpa=0.0)
     late = run.after(20)
-    # On a slope of 42 kPa in 120 ms, a time that is off shows as a vacuum that is off.
-    truth = run.logger.truth_kpa(run.time_ns - 2_000_000)[:, 0]
-    assert np.abs(run.values[late, 0] - truth[late]).max() < 42 / 120 * 0.8
+    # On a slope of 42 kPa in 120 ms, a time that is off shows as a vacuum that is off. The shortest way has
+    # 2 ms, and 1 ms more, since no packet ends with a reading that was taken as it was closed.
+    truth = run.logger.truth_kpa(run.time_ns - 3_000_000)[:, 0]
+    assert np.abs(run.values[late, 0] - truth[late]).max() < 42 / 120 * 0.3
     assert run.sigma_ns[late].max() < 300_000
     assert run.anomalies == []
 
@@ -102,9 +103,9 @@ def test_it_is_unplugged_and_comes_back() -> None:
     clock = ManualClock()
     logger = FakeLogger(clock=clock, faults=[{"kind": "unplugged", "at_s": 1, "for_s": 2}])
     logger.open()
+    clock.sleep(1)
     with pytest.raises(DeviceLost):
-        for _ in range(200):
-            logger.read(0.02)
+        logger.read(0.02)
     logger.close()
     with pytest.raises(DeviceAbsent):
         logger.open()

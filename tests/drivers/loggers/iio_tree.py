@@ -72,6 +72,8 @@ class IioTree:
         os.write(self._pipe, data)
 
     def unplug(self) -> None:
+        for file in self.device.glob("in_*"):
+            file.write_text("")  # who has one open reads no more from it
         shutil.rmtree(self.device)
         self.close()
 

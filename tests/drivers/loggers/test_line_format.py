@@ -51,7 +51,14 @@ def test_a_header_that_cannot_be_used_says_why(header: str, says: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "line", ["12005,41.93,0.02", "12005;41,93;0,02", "12005\t41,93\t0.02", "12005 41.93 0.02", "12005 , 41.93 , 2e-2"]
+    "line",
+    [
+        "12005,41.93,0.02",
+        "12005;41,93;0,02",
+        "12005\t41,93\t0.02",
+        "12005 41.93 0.02",
+        "12005 , 41.93 , 2e-2",
+    ],
 )
 def test_cells_are_separated_by_what_the_line_has(line: str) -> None:
     assert TWO.read(line) == Line(12_005_000_000, (41.93, 0.02))

@@ -64,12 +64,18 @@ def test_without_both_they_are_dated_by_their_arrival() -> None:
     assert lines.take(["41.9"], START_NS).time_ns.tolist() == [START_NS]
 
 
-@pytest.mark.parametrize(("text", "reason"), [("12,x", NOT_A_NUMBER), ("12,1,2", OTHER_CELLS), ("!", OTHER_CELLS)])
+@pytest.mark.parametrize(
+    ("text", "reason"), [("12,x", NOT_A_NUMBER), ("12,1,2", OTHER_CELLS), ("!", OTHER_CELLS)]
+)
 def test_nonsense_is_named_and_the_reading_goes_on(text: str, reason: str) -> None:
     lines = timed()
     say(lines, 0, 20)
     found = lines.take([text, "300,41.9"], START_NS + 302 * MS)
-    assert [(anomaly.reason, anomaly.example, anomaly.lost) for anomaly in found.anomalies][0] == (reason, text, 1)
+    assert next((anomaly.reason, anomaly.example, anomaly.lost) for anomaly in found.anomalies) == (
+        reason,
+        text,
+        1,
+    )
     assert found.values.tolist() == [[41.9]]
 
 

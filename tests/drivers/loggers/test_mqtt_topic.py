@@ -43,7 +43,10 @@ def test_a_key_that_is_missing_is_no_reading_of_that_channel() -> None:
     assert str(line.values) == "(41.9, nan)"
 
 
-@pytest.mark.parametrize("payload", [b'{"state": "online"}', b"{", b"[" * 3000, b'{"p1": {"a": [1;2]}}', b"\xff\xfe", b"[true, 1, 2]"])
+@pytest.mark.parametrize(
+    "payload",
+    [b'{"state": "online"}', b"{", b"[" * 3000, b'{"p1": {"a": [1;2]}}', b"\xff\xfe", b"[true, 1, 2]"],
+)
 def test_nonsense_has_a_reason(payload: bytes) -> None:
     assert isinstance(FORMAT.read(line_of(payload, FORMAT.columns)), str)
 
@@ -78,7 +81,10 @@ def read_until(logger: MqttLogger, count: int) -> tuple[list[float], list[str]]:
 
 def opened(one: Mosquitto, **options: object) -> MqttLogger:
     """A logger on the broker, once that accepts connections."""
-    logger, end_s = MqttLogger(host="127.0.0.1", port=one.port, topic="vacuum", **options), time.monotonic() + 10
+    logger, end_s = (
+        MqttLogger(host="127.0.0.1", port=one.port, topic="vacuum", **options),
+        time.monotonic() + 10,
+    )
     while True:
         try:
             logger.open()

@@ -59,7 +59,9 @@ def test_a_logger_that_sends_no_header_is_quoted(port: Port, monkeypatch: pytest
     assert "columns:" in caught.value.hint
 
 
-def test_a_logger_that_says_nothing_at_all_has_other_causes(port: Port, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_logger_that_says_nothing_at_all_has_other_causes(
+    port: Port, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(line_logger, "HEADER_S", 0.1)
     with pytest.raises(StreamFailed, match="nothing came at all") as caught:
         logger(port).open()

@@ -2,8 +2,8 @@
 
     arrival = own time + offset + drift + way,    way = shortest way + what held the reading up
 
-Offset, drift and shortest way are found together, from the readings that came soonest; the shortest way cannot
-be told from the offset, and makes all readings late alike. Neither can a way that everything takes for
+Offset, drift and shortest way are found together, from the readings that came soonest; the shortest way
+cannot be told from the offset, and makes all readings late alike. Neither can a way that everything takes for
 minutes be told from a clock that was set: both begin a new relation.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.acquisition.channels.logger import Anomaly
-from grabberd.acquisition.channels.lower_envelope import Line, lower_envelope
+from grabberd.acquisition.channels.lower_envelope import FLOOR_NS, Line, lower_envelope
 from grabberd.errors import StreamFailed
 
 Times = NDArray[np.int64]
@@ -85,7 +85,7 @@ class ClockRelation:
         self._resolution_sigma_ns = resolution_ns / math.sqrt(12)
         self._spans: deque[_Span] = deque(maxlen=_KEPT)
         self._line = Line(0.0, 0.0, 0.0)
-        self._start_own_ns = self._start_ns = self._arrived_ns = 0
+        self._start_own_ns = self._start_ns = self._arrived_ns = self._sigma_ns = 0
         self._newest_own_ns: int | None = None
         self._newest_ns = -(2**62)
 
@@ -108,7 +108,7 @@ class ClockRelation:
         jumps_ns: list[int] = []
         times = [self._date(part, arrival_ns, jumps_ns) for part in np.split(own_ns, steps_back)]
         jumps = tuple(Anomaly(arrival_ns, CLOCK_JUMPED, f"{jump_ns / 1e9:+.4f} s") for jump_ns in jumps_ns)
-        return Dated(self._ascending(np.concatenate(times)), self._sigma_ns(), jumps)
+        return Dated(self._ascending(np.concatenate(times)), self._sigma_ns, jumps)
 
     def _date(self, own_ns: Times, arrival_ns: int, jumps_ns: list[int]) -> Times:
         newest_ns = int(own_ns[-1])
@@ -124,7 +124,9 @@ class ClockRelation:
             jumps_ns.append(-set_back_ns)
         self._newest_own_ns, self._arrived_ns = newest_ns, arrival_ns
         since_ns = own_ns - self._start_own_ns
-        return self._start_ns + since_ns + np.floor(self._line.at(since_ns)).astype(np.int64)
+        delay_ns = np.floor(self._line.offset + self._line.slope * since_ns).astype(np.int64)
+        times: Times = self._start_ns + since_ns + delay_ns
+        return times
 
     def _begin(self, own_ns: int, arrival_ns: int) -> None:
         self._spans.clear()
@@ -138,8 +140,9 @@ class ClockRelation:
 
     def _jump_ns(self, first_own_ns: int, own_ns: int, arrival_ns: int) -> int:
         """Distance of a jump that one reading shows: time ran backward, or it came before it was taken."""
-        x, y = self._point(own_ns, arrival_ns)
-        ahead_ns = round(float(self._line.at(x)) - y)
+        since_ns = arrival_ns - self._start_ns
+        latest = (since_ns - self._line.offset) / (1 + self._line.slope)
+        ahead_ns = round(own_ns - self._start_own_ns - latest)
         if self._newest_own_ns is not None and first_own_ns <= self._newest_own_ns:
             return min(ahead_ns, first_own_ns - self._newest_own_ns - 1)
         return ahead_ns if len(self._spans) >= _KNOWN and ahead_ns > self._threshold_ns() else 0
@@ -160,6 +163,7 @@ class ClockRelation:
             set_back_ns = self._set_back_ns()
             self._spans.append(_Span(number, x, y, y, 1))
         self._fit()
+        self._sigma_ns = self._sigma()
         return set_back_ns
 
     def _set_back_ns(self) -> int:
@@ -167,7 +171,7 @@ class ClockRelation:
         if len(self._spans) < _KNOWN + _SUSTAINED:
             return 0
         newest = list(self._spans)[-_SUSTAINED:]
-        late = np.array([span.y - float(self._line.at(span.x)) for span in newest])
+        late = np.array([span.y - self._line.at(span.x) for span in newest])
         threshold = self._threshold_ns()
         if late.min() < threshold or np.ptp(late) > threshold / 2:
             return 0
@@ -197,11 +201,17 @@ class ClockRelation:
         self._newest_ns = int(rising[-1])
         return rising
 
-    def _sigma_ns(self) -> int:
+    def _sigma(self) -> int:
+        """Standard deviation of the line where it is now: by how much the soonest reading may be late."""
         spans = len(self._spans)
-        x = np.array([span.x for span in self._spans])
         batches = sum(span.count for span in self._spans)
-        lateness = sum(span.total for span in self._spans) / batches - float(np.mean(self._line.at(x)))
-        soonest = (_YOUNG_NS if batches == 1 else _UNSEEN_NS + max(lateness, 0.0)) / batches
-        line = 4 * self._line.excess / spans
-        return round(math.hypot(self._resolution_sigma_ns, soonest, line))
+        late = (span.total - span.count * self._line.at(span.x) for span in self._spans)
+        lateness = sum(late) / batches
+        # Readings of one span share what the computer was doing then: they are no independent trials.
+        trials = math.sqrt(batches * spans)
+        soonest = (_YOUNG_NS if batches == 1 else _UNSEEN_NS + max(lateness, 0.0)) / trials
+        # Of delays that exceed their shortest exponentially, the shortest of N does by the N-th part; two of
+        # them are what the line was laid through, and at its end it is four times as uncertain.
+        excess = sum(span.y - self._line.at(span.x) for span in self._spans)
+        line = 4 * excess / spans / max(spans - 2, 1)
+        return round(math.hypot(self._resolution_sigma_ns, soonest, line, FLOOR_NS))

@@ -4,7 +4,7 @@ A delay can be too long by any amount and never too short, so means and least sq
 of the computer. The line sought lies under all delays and touches the shortest of them.
 """
 
-import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 USUAL_DRIFT = 1e-4
-"""Drift that crystals reach. Ceramic resonators drift fifty times as much: that is unlikely, not impossible."""
-_FLOOR_NS = 20_000.0
-"""Excess that nothing is measured below."""
+"""Drift that crystals reach. Ceramic resonators drift fifty times as much: unlikely, not impossible."""
+_LEAST = 5
+"""Delays from which on a drift can be told: any line touches two, and the better half must have one more."""
+FLOOR_NS = 20_000.0
+"""Regularity of the best of clocks and kernels: no excess, and no σ, is less."""
 
 
 class Line(NamedTuple):
@@ -31,10 +33,9 @@ class Line(NamedTuple):
     slope: float
     excess: float
 
-    def at(self, x: float | Array) -> Array:
-        """Values of the line."""
-        value: Array = np.asarray(self.offset + self.slope * np.asarray(x, np.float64))
-        return value
+    def at(self, x: float) -> float:
+        """Value of the line."""
+        return self.offset + self.slope * x
 
 
 def lower_envelope(x: Array, y: Array) -> Line:
@@ -48,13 +49,13 @@ def lower_envelope(x: Array, y: Array) -> Line:
         x: (N,) times in ns, ascending.
         y: (N,) delays in ns.
     """
-    slopes = np.array([0.0, *_hull_slopes(x, y)])
+    slopes = np.array([0.0, *(_hull_slopes(x, y) if len(x) >= _LEAST else ())])
     above = y[None, :] - slopes[:, None] * x[None, :]
     offsets = above.min(axis=1)
     better = (len(x) + 1) // 2
     nearest = np.partition(above - offsets[:, None], better - 1, axis=1)[:, :better]
     excess = nearest.mean(axis=1)
-    unlikelihood = len(x) * np.log(excess + _FLOOR_NS) + np.log1p((slopes / USUAL_DRIFT) ** 2)
+    unlikelihood = len(x) * np.log(excess + FLOOR_NS) + np.log1p((slopes / USUAL_DRIFT) ** 2)
     best = int(np.argmin(unlikelihood))
     return Line(float(offsets[best]), float(slopes[best]), float(excess[best]))
 
@@ -66,8 +67,7 @@ def _hull_slopes(x: Array, y: Array) -> list[float]:
         while len(corners) > 1 and _slope(corners[-2], corners[-1]) >= _slope(corners[-2], point):
             corners.pop()
         corners.append(point)
-    edges = zip(corners[:-1], corners[1:], strict=True)
-    return [slope for slope in (_slope(*edge) for edge in edges) if math.isfinite(slope)]
+    return [_slope(*edge) for edge in pairwise(corners)]
 
 
 def _slope(first: tuple[float, float], second: tuple[float, float]) -> float:

@@ -69,7 +69,9 @@ class Channel:
         if unit is None:
             return [f"{self.name}: the logger does not state the unit of {self.column}, so 'unit' must"]
         if self.unit is not None and stated is not None and _differ(self.unit, stated):
-            return [f"{self.name}: the logger states {stated} for {self.column}, the configuration {self.unit}"]
+            return [
+                f"{self.name}: the logger states {stated} for {self.column}, the configuration {self.unit}"
+            ]
         if unit not in _FACTORS:
             return [f"{self.name}: the unit {unit} is none of {', '.join(_FACTORS)}"]
         if unit in OTHER_UNITS and self.gain is None:
