@@ -40,7 +40,7 @@ _REPLUG = "plug the logger in again; grabberd retries automatically"
 
 
 class _Packet(NamedTuple):
-    """What is delivered together.
+    """Readings that are delivered together.
 
     Attributes:
         taken_ns: (K,) when its readings were taken, without those that are lost.

@@ -114,7 +114,7 @@ class _GrowingFile:
             ) from error
 
     def _look_for_another(self, file: BufferedReader) -> Received:
-        """What a new file of the same name holds, once the old one has been read."""
+        """Content of a new file of the same name, once the old one has been read."""
         path = self._options.path
         try:
             now = path.stat()

@@ -61,7 +61,7 @@ class Column(NamedTuple):
 
 
 class Line(NamedTuple):
-    """What a line says.
+    """Content of a line.
 
     Attributes:
         time_ns: The logger's own time, or None if it has none.
@@ -150,7 +150,7 @@ class LineFormat:
 
 
 def separator_of(text: str) -> str:
-    """What separates the cells of a line: the first of ; tab , that it has, else blanks."""
+    """Separator of a line's cells: the first of ; tab , that it has, else blanks."""
     return next((separator for separator in (";", "\t", ",") if separator in text), " ")
 
 

@@ -29,7 +29,7 @@ class Opened(NamedTuple):
 
 
 class Received(NamedTuple):
-    """What a source has delivered.
+    """Delivery of a source.
 
     Attributes:
         data: Bytes of lines, complete or not.
@@ -43,7 +43,7 @@ class Received(NamedTuple):
 
 
 class Source(Protocol):
-    """Where lines come from; `begins_anywhere` if its first line may have lost its beginning."""
+    """Source of lines; `begins_anywhere` if its first line may have lost its beginning."""
 
     driver: str
     begins_anywhere: bool

@@ -46,7 +46,7 @@ class LineReadings:
 
     @property
     def dating(self) -> Dating:
-        """What times go by."""
+        """Source of the readings' times."""
         has_time = self.format is not None and self.format.time_unit_ns is not None
         return Dating.OWN_CLOCK if has_time or self._rate_hz else Dating.ARRIVAL
 
@@ -149,6 +149,6 @@ _ADVICE = "write it like 'time_ms,p1 [kPa],p2 [kPa]', or name the columns in the
 
 
 def _shown(text: str) -> str:
-    """What can be shown of a line."""
+    """Printable part of a line, cut to a length that can be shown."""
     printable = "".join(char if char.isprintable() else "\ufffd" for char in text)
     return printable if len(printable) <= _SHOWN else printable[: _SHOWN - 1] + "…"

@@ -169,7 +169,7 @@ class _Topic:
             elif len(message.payload) > LONGEST:
                 anomalies.append((OVERLONG, f"{len(message.payload)} bytes"))
             else:
-                lines.append(line_of(message.payload, self._columns) + "\n")
+                lines.append(line_of(bytes(message.payload), self._columns) + "\n")
         return Received("".join(lines).encode(), tuple(anomalies))
 
     def _made(self) -> paho.Client:

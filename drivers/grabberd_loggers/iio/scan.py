@@ -19,12 +19,12 @@ class Element(NamedTuple):
 
     Attributes:
         name: Its name.
-        index: Its place among the others.
+        position: Its place among the others, from 0.
         type: What the kernel states, e.g. "le:s24/32>>8".
     """
 
     name: str
-    index: int
+    position: int
     type: str
 
 
@@ -52,7 +52,7 @@ class ScanFormat:
     def __init__(self, elements: Sequence[Element]) -> None:
         end, largest = 0, 1
         self._places: dict[str, _Place] = {}
-        for element in sorted(elements, key=lambda one: one.index):
+        for element in sorted(elements, key=lambda one: one.position):
             place, size = _placed(element, end)
             self._places[element.name] = place
             end, largest = place.offset + size, max(largest, size)

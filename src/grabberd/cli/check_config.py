@@ -39,7 +39,7 @@ def check_config(
 def _problems(
     check: "Callable[[Config, Path], object]", config: "Config", file: Path
 ) -> "tuple[Problem, ...]":
-    """What a check finds, so that those after it run all the same."""
+    """Run a check and return what it finds, so that those after it run all the same."""
     try:
         check(config, file)
     except ConfigError as error:

@@ -1,4 +1,4 @@
-"""What `grabberd logger` hears from a logger, and how it prints it."""
+"""Listening to a logger for `grabberd logger`, and printing what was heard."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -161,7 +161,7 @@ def print_heard(heard: Heard, json: bool) -> None:
 
 
 def document(heard: Heard) -> dict[str, Any]:
-    """What was heard, for scripts."""
+    """Document of what was heard, for scripts."""
     info = heard.info
     columns = zip(info.channels, info.units, heard.values.T, strict=True)
     return {

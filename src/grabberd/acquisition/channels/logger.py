@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 
 class Quantity(StrEnum):
-    """What a channel measures, each in kPa below atmosphere."""
+    """Quantity that a channel measures, each in kPa below atmosphere."""
 
     PULSATION = "pulsation"
     """Vacuum in the pulsation chamber."""
@@ -29,7 +29,7 @@ class Quantity(StrEnum):
 
 
 class Dating(StrEnum):
-    """What the times of readings go by."""
+    """Source of the times of readings."""
 
     ARRIVAL = "arrival"
     """Each reading is as old as its way to the program is long, which nobody knows."""

@@ -17,7 +17,7 @@ _FACTORS = PRESSURE_UNITS | OTHER_UNITS
 
 
 class Reference(StrEnum):
-    """What a sensor measures against."""
+    """Pressure that a sensor measures against."""
 
     VACUUM = "vacuum"
     """Below atmosphere, positive."""
