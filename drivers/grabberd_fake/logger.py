@@ -162,7 +162,9 @@ class FakeLogger:
         taken_ns = np.concatenate([part.taken_ns for part in parts])
         values = np.concatenate([part.values for part in parts])
         spoilt = sum(part.nonsense for part in parts)
-        nonsense = [Anomaly(now_ns, "not a number", "3,-,\ufffd7", spoilt)] if spoilt else []
+        # Where readings have a time, the gap in it counts what is lost.
+        lost = spoilt if self._dating is Dating.ARRIVAL else 0
+        nonsense = [Anomaly(now_ns, "not a number", "3,-,\ufffd7", lost)] if spoilt else []
         if not len(taken_ns):
             return Readings.none(values.shape[1], nonsense)
         dated, missing = self._date(taken_ns, now_ns)

@@ -82,7 +82,9 @@ class LineReadings:
         line = self.format.read(text)
         self._counted += 1  # also for nonsense: a reading was taken
         if isinstance(line, str):
-            anomalies.append(Anomaly(arrival_ns, line, _shown(text), 1))
+            # Where lines carry a time, the gap in it counts what is lost.
+            lost = 0 if self.format.time_unit_ns is not None else 1
+            anomalies.append(Anomaly(arrival_ns, line, _shown(text), lost))
             return None
         if line.time_ns is not None and line.time_ns + self._wraps_ns == self._newest_own_ns:
             anomalies.append(Anomaly(arrival_ns, REPEATED, _shown(text)))

@@ -13,6 +13,13 @@ trap 'rm -rf "$work"' EXIT
 cd "$work"
 unset PYTHONPATH
 "$work/venv/bin/grabberd" capture --fields 64 --out liner.grab
+"$work/venv/bin/grabberd" logger fake: --seconds 1 --json >logger.json
+"$work/venv/bin/python" -c '
+import json
+from grabberd.acquisition import LOGGERS
+assert {"csv", "fake", "iio", "mqtt", "serial"} <= set(LOGGERS.available()), "a driver has been forgotten"
+assert json.load(open("logger.json"))["readings"] > 100, "the simulated logger says too little"
+'
 "$work/venv/bin/grabberd" export liner.grab --format csv --out exported
 points=$(($(wc -l <exported/points.csv) - 1))
 test "$points" -gt 3000 || { echo "wheel: only $points points in 64 fields"; exit 1; }

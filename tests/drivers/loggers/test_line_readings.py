@@ -71,12 +71,17 @@ def test_nonsense_is_named_and_the_reading_goes_on(text: str, reason: str) -> No
     lines = timed()
     say(lines, 0, 20)
     found = lines.take([text, "300,41.9"], START_NS + 302 * MS)
-    assert next((anomaly.reason, anomaly.example, anomaly.lost) for anomaly in found.anomalies) == (
-        reason,
-        text,
-        1,
-    )
+    assert (found.anomalies[0].reason, found.anomalies[0].example) == (reason, text)
     assert found.values.tolist() == [[41.9]]
+
+
+def test_a_spoilt_line_is_lost_once() -> None:
+    by_time = timed()
+    found = say(by_time, 0, 50)
+    found += [by_time.take(["!"], START_NS + 502 * MS), *say(by_time, 51, 50)]
+    by_arrival = LineReadings(LineFormat.of_columns(["p1 [kPa]"]), None, False).take(["41.9", "!"], START_NS)
+    for readings in (found, [by_arrival]):
+        assert sum(anomaly.lost for one in readings for anomaly in one.anomalies) == 1
 
 
 def test_comments_say_nothing() -> None:
