@@ -9,7 +9,7 @@ from tests.bench.content_found import lost
 
 from grabberd.acquisition.checks.content_check import ContentCheck
 from grabberd.acquisition.device import GrabbedField
-from grabberd.acquisition.registry import create
+from grabberd.acquisition.registry import GRABBERS
 from grabberd.field import Field, Packing
 from grabberd.kernel import KERNEL, in_use
 
@@ -60,7 +60,7 @@ PACKINGS = {
 
 
 def _grabbed() -> list[Luma]:
-    grabber = create("fake", {"pace": "free"})
+    grabber = GRABBERS.create("fake", {"pace": "free"})
     grabber.open()
     lumas: list[Luma] = []
     while len(lumas) < FIELDS:
