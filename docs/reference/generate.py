@@ -15,6 +15,7 @@ from grabberd.processes.analysis.columns import TABLES
 from grabberd.processes.columns import LABELS, WORD, TableSpec
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
+from grabberd.storage.export.channel_columns import CHANNEL_COLUMNS
 from grabberd.storage.export.ply_file import PLY_NAMES, PLY_TYPES
 from grabberd.storage.export.points_columns import CLOUD_COLUMNS, DATASET_COLUMNS, POINT_COLUMNS
 
@@ -60,6 +61,16 @@ The files of a [data set](../howto/archive.md) are Parquet as well. They have al
 
 | column | Parquet | |
 |---|---|---|"""
+CHANNELS_BEFORE = """
+## Channels
+
+What was measured beside the picture, such as the vacuum: `channels.csv` or `channels.parquet` beside the
+points of a capture that has some, or `/api/v1/captures/{capture_id}/channels.csv`. A row is one reading of
+one channel. Readings begin and end up to a quarter of a second outside the fields. The metadata `grabberd` of
+the Parquet file have the capture and each channel's calibration.
+
+| column | unit | Parquet | |
+|---|---|---|---|"""
 ANALYSIS_BEFORE = """\
 The tables that `grabberd analyse` writes, or over HTTP
 `/api/v1/captures/{capture_id}/analyses/{number}/TABLE.csv`. How to make them, and what the inputs mean:
@@ -196,6 +207,9 @@ def _points() -> Iterator[str]:
     yield POINTS_AFTER
     for one in DATASET_COLUMNS[len(POINT_COLUMNS) :]:
         yield f"| `{one.name}` | {TYPES[one.dtype]} | {one.meaning} |"
+    yield CHANNELS_BEFORE
+    for one in CHANNEL_COLUMNS:
+        yield f"| `{one.name}` | {one.unit or '–'} | {TYPES[one.dtype]} | {one.meaning} |"
 
 
 def _analysis() -> Iterator[str]:

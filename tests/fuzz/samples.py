@@ -14,6 +14,8 @@ from grabberd.config import default_config_file
 from grabberd.storage import CaptureReader
 from grabberd.storage.state.backup import back_up
 from grabberd.storage.state.state_store import StateStore
+from storage.captures import slots
+from storage.readings import write_with_channels
 
 CONFIGS = default_config_file().parent
 FIELDS = 14
@@ -68,6 +70,7 @@ def _captures(folder: Path) -> None:
     """The liner at 1 and at 8 bits, also of format 1, and the calibration frame; the truth is the first's."""
     for name in ("one-bit.grab", "eight-bits.grab"):
         shutil.copy(FIRST_FORMAT / name, folder / "capture")
+    write_with_channels(folder / "capture", slots(FIELDS), name="channels", measured=range(FIELDS))
     for name, config, bits in (
         ("capture/liner.grab", "fake.yaml", "1"),
         ("capture/grey.grab", "fake.yaml", "8"),

@@ -110,6 +110,9 @@ def _reader(path: Path, _: Path) -> None:
         for run in reader.runs:
             list(reader.timed_points(run.run))
         list(reader.fields())
+        _ = reader.channels.account
+        for channel in reader.channels.all:
+            reader.channels.read(channel.name)
 
 
 def _index(path: Path, _: Path) -> None:

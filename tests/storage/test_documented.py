@@ -12,6 +12,7 @@ from grabberd.storage.capture.codec import POINT
 from grabberd.storage.capture.schema import APPLICATION_ID, VERSION
 from grabberd.storage.export.field_pictures import MANIFEST_COLUMNS
 from storage.captures import packed, points, slots, write
+from storage.readings import readings, write_with_channels
 
 TEXT = (Path(__file__).parents[2] / "docs" / "reference" / "capture-file.md").read_text(encoding="utf-8")
 
@@ -68,6 +69,21 @@ def test_the_program_in_it_reads_the_points(capture):
     assert found["n"].tolist() == [0] * 5 + [1] * 5 + [2] * 5
     np.testing.assert_array_equal(found["image_px"][5:10], points(1).image_px.reshape(5, 4))
     np.testing.assert_allclose(found["covariance_mm2"][10:], points(2).covariance_mm2, rtol=1e-12)
+
+
+def test_the_tables_of_channels_are_described_and_the_program_reads_them(tmp_path, monkeypatch):
+    path = write_with_channels(tmp_path, slots(60))
+    connection = sqlite3.connect(path)
+    for table in ("channels", "readings"):
+        columns = [row[1] for row in connection.execute(f"PRAGMA table_info({table})")]
+        assert [c for c in columns if f"`{c}`" not in section(table)] == []
+    connection.close()
+    monkeypatch.chdir(tmp_path)
+    found = program("readings")
+    expected = readings(0, 240)
+    np.testing.assert_array_equal(found["time_ns"], expected.time_ns)
+    np.testing.assert_array_equal(found["value"], expected.value)
+    np.testing.assert_allclose(found["kpa"], 101.3 - 0.1 * expected.value)
 
 
 @pytest.mark.parametrize("bits", [1, 6, 8])

@@ -26,7 +26,7 @@ def test_each_file_is_verified(captures):
     captures[1].write_bytes(b"garbage")
     found = dict(verify_files(captures))
     assert list(found) == captures
-    assert found[captures[0]] == (2, 0, True, [])
+    assert found[captures[0]] == (2, 0, 0, True, [])
     assert "cannot be read as a capture" in found[captures[1]].damages[0]
     assert found[captures[2]].damages == []
 
@@ -48,7 +48,7 @@ def test_a_file_that_stops_its_reader_is_damaged(captures, monkeypatch, act, wor
 
 
 def test_it_works_behind_everybody_else(captures, monkeypatch):
-    look = SABOTAGED.format(act="[os.sched_getscheduler(0), os.nice(0), True, []]")
+    look = SABOTAGED.format(act="[os.sched_getscheduler(0), os.nice(0), 0, True, []]")
     monkeypatch.setattr(verify_process, "PROGRAM", look)
     ((_, found),) = verify_files(captures[1:2])
     assert found[:2] == (os.SCHED_IDLE, 19)

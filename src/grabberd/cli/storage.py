@@ -71,6 +71,7 @@ def verify(
         if json:
             continue
         words = f": {found.fields} sound fields and the points of {found.points}"
+        words += f", {found.readings} readings of channels" if found.readings else ""
         proven = "" if found.has_digests else "; of an earlier version, without digests"
         readable = found.has_digests or found.fields > 0 or not found.damages
         verdict = "damaged" if found.damages else "sound"

@@ -24,7 +24,7 @@ def verify_files(paths: Iterable[Path]) -> Iterator[tuple[Path, Verification]]:
     for path, answer in ask(PROGRAM, [], paths, _longest_s):
         if answer is None:
             reason = f"reading it ends the reader, or takes longer than {_longest_s(path):.0f} s"
-            yield path, Verification(0, 0, has_digests=False, damages=[reason])
+            yield path, Verification(0, 0, 0, has_digests=False, damages=[reason])
         else:
             yield path, Verification(*answer)
 
@@ -38,9 +38,9 @@ def _answer(path: Path) -> tuple[Any, ...]:
     try:
         return verify(path)
     except GrabberdError as error:
-        return Verification(0, 0, has_digests=False, damages=[error.message])
+        return Verification(0, 0, 0, has_digests=False, damages=[error.message])
     except Exception as error:
-        return Verification(0, 0, has_digests=False, damages=[f"{type(error).__name__}: {error}"])
+        return Verification(0, 0, 0, has_digests=False, damages=[f"{type(error).__name__}: {error}"])
 
 
 def main() -> None:

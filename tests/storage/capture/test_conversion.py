@@ -74,7 +74,7 @@ def test_all_of_a_capture_is_there_afterwards(capture):
         assert one[1:] == other[1:]
     for run, before in points.items():
         same_points({n: quantised(one) for n, one in before.items()}, points_of(capture, run))
-    assert verify(capture) == (len(fields), len(points[1]) + len(points[2]), True, [])
+    assert verify(capture) == (len(fields), len(points[1]) + len(points[2]), 0, True, [])
     assert [file.name for file in capture.parent.iterdir()] == [capture.name]
 
 

@@ -26,7 +26,7 @@ def copied(tmp_path):
 
 def test_a_capture_with_everything_comes_back_as_it_was_written(copied):
     path = copied("one-bit.grab")
-    assert verify(path) == (11, 20, True, [])
+    assert verify(path) == (11, 20, 0, True, [])
     with CaptureReader(path) as reader:
         reader.check_unchanged()
         told = [(one.numbered.n, one.outcome, one.reason) for one in reader.fields()]
@@ -57,7 +57,7 @@ def test_grey_captures_come_back_as_they_were_written(copied, name, bits, double
 
 def test_what_a_kill_left_of_an_earlier_version_is_sealed(copied):
     path = recover(copied("killed.grab.part"))
-    assert verify(path) == (10, 9, True, [])
+    assert verify(path) == (10, 9, 0, True, [])
     with CaptureReader(path) as reader:
         assert reader.meta.state == "sealed"
         assert reader.ledger.received == 10

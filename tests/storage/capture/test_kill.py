@@ -8,7 +8,7 @@ from contextlib import suppress
 import pytest
 
 from grabberd.storage import CaptureReader, recover
-from storage.capture.writing_child import write_fields
+from storage.capture.writing_child import READINGS_A_FIELD, write_fields
 from storage.captures import points
 
 ROUNDS, AT_ONCE = 5, 4
@@ -75,6 +75,8 @@ def check(part, last):
         assert reader.meta.complete is False
         assert reader.ledger.received == len(kept)
         assert "lost" in reader.ledger.in_words(50.0)
+        assert len(reader.channels.read("pulsation").value) == len(kept) * READINGS_A_FIELD
+        assert reader.channels.account.channels[0].readings == len(kept) * READINGS_A_FIELD
     assert [n for n, _ in measured] == kept
     for n, one in measured[-3:]:
         assert one.xyz_mm.tobytes() == points(n).xyz_mm.tobytes()

@@ -77,7 +77,7 @@ def same_content(one, other):
 
 
 def test_a_sound_capture_is_found_sound(sealed):
-    assert verify(sealed) == (9, 16, True, [])
+    assert verify(sealed) == (9, 16, 0, True, [])
 
 
 def is_found(path, whole, place, written):
@@ -240,7 +240,7 @@ def test_metadata_that_were_changed_are_not_relied_on(sealed):
 def test_what_a_crash_left_proves_itself_too(part):
     part.append([slot(11)])  # never committed
     part.close()
-    assert verify(recover(part.path)) == (9, 8, True, [])
+    assert verify(recover(part.path)) == (9, 8, 0, True, [])
 
 
 def test_a_run_that_failed_leaves_no_digests(sealed):
@@ -255,14 +255,14 @@ def test_a_run_that_failed_leaves_no_digests(sealed):
         connection.execute("UPDATE points SET run = 3 WHERE run = 1 AND first_n = 0")
         connection.commit()
     append_run(sealed, "measure", "", "", MADE_WITH, [(1, points(1))])
-    assert verify(sealed)[:3] == (9, 16, True)
+    assert verify(sealed)[:4] == (9, 16, 0, True)
     with CaptureReader(sealed) as reader:
         assert [n for n, _ in reader.points(3)] == [1]
 
 
 def test_a_capture_of_an_earlier_version_is_read_as_far_as_it_can_be(first_format):
     change(first_format, "DELETE FROM meta WHERE key GLOB 'digest*'")
-    assert verify(first_format) == (9, 16, False, [])
+    assert verify(first_format) == (9, 16, 0, False, [])
     change(first_format, "UPDATE fields SET data = x'00' WHERE n = 1")
     found = verify(first_format)
     assert found.fields == 8

@@ -68,7 +68,7 @@ def convert(path: Path, now: datetime, progress: Progress = lambda _: None) -> C
     with reading_errors(path):
         before = path.stat()
     with CaptureReader(path) as reader, closing(connect(path)) as connection:
-        if format_of(connection) == VERSION:
+        if format_of(connection) != FORMAT_1:
             return Converted(before.st_size, before.st_size)
         _check(reader)
         with alone(path, before.st_ino), storage_errors(path), _folder(path) as folder:

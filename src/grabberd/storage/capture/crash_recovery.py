@@ -11,6 +11,7 @@ from typing import NamedTuple
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome
 from grabberd.acquisition.clock import Now
 from grabberd.errors import CaptureFileError, LaterVersion
+from grabberd.storage.capture.channels.stored_account import close_account, read_account, write_account
 from grabberd.storage.capture.digests import write_sealed_digest
 from grabberd.storage.capture.ledger_table import write_ledger
 from grabberd.storage.capture.meta import SEALED, CaptureMeta, write_meta
@@ -82,6 +83,8 @@ def _seal(part: Path, ledger: Ledger, because: str) -> None:
             connection.execute("BEGIN IMMEDIATE")
             connection.execute("DELETE FROM reserve")
             write_ledger(connection, ledger)
+            if (account := read_account(connection)) is not None:
+                write_account(connection, close_account(connection, account))
             change = "UPDATE runs SET state = ?, reason = ? WHERE state = ?"
             connection.execute(change, (FAILED, INTERRUPTED, RUNNING))
             verdict = {"state": SEALED, "complete": ledger.complete, "ended_because": because}

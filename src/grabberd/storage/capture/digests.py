@@ -1,9 +1,10 @@
 """Digests of a capture's content, by which whatever the disk has changed is found and told.
 
-Every row of the tables `fields` and `points` has a digest of its own, so that one flipped bit costs one
-field. They stand in the table `meta`, where earlier versions ignore what they do not know, a row for each
-commit, and are written in the same transaction as what they tell of. All else is covered by two kinds of
-digests that are written at the end: `digest.sealed` of metadata and ledger, and `digest.run.N` of a run.
+Every row of the tables `fields`, `points` and `readings` has a digest of its own, so that one flipped bit
+costs one of them. They stand in the table `meta`, where earlier versions ignore what they do not know, a row
+for each commit, and are written in the same transaction as what they tell of. All else is covered by two
+kinds of digests that are written at the end: `digest.sealed` of metadata, ledger and channels, and
+`digest.run.N` of a run.
 """
 
 import json
@@ -13,12 +14,15 @@ from hashlib import blake2b
 from typing import Any, NamedTuple
 
 from grabberd.storage.capture.meta import coverage_key, write_meta
+from grabberd.storage.capture.schema import WITH_CHANNELS, format_of
 from grabberd.storage.json_value import read_json
 
 FORM_KEY, FORM = "digests", 1
 """Key and value of files that have digests, from their first commit on."""
 SEALED_KEY = "digest.sealed"
 FIELDS = "digest.fields."
+READINGS = "readings of "
+"""Beginning of what a damaged group of readings is called, before the name of its channel."""
 CHANGED = "it is not what was written: its digest differs"
 MISSING = "it is missing"
 _ROW_BYTES, _REST_BYTES = 8, 32
@@ -26,6 +30,7 @@ _ROW_BYTES, _REST_BYTES = 8, 32
 _OF_META = """SELECT key, value FROM meta WHERE key <> 'digest.sealed' AND key NOT GLOB 'digest.run.*'
     AND key NOT GLOB 'digest.points.*' AND key NOT GLOB 'coverage.*' ORDER BY key"""
 _OF_LEDGER = "SELECT * FROM ledger ORDER BY first_n"
+_OF_CHANNELS = "SELECT * FROM channels ORDER BY channel"
 _RUN_ROW = "SELECT * FROM runs WHERE run = ?"
 _RUN_META = "SELECT key, value FROM meta WHERE key = ? OR key BETWEEN ? AND ? ORDER BY key"
 _SAID = 5
@@ -41,8 +46,8 @@ class Damage(NamedTuple):
     """A row that is not what was written, and is left out.
 
     Attributes:
-        what: "field", "points" or "points of run N".
-        n: Number of the field.
+        what: "field", "points", "points of run N" or "readings of NAME".
+        n: Number of the field; of readings, that of their group.
         reason: What is wrong with it.
     """
 
@@ -53,7 +58,8 @@ class Damage(NamedTuple):
     @property
     def in_words(self) -> str:
         """A sentence for people."""
-        subject = self.what if self.what == "field" else f"{self.what}, field"
+        counted = "group" if self.what.startswith(READINGS) else "field"
+        subject = self.what if self.what == counted else f"{self.what}, {counted}"
         return f"{subject} {self.n}: {self.reason}"
 
 
@@ -67,6 +73,11 @@ def left_out_in_words(left_out: Sequence[Damage]) -> list[str]:
 def points_prefix(run: int) -> str:
     """Beginning of the keys of a run's digests of points."""
     return f"digest.points.{run:07d}."
+
+
+def readings_prefix(channel: int) -> str:
+    """Beginning of the keys of a channel's digests of readings."""
+    return f"digest.readings.{channel:07d}."
 
 
 def row_digest(row: Sequence[Any]) -> str:
@@ -176,10 +187,10 @@ def _stored(connection: sqlite3.Connection, key: str) -> Any:
 
 
 def _sealed(connection: sqlite3.Connection) -> dict[str, str]:
-    return {
-        "metadata": _digest(connection.execute(_OF_META)),
-        "ledger": _digest(connection.execute(_OF_LEDGER)),
-    }
+    parts = {"metadata": _OF_META, "ledger": _OF_LEDGER}
+    if format_of(connection) == WITH_CHANNELS:
+        parts["channels"] = _OF_CHANNELS
+    return {part: _digest(connection.execute(query)) for part, query in parts.items()}
 
 
 def _run(connection: sqlite3.Connection, run: int) -> str:

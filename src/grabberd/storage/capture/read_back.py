@@ -11,7 +11,15 @@ from grabberd.acquisition import Ledger
 from grabberd.errors import CaptureFileError, StorageError
 from grabberd.field import PackedField
 from grabberd.reconstruction.points import Points
-from grabberd.storage.capture.digests import FIELDS, Row, points_prefix, row_digest, write_row_digests
+from grabberd.storage.capture.channels.reading_groups import ReadingGroup, RecordedReadings, decode_readings
+from grabberd.storage.capture.digests import (
+    FIELDS,
+    Row,
+    points_prefix,
+    readings_prefix,
+    row_digest,
+    write_row_digests,
+)
 from grabberd.storage.capture.groups.group_rows import (
     PictureGroup,
     PointGroup,
@@ -28,14 +36,15 @@ _HINT = (
     "check the disk and the memory of this computer (smartctl, memtest86+), and report it if both are sound"
 )
 _PICTURES = "SELECT * FROM pictures WHERE first_n = ?"
+_READINGS = "SELECT * FROM readings WHERE channel = ? AND number = ?"
 _FIELDS = "SELECT * FROM fields WHERE n BETWEEN ? AND ? ORDER BY n"
 
 
 class Uncommitted:
     """Groups that a transaction has written, kept until it is committed and they are found in the file.
 
-    All are compared with what the file gives back, byte by byte; the newest field and its points are also
-    decoded, as a reader would. Decoding all of them would cost as much as encoding them.
+    All are compared with what the file gives back, byte by byte; the newest field and its points, and all
+    readings, are also decoded, as a reader would. Decoding all fields would cost as much as encoding them.
     """
 
     def __init__(self) -> None:
@@ -43,6 +52,7 @@ class Uncommitted:
         self._points: list[PointGroup] = []
         self._newest_field: PackedField | None = None
         self._newest_points: Points | None = None
+        self._readings: list[tuple[ReadingGroup, RecordedReadings]] = []
 
     def add_pictures(self, group: PictureGroup, newest: PackedField) -> None:
         """Notes a group of fields, and the last picture that it was made from."""
@@ -54,6 +64,10 @@ class Uncommitted:
         self._points.append(group)
         self._newest_points = newest
 
+    def add_readings(self, groups: Sequence[tuple[ReadingGroup, RecordedReadings]]) -> None:
+        """Notes groups of readings, and what they were made from."""
+        self._readings += groups
+
     def write_digests(self, connection: sqlite3.Connection) -> None:
         """Writes the digests of the groups, as the last change before they are committed."""
         pictures = {group.first_n: row_digest(group) for group in self._pictures}
@@ -62,10 +76,14 @@ class Uncommitted:
             of_run = (group for group in self._points if group.run == run)
             digests = {group.first_n: row_digest(group.digested) for group in of_run}
             write_row_digests(connection, points_prefix(run), digests)
+        for channel in {group.channel for group, _ in self._readings}:
+            of_channel = (group for group, _ in self._readings if group.channel == channel)
+            digests = {group.number: row_digest(group.digested) for group in of_channel}
+            write_row_digests(connection, readings_prefix(channel), digests)
 
     def forget(self) -> None:
         """Drops everything: the transaction was rolled back, or has been read back."""
-        self._pictures, self._points = [], []
+        self._pictures, self._points, self._readings = [], [], []
         self._newest_field = self._newest_points = None
 
     def read_back(self, path: Path, connection: sqlite3.Connection) -> None:
@@ -79,12 +97,14 @@ class Uncommitted:
         """
         pictures, newest_field = self._pictures, self._newest_field
         points, newest_points = self._points, self._newest_points
+        readings = self._readings
         self.forget()  # before it is checked: what does not come back is told of once
         with _mismatches(path), reading_errors(path):
             if newest_field is not None:
                 _check_pictures(path, connection, pictures, newest_field)
             if newest_points is not None:
                 _check_points(path, connection, points, newest_points)
+            _check_readings(path, connection, readings)
 
 
 def check_sealed(path: Path, ledger: Ledger, *, complete: bool, runs: Sequence[int]) -> None:
@@ -158,6 +178,18 @@ def _check_points(
     expected, back = quantised(newest), measured_points(groups[-1])
     if back.xyz_mm[len(back) - len(newest) :].tobytes() != expected.xyz_mm.tobytes():
         raise _mismatch(path, f"the points of field {groups[-1].last_n} differ")
+
+
+def _check_readings(
+    path: Path, connection: sqlite3.Connection, groups: Sequence[tuple[ReadingGroup, RecordedReadings]]
+) -> None:
+    """Finds groups of readings, all decoded: there are few of them."""
+    for group, readings in groups:
+        found = connection.execute(_READINGS, group[:2]).fetchall()
+        back = decode_readings(group)
+        pairs = ((back.time_ns, readings.time_ns), (back.value, readings.value))
+        if found != [group] or any(one.tobytes() != other.tobytes() for one, other in pairs):
+            raise _mismatch(path, f"group {group.number} of the readings of channel {group.channel} differs")
 
 
 @contextmanager

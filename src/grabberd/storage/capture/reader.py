@@ -11,6 +11,7 @@ from grabberd.acquisition import Ledger, Outcome
 from grabberd.errors import CaptureFileError, NotFound
 from grabberd.field import NumberedField
 from grabberd.reconstruction.points import Points
+from grabberd.storage.capture.channels.recorded_channels import RecordedChannels
 from grabberd.storage.capture.checked_rows import END
 from grabberd.storage.capture.content import Content, PointArrays
 from grabberd.storage.capture.digests import CHANGED, Damage, changed_parts
@@ -34,13 +35,15 @@ class CaptureReader:
 
     Args:
         path: The file.
-        left_out: Takes up the fields and points that are damaged and are left out of what `fields`,
-            `received`, `points` and `timed_points` give; None: the first one of them is an error.
+        left_out: Takes up the fields, points and readings that are damaged and are left out of what
+            `fields`, `received`, `points`, `timed_points` and `channels` give; None: the first one of them is
+            an error.
 
     Attributes:
         path: The file.
         meta: Its metadata when it was opened.
         content: Its fields and points, by its format.
+        channels: What was measured beside the picture.
 
     Raises:
         CaptureFileError: From any method: missing, no capture, damaged, or of a later version.
@@ -53,6 +56,7 @@ class CaptureReader:
         with reading_errors(self.path):
             self.meta = self._read_meta()
         self.content = content_of(self.path, self._connection, left_out)
+        self.channels = RecordedChannels(self.path, self._connection, left_out)
 
     def __enter__(self) -> Self:
         return self

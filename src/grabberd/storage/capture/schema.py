@@ -14,8 +14,9 @@ from grabberd.storage.patience import check_patience
 
 APPLICATION_ID = 0x67726162
 """The letters `grab` in the database's header: tells a capture from other SQLite files."""
-FORMAT_1, VERSION = 1, 2
-"""The layout with a row for each field, which is read for ever, and the one that is written."""
+FORMAT_1, VERSION, WITH_CHANNELS = 1, 2, 3
+"""The layout with a row for each field, which is read for ever; the one that is written; and the same with
+two further tables, for captures that have channels."""
 
 PART = ".part"
 """Ending of a capture's name until it is sealed."""
@@ -65,7 +66,17 @@ CREATE TABLE points (
     PRIMARY KEY (run, first_n));
 {_RESERVE}
 """
-_TABLES = {FORMAT_1: TABLES_1, VERSION: TABLES}
+TABLES_WITH_CHANNELS = f"""
+{TABLES}
+CREATE TABLE channels (
+    channel INTEGER PRIMARY KEY, name TEXT NOT NULL, quantity TEXT NOT NULL, logger TEXT NOT NULL,
+    calibration TEXT NOT NULL, source TEXT NOT NULL);
+CREATE TABLE readings (
+    channel INTEGER NOT NULL, number INTEGER NOT NULL, readings INTEGER NOT NULL, first_ns INTEGER NOT NULL,
+    last_ns INTEGER NOT NULL, dating TEXT NOT NULL, time_sigma_ns INTEGER NOT NULL, time_ns BLOB NOT NULL,
+    value BLOB NOT NULL, PRIMARY KEY (channel, number));
+"""
+_TABLES = {FORMAT_1: TABLES_1, VERSION: TABLES, WITH_CHANNELS: TABLES_WITH_CHANNELS}
 # Errors that may pass while the file is sound; all others mean that it is damaged.
 _NOT_THE_FILES_FAULT = (
     sqlite3.SQLITE_BUSY,
@@ -87,9 +98,9 @@ JOURNAL_BYTES = 256 * 1024
 
 
 def create(
-    path: Path, max_pages: int | None = None, reserve_bytes: int = RESERVE_BYTES
+    path: Path, max_pages: int | None = None, reserve_bytes: int = RESERVE_BYTES, version: int = VERSION
 ) -> sqlite3.Connection:
-    """Creates a capture file; `max_pages` limits its size, for tests of a full disk.
+    """Creates a capture file of version 2 or 3; `max_pages` limits its size, for tests of a full disk.
 
     Raises:
         StorageError: It exists, or cannot be written.
@@ -110,11 +121,11 @@ def create(
         # Overwriting the freed reserve with zeros would journal all of its pages first.
         connection.execute("PRAGMA secure_delete = OFF")
         connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
-        connection.execute(f"PRAGMA user_version = {VERSION}")
+        connection.execute(f"PRAGMA user_version = {version:d}")
         if max_pages is not None:
             connection.execute(f"PRAGMA max_page_count = {max_pages:d}")
         # One transaction: a kill leaves a file with all of its tables, or an empty one.
-        connection.executescript("BEGIN;" + TABLES)
+        connection.executescript("BEGIN;" + _TABLES[version])
         connection.execute("INSERT INTO reserve VALUES (zeroblob(?))", (reserve_bytes,))
         connection.execute("COMMIT")
         _reserve_journal(path.with_name(path.name + JOURNAL))
@@ -173,9 +184,9 @@ def _version(path: Path) -> int:
     header = read_header(path)
     if header.application_id != APPLICATION_ID:
         raise CaptureFileError(f"{path} is a database, but no capture", "choose a file that grabberd wrote")
-    if header.user_version > VERSION:
+    if header.user_version > max(_TABLES):
         raise LaterVersion(
-            f"{path} has version {header.user_version}, this program reads up to {VERSION}",
+            f"{path} has version {header.user_version}, this program reads up to {max(_TABLES)}",
             "use a newer grabberd",
         )
     if header.user_version not in _TABLES:

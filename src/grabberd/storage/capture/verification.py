@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from grabberd.errors import CaptureFileError, StorageError
+from grabberd.storage.capture.channels.recorded_channels import RecordedChannels
 from grabberd.storage.capture.checked_rows import END
 from grabberd.storage.capture.digests import CHANGED, Damage, changed_parts
 from grabberd.storage.capture.meta import read_meta
@@ -25,12 +26,14 @@ class Verification(NamedTuple):
     Attributes:
         fields: Number of sound fields in it.
         points: Number of those that have sound points, of all runs.
+        readings: Number of sound readings, of all channels.
         has_digests: False for files of earlier versions, in which a changed bit may go unnoticed.
         damages: What is not as it was written, in words.
     """
 
     fields: int
     points: int
+    readings: int
     has_digests: bool
     damages: list[str]
 
@@ -45,7 +48,7 @@ def verify(path: Path) -> Verification:
     told: list[str] = []
     left_out: list[Damage] = []
     runs: list[int] = []
-    fields = points = 0
+    fields = points = readings = 0
     with closing(connect(path)) as connection:
         # A capture of days takes longer than any reader may; here nobody waits for a single statement.
         connection.longest_s = math.inf
@@ -63,7 +66,21 @@ def verify(path: Path) -> Verification:
         for run in runs:
             with _told(path, told):
                 points += content.measured(run)
-    return Verification(fields, points, content.has_digests, [*told, *(one.in_words for one in left_out)])
+        readings = _readings(path, RecordedChannels(path, connection, left_out), told)
+    damages = [*told, *(one.in_words for one in left_out)]
+    return Verification(fields, points, readings, content.has_digests, damages)
+
+
+def _readings(path: Path, channels: RecordedChannels, told: list[str]) -> int:
+    """Reads all channels; returns the number of sound readings."""
+    count = 0
+    with _told(path, told):
+        found = channels.all
+        _ = channels.account  # damaged, it is told
+        for channel in found:
+            with _told(path, told):
+                count += sum(len(group.time_ns) for group in channels.groups(channel))
+    return count
 
 
 @contextmanager

@@ -4,15 +4,18 @@ import copy
 import json
 import os
 import sqlite3
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
 from grabberd.acquisition import Ledger, LedgerEntry, LedgerEvent, Slot
+from grabberd.acquisition.channels.account import Account
 from grabberd.errors import InputError, StorageError
 from grabberd.reconstruction.points import Points
+from grabberd.storage.capture.channels.channel_writer import ChannelWriter
+from grabberd.storage.capture.channels.reading_groups import RecordedChannel, RecordedReadings
 from grabberd.storage.capture.digests import FORM, FORM_KEY, write_sealed_digest
 from grabberd.storage.capture.groups.waiting import PicturesInWaiting, PointsInWaiting
 from grabberd.storage.capture.ledger_table import as_far_as_written, insert_entry, write_ledger
@@ -21,7 +24,14 @@ from grabberd.storage.capture.point_table import GROUPED
 from grabberd.storage.capture.read_back import Uncommitted, check_sealed
 from grabberd.storage.capture.rebases import with_rebases
 from grabberd.storage.capture.rows import RunInfo
-from grabberd.storage.capture.schema import RESERVE_BYTES, connect, create, sealed_path
+from grabberd.storage.capture.schema import (
+    RESERVE_BYTES,
+    VERSION,
+    WITH_CHANNELS,
+    connect,
+    create,
+    sealed_path,
+)
 from grabberd.storage.disk import storage_errors, sync_directory
 from grabberd.storage.guarded_database import JOURNAL
 
@@ -43,7 +53,13 @@ class CaptureWriter:
         runs: Runs that a reader of the file finds: started and committed.
     """
 
-    def __init__(self, path: Path, connection: sqlite3.Connection, meta: CaptureMeta) -> None:
+    def __init__(
+        self,
+        path: Path,
+        connection: sqlite3.Connection,
+        meta: CaptureMeta,
+        channels: Sequence[RecordedChannel] = (),
+    ) -> None:
         self.path = path
         self.meta = meta
         self.runs: list[RunInfo] = []
@@ -51,6 +67,7 @@ class CaptureWriter:
         self._rebases: list[LedgerEvent] = []
         self._uncommitted = Uncommitted()
         self._pictures, self._points = PicturesInWaiting(), PointsInWaiting()
+        self._channels = ChannelWriter(channels)
         self._undone = False
         self._connection = connection
 
@@ -61,6 +78,7 @@ class CaptureWriter:
         meta: CaptureMeta,
         max_pages: int | None = None,
         reserve_bytes: int = RESERVE_BYTES,
+        channels: Sequence[RecordedChannel] = (),
     ) -> Self:
         """Creates a file NAME.grab.part.
 
@@ -69,6 +87,7 @@ class CaptureWriter:
             meta: Its metadata.
             max_pages: Limits its size, for tests of a full disk.
             reserve_bytes: Room that is kept for sealing it on a full disk.
+            channels: What is measured beside the picture, numbered from 0.
 
         Raises:
             InputError: The metadata are none that a capture can have.
@@ -79,11 +98,13 @@ class CaptureWriter:
         except ValueError as error:
             hint = "look at its note and labels, and at the site and the device in the configuration"
             raise InputError(f"capture {meta.id!r} cannot begin: {error}", hint) from error
-        connection = create(path, max_pages, reserve_bytes)
-        writer = cls(path, connection, meta)
+        version = WITH_CHANNELS if channels else VERSION
+        connection = create(path, max_pages, reserve_bytes, version)
+        writer = cls(path, connection, meta, channels)
         with storage_errors(path):
             writer._begin()
             write_meta(connection, {FORM_KEY: FORM, **asdict(meta)})
+            writer._channels.begin(connection)
             writer.commit()
         return writer
 
@@ -125,6 +146,24 @@ class CaptureWriter:
                 self._write_points()
             self._points.add(run, n, points)
 
+    def describe_channel(self, channel: RecordedChannel) -> None:
+        """Replaces the description of a channel, with the next commit."""
+        with self._writing():
+            self._begin()
+            self._channels.describe(self._connection, channel)
+
+    def append_readings(self, channel: int, readings: RecordedReadings) -> None:
+        """Adds readings of a channel, with the next commit; they come in order."""
+        with self._writing():
+            self._begin()
+            self._channels.add(channel, readings)
+
+    def keep_account(self, account: Account) -> None:
+        """Notes the account of the channels, which is written with the next commit."""
+        with self._writing():
+            self._begin()
+            self._channels.keep(account)
+
     def commit(self) -> None:
         """Commits everything added so far, which survives a crash from here on, and reads it back.
 
@@ -135,6 +174,7 @@ class CaptureWriter:
             with self._writing():
                 self._write_pictures()
                 self._write_points()
+                self._uncommitted.add_readings(self._channels.write(self._connection))
                 self._uncommitted.write_digests(self._connection)
                 self._connection.execute("COMMIT")
             # Rebound rather than extended: another thread may be reading the list.
@@ -184,6 +224,7 @@ class CaptureWriter:
             extra = with_rebases({**read_meta(self._connection).extra, **(findings or {})}, ledger.events)
             covered = {coverage_key(run): document for run, document in (coverage or {}).items()}
             write_meta(self._connection, {**verdict, "extra": extra, **covered})
+            self._channels.seal(self._connection)
             write_sealed_digest(self._connection)
             self._connection.execute("COMMIT")
             # A sealed capture is one file. SQLite changes the journal's mode only between transactions, and
@@ -222,6 +263,7 @@ class CaptureWriter:
         """Drops what was added and not committed."""
         self._uncommitted.forget()
         self._pictures, self._points = PicturesInWaiting(), PointsInWaiting()
+        self._channels.forget()
 
     def _append(self, slot: Slot) -> None:
         for entry in slot.lost_before:

@@ -85,11 +85,11 @@ def _timed_rows(
     first_ns: int,
 ) -> Rows:
     times_s = (times_ns - first_ns) / 1e9
-    moments = np.repeat(_moments(times_ns, meta), counts)
-    return _rows(np.repeat(n, counts), moments, np.repeat(times_s, counts), points)
+    utc = np.repeat(moments(times_ns, meta), counts)
+    return _rows(np.repeat(n, counts), utc, np.repeat(times_s, counts), points)
 
 
-def _moments(times_ns: NDArray[np.int64], meta: CaptureMeta) -> NDArray[np.datetime64]:
+def moments(times_ns: NDArray[np.int64], meta: CaptureMeta) -> NDArray[np.datetime64]:
     """Times of day in UTC; not known for a recording played again, whose clock has passed."""
     if not meta.device.get("stream", {}).get("live", True):
         return np.full(len(times_ns), np.datetime64("NaT", "ms"))

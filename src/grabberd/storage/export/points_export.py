@@ -14,6 +14,7 @@ from grabberd.storage.capture.digests import MISSING, Damage
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.checked_file import Check, checked_file
 from grabberd.storage.disk import new_folder, storage_errors
+from grabberd.storage.export.channels_export import export_channels
 from grabberd.storage.export.csv_file import csv_text
 from grabberd.storage.export.ledger_file import write_ledger_file, write_left_out_file
 from grabberd.storage.export.parquet_file import check_parquet, write_parquet
@@ -132,7 +133,8 @@ def _missing_points(path: Path, run: int, first_n: int, end_n: int) -> list[Dama
 def export_csv(
     path: Path, directory: Path, run: int | None = None, left_out: list[Damage] | None = None
 ) -> int:
-    """Writes `points.csv` and `ledger.csv` into a folder; returns the number of points.
+    """Writes `points.csv`, `ledger.csv` and, if there are channels, `channels.csv` into a folder; returns the
+    number of points.
 
     Args:
         path: The capture.
@@ -152,6 +154,7 @@ def export_csv(
         for part in text:
             file.write(part.encode())
             rows += part.count("\n")
+        export_channels(path, directory, "csv", left_out)
     return rows
 
 
@@ -177,7 +180,8 @@ def export_ply(
 def export_parquet(
     path: Path, directory: Path, run: int | None = None, left_out: list[Damage] | None = None
 ) -> int:
-    """Writes `points.parquet` and `ledger.csv` into a folder; returns the number of points.
+    """Writes `points.parquet`, `ledger.csv` and, if there are channels, `channels.parquet` into a folder;
+    returns the number of points.
 
     Raises:
         CaptureFileError, NotFound, ExtraMissing, StorageError: See `points_parquet` and `export_csv`.
@@ -189,6 +193,7 @@ def export_parquet(
     check = parquet_check([column.name for column in POINT_COLUMNS], lambda: points)
     with _new_file(path, directory, "points.parquet", check, left_out) as file:
         points = points_parquet(path, number, file, left_out)
+        export_channels(path, directory, "parquet", left_out)
     return points
 
 
