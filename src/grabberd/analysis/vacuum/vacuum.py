@@ -133,15 +133,17 @@ class LoggedVacuum:
     Attributes:
         log: readings of the logger; `kpa`: (K,) the column used.
         offset_s: camera's time minus logger's, with `offset_sigma_s`.
+        sigma_kpa: σ of the gauge, common to all readings.
     """
 
     log: VacuumLog
     kpa: Array
     offset_s: float
     offset_sigma_s: float
+    sigma_kpa: float = 0.0
 
     def at(self, time_s: Array) -> Estimate:
-        """(F,) vacuum interpolated between readings; σ from their noise and, on slopes, the offset's σ.
+        """(F,) vacuum interpolated between readings; σ from noise, the gauge and, on slopes, the offset.
 
         Raises:
             InputError: the log does not cover the times, or has a gap there; gaps are never filled.
@@ -153,16 +155,20 @@ class LoggedVacuum:
             return np.interp(at_s, self.log.time_s, self.kpa)
 
         slope = _slope(reading, own_s, max(self.offset_sigma_s, 2 * self.log.step_s))
-        noise = self.log.noise_kpa(self.kpa)
+        noise = np.hypot(self.log.noise_kpa(self.kpa), self.sigma_kpa)
         return Estimate(reading(own_s), np.hypot(noise, slope * self.offset_sigma_s))
 
     def _check(self, time_s: Array, own_s: Array) -> None:
         covered = self.log.time_s[[0, -1]] + self.offset_s
         outside = (time_s < covered[0] - _ROOM_S) | (time_s > covered[1] + _ROOM_S)
-        hint = "give a log of the whole capture, check its offset, or analyse only the fields it covers"
+        hint = (
+            "give a log of the whole capture, check its offset, or analyse only the fields it covers"
+            if self.log.channel is None
+            else "the capture's channels say why; give the vacuum as a log or a constant instead"
+        )
         if outside.any():
             raise InputError(
-                f"the vacuum log covers {covered[0]:.2f} to {covered[1]:.2f} s of the"
+                f"{self.log.source} covers {covered[0]:.2f} to {covered[1]:.2f} s of the"
                 f" camera's time, the fields {time_s.min():.2f} to {time_s.max():.2f} s:"
                 f" {int(outside.sum())} of {len(time_s)} fields have no vacuum",
                 hint,
@@ -171,7 +177,7 @@ class LoggedVacuum:
             inside = (own_s > begin) & (own_s < end)
             if inside.any():
                 raise InputError(
-                    f"the vacuum log has a gap from {begin:.3f} to {end:.3f} s of its time, where"
+                    f"{self.log.source} has a gap from {begin:.3f} to {end:.3f} s of its time, where"
                     f" {int(inside.sum())} fields are",
                     hint,
                 )

@@ -36,12 +36,15 @@ class VacuumLog:
         pulsation_kpa: (K,) vacuum in the pulsation chamber, below atmosphere.
         liner_kpa: (K,) vacuum in the liner, or None if it was not logged.
         light: (K,) input to which the light in the picture is wired, in any unit, or None likewise.
+        channel: name of the capture's own channel that the readings are of, in `pulsation_kpa` whatever it
+            measures; None for a log.
     """
 
     time_s: Array
     pulsation_kpa: Array
     liner_kpa: Array | None = None
     light: Array | None = None
+    channel: str | None = None
 
     def __post_init__(self) -> None:
         """Checks times and units.
@@ -50,17 +53,23 @@ class VacuumLog:
             InputError: there are too few readings, times do not ascend, or the values are in another unit.
         """
         if len(self.time_s) < _LEAST_ROWS:
-            raise InputError(f"the vacuum log has {len(self.time_s)} readings", _COLUMNS)
+            hint = _COLUMNS if self.channel is None else "the capture's channels say what is missing, and why"
+            raise InputError(f"{self.source} has {len(self.time_s)} readings", hint)
         back = np.flatnonzero(np.diff(self.time_s) <= 0)
         if len(back):
             raise InputError(
-                f"the vacuum log's times do not ascend: reading {back[0] + 2} is at"
+                f"the times of {self.source} do not ascend: reading {back[0] + 2} is at"
                 f" {self.time_s[back[0] + 1]:g} s, the one before at {self.time_s[back[0]]:g} s",
                 "sort the log by time, and cut it where the logger was restarted",
             )
-        _check_unit(PULSATION, self.pulsation_kpa)
+        _check_unit(self.source if self.channel else f"{PULSATION} of {self.source}", self.pulsation_kpa)
         if self.liner_kpa is not None:
-            _check_unit(LINER, self.liner_kpa)
+            _check_unit(f"{LINER} of {self.source}", self.liner_kpa)
+
+    @property
+    def source(self) -> str:
+        """Name of the readings, for people."""
+        return "the vacuum log" if self.channel is None else f"the recorded channel {self.channel}"
 
     @property
     def step_s(self) -> float:
@@ -144,11 +153,11 @@ def _check_unit(name: str, kpa: Array) -> None:
     top = float(np.percentile(kpa, 99))
     if float(np.percentile(kpa, 1)) < -LEAST_KPA:
         raise InputError(
-            f"{name} of the vacuum log goes down to {kpa.min():g}: pressure over atmosphere, not vacuum",
+            f"{name} goes down to {kpa.min():g}: pressure over atmosphere, not vacuum",
             "turn its sign: vacuum counts downward from atmosphere",
         )
     if not LEAST_KPA <= top <= MOST_KPA:
         raise InputError(
-            f"{name} of the vacuum log reaches {top:g}, a milking machine's vacuum 30 to 60 kPa",
+            f"{name} reaches {top:g}, a milking machine's vacuum 30 to 60 kPa",
             likely_unit(top),
         )

@@ -247,7 +247,9 @@ class _Work:
                 "found; give vacuum.offset, or start_s of the pulsator, instead"
             )
             return None
-        vacuum = read_vacuum(self._inputs.vacuum, pulsation, self._time_s, self._light)
+        vacuum = read_vacuum(self._inputs.vacuum, pulsation, self._time_s, self._light, self._inputs.channels)
+        for remark in vacuum.remarks if vacuum else ():
+            self._problems.add(remark)
         if vacuum and pulsation and vacuum.is_curve and vacuum.phases is None:
             self._problems.add("the vacuum's curve holds no whole cycle, so it has no ISO phases")
         return vacuum

@@ -125,7 +125,9 @@ TABLES: Mapping[str, TableSpec] = {
             _measured("clock_drift", "1", "seconds that the vacuum's clock loses in one, by the light"),
             _count("light_switchings", "switchings of the light that relate the clocks"),
             _measured(
-                "opening_lag_s", "s", "from the vacuum's half height to the wall's half stroke, by the light"
+                "opening_lag_s",
+                "s",
+                "from the vacuum's half height to the wall's half stroke, by the light or on one clock",
             ),
             _measured("closing_lag_s", "s", "likewise, closing"),
             _number("clock_kpa", "kPa", "σ of the vacuum on its steepest slope for want of a common clock"),

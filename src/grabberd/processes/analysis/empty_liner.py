@@ -21,7 +21,8 @@ from grabberd.analysis import (
 )
 from grabberd.errors import AnalysisError
 from grabberd.geometry import Rig
-from grabberd.processes.analysis.inputs import AnalysisInputs, missing
+from grabberd.processes.analysis.inputs import CHANNEL, AnalysisInputs, missing
+from grabberd.processes.analysis.vacuum_inputs import channel_sigma_kpa, recorded_channel
 from grabberd.reconstruction import Points
 
 _MOST_LEVELS = 400
@@ -126,8 +127,10 @@ def _material(inputs: AnalysisInputs) -> Material:
 
 def _common_sigma_kpa(inputs: AnalysisInputs) -> float:
     """σ that the pressure differences of all fields share: of constants, and of a logger's zero."""
-    given = [inputs.vacuum[name] for name in ("pulsation", "liner")]
-    constant = [one["sigma_kpa"] for one in given if one != "log"]
+    given = {name: inputs.vacuum[name] for name in ("pulsation", "liner")}
+    constant = [one["sigma_kpa"] for one in given.values() if one not in ("log", CHANNEL)]
+    recorded = [recorded_channel(name, inputs.channels) for name in given if given[name] == CHANNEL]
+    constant += [channel_sigma_kpa(inputs.vacuum, one) for one in recorded]
     if len(constant) < len(given):
         if "gauge_sigma_kpa" not in inputs.vacuum:
             raise missing(

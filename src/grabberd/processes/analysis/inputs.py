@@ -3,11 +3,12 @@
 reference: nominal                      or {field: 12}, or {phase: 0.4}: reference state of the strain
 material: {E_mpa: 3, wall_mm: 2.5, …}   or {zones: [{rows: [0, 8], E_mpa: …}, …]}
 vacuum:
-  pulsation: {kpa: 0, sigma_kpa: 0.5}   or {rate_per_min: 60, ratio: 0.6, …}, or log
-  liner: {kpa: 42, sigma_kpa: 0.5}      or log
+  pulsation: {kpa: 0, sigma_kpa: 0.5}   or {rate_per_min: 60, ratio: 0.6, …}, or log, or channel
+  liner: {kpa: 42, sigma_kpa: 0.5}      or log, or channel: recorded with the capture itself
   log: "time_s,pulsation_vacuum_kpa…"   the text of a logger's file
-  offset: {s: 12.3, sigma_s: 0.005}     the camera's time less the logger's, or light: both have seen it
-  gauge_sigma_kpa: 0.2                  σ of a logger's zero, for a ramp
+  offset: {s: 12.3, sigma_s: 0.005}     the camera's time less the logger's, or light: both have seen it; with
+                                        channels a correction of their clock
+  gauge_sigma_kpa: 0.2                  σ of a logger's zero, for a ramp; in place of that of channels
   lag: {opening_s: 0.03, closing_s: 0.03, sigma_s: 0.005, near_s: 12}   in place of offset
 teat: none                              the liner is empty: a ramp of the vacuum, for the liner's own values
 plane: symmetry                         or {point_mm: [0, 0, -9], normal: [0, 0, 1]}: origin of widths
@@ -19,12 +20,13 @@ flow_stop: {kpa: 9, sigma_kpa: 1}       pressure on the teat's end at which milk
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from grabberd.analysis import UNSEEN, Estimate, Grid, Plane, Zone, read_zones, symmetry_plane
+from grabberd.analysis.vacuum.channel_curve import ChannelCurve
 from grabberd.errors import InputError
 from grabberd.geometry import Reading
 
@@ -40,6 +42,8 @@ KEYS = (
     "unseen",
     "flow_stop",
 )
+CHANNEL = "channel"
+"""Stands for a vacuum that was recorded with the capture itself."""
 _VACUUM_KEYS = ("pulsation", "liner", "log", "offset", "lag", "gauge_sigma_kpa")
 BY_LIGHT = "light"
 """Of `vacuum.offset`: the clocks are related by the light in the picture and in the log."""
@@ -86,6 +90,7 @@ class AnalysisInputs:
         homologous: as in the grid; if False, reference and material have no use.
         flow_stop_kpa: contact pressure at the teat's end at which milk just stops flowing; None: no
             overpressure.
+        channels: what was recorded with the capture itself, by name.
     """
 
     given: Mapping[str, Any]
@@ -100,6 +105,7 @@ class AnalysisInputs:
     empty: bool = False
     homologous: bool = True
     flow_stop_kpa: Estimate | None = None
+    channels: Mapping[str, ChannelCurve] = field(default_factory=dict)
 
     @property
     def lacks(self) -> tuple[str, ...]:
@@ -128,8 +134,15 @@ class AnalysisInputs:
         return tuple(text for lacks, text in missing if lacks)
 
 
-def read_inputs(document: Mapping[str, Any], grid: Grid) -> AnalysisInputs:
+def read_inputs(
+    document: Mapping[str, Any], grid: Grid, channels: Mapping[str, ChannelCurve] | None = None
+) -> AnalysisInputs:
     """The inputs from a document.
+
+    Args:
+        document: the document.
+        grid: target grid of the object model.
+        channels: what was recorded with the capture itself, by name.
 
     Raises:
         InputError: a key is unknown or has the wrong type; the message lists every problem.
@@ -165,6 +178,7 @@ def read_inputs(document: Mapping[str, Any], grid: Grid) -> AnalysisInputs:
         empty=empty,
         homologous=grid.homologous,
         flow_stop_kpa=flow_stop,
+        channels=channels or {},
     )
 
 

@@ -1,6 +1,6 @@
 """The vacuum on both sides of the wall at the fields' times, from the inputs."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from typing import Any, NamedTuple
 
@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis import ChamberVacuum, Phases, Pulsation, iso_phases
+from grabberd.analysis.vacuum.channel_curve import ChannelCurve
 from grabberd.analysis.vacuum.vacuum import ConstantVacuum, LoggedVacuum, PulsatorWave, VacuumSource
 from grabberd.analysis.vacuum.vacuum_log import VacuumLog, read_vacuum_log
 from grabberd.analysis.vacuum.vacuum_offset import Offset, WallLag, find_offset
 from grabberd.errors import AnalysisError, InputError
 from grabberd.geometry import Reading
-from grabberd.processes.analysis.inputs import BY_LIGHT, missing
+from grabberd.processes.analysis.inputs import BY_LIGHT, CHANNEL, missing
 from grabberd.processes.light_clock import FoundLight
 
 Array = NDArray[np.float64]
@@ -31,8 +32,10 @@ class Vacuum(NamedTuple):
         time_sigma_s: σ of the offset between the clocks; 0 if there is only one clock.
         offset: offset found from the wall's movement, or None.
         light: light in the picture that related the clocks, or None.
-        lag: with a light, how far the wall is behind the vacuum: the shifts of an `Offset`; or None.
+        lag: with a light or recorded channels, how far the wall is behind the vacuum: the shifts of an
+            `Offset`; or None.
         phases: ISO phases a, b, c, d; None unless the chamber's vacuum is a curve with a whole cycle.
+        remarks: what to know of it, as sentences.
     """
 
     pulsation: VacuumSource
@@ -42,6 +45,7 @@ class Vacuum(NamedTuple):
     phases: Phases | None
     light: FoundLight | None = None
     lag: Offset | None = None
+    remarks: tuple[str, ...] = ()
 
     @property
     def is_curve(self) -> bool:
@@ -74,6 +78,7 @@ def read_vacuum(
     pulsation: Pulsation | None,
     time_s: Array,
     light: FoundLight | None = None,
+    channels: Mapping[str, ChannelCurve] | None = None,
 ) -> Vacuum | None:
     """The vacuum that the inputs describe; None where they lack one of the chambers.
 
@@ -82,12 +87,15 @@ def read_vacuum(
         pulsation: of the wall, or None if none was found.
         time_s: (F,) the fields' times.
         light: the light in the picture, where the inputs leave the clocks to it.
+        channels: what was recorded with the capture itself, by name.
 
     Raises:
         InputError, AnalysisError: the vacuum cannot be used, or does not belong to this capture.
     """
     if not {"pulsation", "liner"} <= set(document):
         return None
+    if CHANNEL in (document["pulsation"], document["liner"]):
+        return recorded_vacuum(document, pulsation, time_s, channels or {})
     log = read_vacuum_log(document["log"]) if "log" in document else None
     if document.get("offset") == BY_LIGHT:
         return _by_light(document, log, pulsation, time_s, light)
@@ -137,6 +145,86 @@ def _lag(log: VacuumLog, pulsation: Pulsation | None) -> Offset | None:
         return None
 
 
+def recorded_vacuum(
+    document: Mapping[str, Any],
+    pulsation: Pulsation | None,
+    time_s: Array,
+    channels: Mapping[str, ChannelCurve],
+) -> Vacuum:
+    """The vacuum of which at least one chamber was recorded with the capture itself.
+
+    Raises:
+        InputError: there is no such channel, or another input does not go with it.
+    """
+    if other := next((key for key in ("log", "lag") if key in document), None):
+        raise InputError(
+            f"vacuum.{other} is given beside a recorded channel, whose clock is that of the fields",
+            f"leave out {other}; vacuum.offset corrects the clock of the channels, if need be",
+        )
+    if document.get("offset") == BY_LIGHT:
+        raise InputError(
+            "vacuum.offset is light beside a recorded channel, whose clock is that of the fields",
+            "leave out offset; a light relates the clock of a vacuum.log",
+        )
+    curves = {
+        name: recorded_channel(name, channels) for name in ("pulsation", "liner") if document[name] == CHANNEL
+    }
+    offset_s, offset_sigma_s = _offset(document) or (0.0, 0.0)
+    wave = _wave(document["pulsation"])
+    sources: dict[str, VacuumSource] = {
+        name: curve.source(offset_s, channel_sigma_kpa(document, curve)) for name, curve in curves.items()
+    }
+    if wave is not None:
+        sources["pulsation"] = _on_camera_clock(wave, None)
+    for name in {"pulsation", "liner"} - set(sources):
+        sources[name] = _source(name, document[name], None, None)
+    sigmas_s = [curve.time_sigma_s for curve in curves.values()]
+    sigmas_s += [wave.start_sigma_s] if wave else []
+    log = curves["pulsation"].log() if "pulsation" in curves else None
+    return Vacuum(
+        pulsation=sources["pulsation"],
+        liner=sources["liner"],
+        time_sigma_s=float(np.hypot(offset_sigma_s, max(sigmas_s))),
+        offset=None,
+        phases=_phases(log, wave, time_s),
+        lag=None if log is None else _lag(replace(log, time_s=log.time_s + offset_s), pulsation),
+        remarks=() if "offset" in document else _remarks(curves.values()),
+    )
+
+
+def recorded_channel(name: str, channels: Mapping[str, ChannelCurve]) -> ChannelCurve:
+    """A channel by its name.
+
+    Raises:
+        InputError: the capture has none of that name.
+    """
+    if name not in channels:
+        known = ", ".join(channels) or "none"
+        raise InputError(
+            f"vacuum.{name} is to come from the capture's own channel {name}, and it has none",
+            f"its channels are: {known}; give the vacuum as a log or a constant",
+        )
+    return channels[name]
+
+
+def channel_sigma_kpa(document: Mapping[str, Any], curve: ChannelCurve) -> float:
+    """σ of a channel's gauge: as given in the inputs, or else by its calibration.
+
+    Raises:
+        InputError: it is not a number.
+    """
+    if "gauge_sigma_kpa" not in document:
+        return curve.sigma_kpa
+    reading = Reading("vacuum")
+    given = reading.number(document, "gauge_sigma_kpa", positive=True)
+    reading.finish("give the σ of the gauge in kPa")
+    return given
+
+
+def _remarks(curves: Iterable[ChannelCurve]) -> tuple[str, ...]:
+    return tuple(curve.remark for curve in curves if curve.remark)
+
+
 def needs_pulsation(document: Mapping[str, Any]) -> bool:
     """True if the clock of the vacuum is to be found from the wall's pulsation."""
     curve = "log" in document or _wave(document.get("pulsation")) is not None
@@ -168,7 +256,8 @@ def _source(
         return _logged(name, log, clock)
     if not isinstance(value, Mapping):
         raise InputError(
-            f"vacuum.{name} is {value!r}", "give {kpa: …, sigma_kpa: …}, a pulsator's settings, or log"
+            f"vacuum.{name} is {value!r}",
+            "give {kpa: …, sigma_kpa: …}, a pulsator's settings, log, or channel",
         )
     reading = Reading(f"vacuum.{name}")
     reading.keys("", value, ("kpa", "sigma_kpa"))
@@ -196,7 +285,11 @@ def _clock(
         return offset.offset_s + (wave.start_s if wave else 0.0), offset.sigma_s
     if wave is not None:
         return wave.start_s, wave.start_sigma_s
-    if log is None or "offset" not in document:
+    return None if log is None else _offset(document)
+
+
+def _offset(document: Mapping[str, Any]) -> tuple[float, float] | None:
+    if "offset" not in document:
         return None
     reading = Reading("vacuum.offset")
     given = reading.mapping(document, "offset")

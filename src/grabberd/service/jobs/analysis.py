@@ -108,13 +108,15 @@ def analyse_file(
     from grabberd.processes.analysis.inputs import read_inputs
     from grabberd.processes.analysis.tables import tables
     from grabberd.service.jobs.analysis_source import check_same_model, common_rig, found_light, read_source
+    from grabberd.service.jobs.channel_curves import channel_curves
 
     # Only the wall's equilibrium can use the rays of a single view.
     single = "material" in inputs and "vacuum" in inputs
     captures = [read_source(path, run, single), *(read_source(burst, None, single) for burst in bursts)]
     check_same_model(captures)
     grid = Grid.of(captures[0].model)
-    read = read_inputs(_with_log(inputs, vacuum_log), grid)
+    channels = channel_curves(path, inputs)
+    read = read_inputs(_with_log(inputs, vacuum_log), grid, channels)
     progress(0.0)
     fields = [capture.fields for capture in captures]
     of_reading = tuple(capture.problem for capture in captures if capture.problem)
@@ -129,7 +131,10 @@ def analyse_file(
         "version": __version__,
         "pressure_method": PRESSURE_METHOD,
         "bursts": [capture.about["id"] for capture in captures[1:]],
-        "sources": dict(sources or {}),
+        "sources": {
+            **(sources or {}),
+            **{f"vacuum.{name}": one.origin for name, one in channels.items()},
+        },
     }
     return AnalysisOutput(analysis, tables(analysis), about)
 
