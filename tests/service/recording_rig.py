@@ -1,5 +1,6 @@
 """A recording over a ring that the test fills."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from slots import STREAM, ManualClock, Source
@@ -9,6 +10,7 @@ from grabberd.service.capture.capture_request import CaptureRequest, NewCapture
 from grabberd.service.capture.disk_guard import DiskGuard
 from grabberd.service.capture.recorder import Backlog, Recorder
 from grabberd.service.capture.recording import Recording
+from grabberd.service.channels.channel_recording import ChannelRecording
 from grabberd.storage import CaptureMeta, CaptureReader, CaptureWriter
 
 PATIENCE_S = 30.0
@@ -33,13 +35,17 @@ class Rig:
         measured: bool,
         ends_when_interrupted: bool = False,
         disk: DiskGuard | None = None,
+        channels: ChannelRecording | None = None,
     ) -> None:
         self.ring = Ring(64)
         self.clock = ManualClock()
         self.told: list[Recording] = []
         backlog: Backlog[Slot] = Backlog(capacity)
         recorder = Recorder(self.ring.reader(), backlog, self.clock, STREAM, Source(), fields)
-        writer = CaptureWriter.create(folder / "one.grab.part", meta())
+        recorded = channels.channels if channels else ()
+        extra = {"on_interruption": "end" if ends_when_interrupted else "continue"}
+        described = replace(meta(), extra=extra)
+        writer = CaptureWriter.create(folder / "one.grab.part", described, channels=recorded)
         if measured:
             writer.begin_run(1, "live", "2026-01-01T00:00:00.000Z", "0", {})
         self.recording = Recording(
@@ -48,8 +54,8 @@ class Rig:
             writer,
             self.clock,
             measured=measured,
-            ends_when_interrupted=ends_when_interrupted,
             disk=disk,
+            channels=channels,
             on_sealed=self.told.append,
         )
 

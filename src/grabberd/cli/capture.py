@@ -165,6 +165,8 @@ def _summarise(document: dict[str, Any], out: Path) -> None:
         typer.echo(f"{file}: {one['fields']} fields, {words}")
         if (coverage := one.get("coverage")) is not None:
             typer.echo(f"{VERDICTS[coverage['verdict']]}: {coverage['in_words']}")
+        if (channels := one.get("channels")) is not None:
+            typer.echo(f"{', '.join(channels['names'])}: {channels['in_words']}")
         warn(f"{file}: {warning}" for warning in _warnings(one))
 
 

@@ -17,7 +17,9 @@ from grabberd.errors import DeviceAbsent
 from grabberd.service.capture.capture_documents import describe
 from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.capture.recording import Recording
+from grabberd.service.channels.loggers import Loggers
 from grabberd.service.instrument import Instrument
+from grabberd.service.logger_setup import set_up_loggers
 from grabberd.service.setup import set_up
 from grabberd.storage.capture.recording_folder import interrupted_captures, recording_folder
 
@@ -42,7 +44,12 @@ def capture_directly(
     end_as_ctrl_c_does()
     chosen = with_device(config, file, device)
     setup = next(iter(set_up(chosen, file or default_config_file()).values()))
-    instrument = Instrument(setup, SystemClock(), site=dict(config.site), queue_s=config.storage.queue_s)
+    clock = SystemClock()
+    loggers = Loggers(set_up_loggers(config, file or default_config_file()), clock)
+    instrument = Instrument(
+        setup, clock, site=dict(config.site), queue_s=config.storage.queue_s, loggers=loggers
+    )
+    loggers.start()
     instrument.start()
     try:
         _wait_until_it_accepts(instrument)
@@ -55,6 +62,7 @@ def capture_directly(
             _keep(recording, out)
     finally:
         instrument.stop()
+        loggers.stop()
     # A pin belongs to the state of a daemon, and there is none here.
     return describe(out).model_dump(mode="json", exclude={"pinned"})
 

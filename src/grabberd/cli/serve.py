@@ -35,6 +35,7 @@ def serve(
     from grabberd.service.faults.descriptors import affordable_connections, raise_limit  # noqa: PLC0415
     from grabberd.service.heartbeat import Heartbeat  # noqa: PLC0415
     from grabberd.service.journal import set_up_logging  # noqa: PLC0415
+    from grabberd.service.logger_setup import set_up_loggers  # noqa: PLC0415
     from grabberd.service.memory import freeze_loaded, keep_freed_memory  # noqa: PLC0415
     from grabberd.service.mqtt.publisher_setup import check_mqtt  # noqa: PLC0415
     from grabberd.service.notify import Notifier  # noqa: PLC0415
@@ -52,7 +53,7 @@ def serve(
     # All that can be wrong with the configuration is checked before a socket or a device is opened.
     context = None if http.tls is None else serving.tls_context(http.tls, file)
     check_mqtt(settings, file)
-    service = Service.from_config(settings, set_up(settings, file))
+    service = Service.from_config(settings, set_up(settings, file), set_up_loggers(settings, file))
     freeze_loaded()  # before fields come
     # Bound before any device starts: an address in use ends the command at once.
     listening = sockets.inherited(os.environ) or sockets.bind(

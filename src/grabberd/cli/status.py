@@ -12,7 +12,7 @@ from grabberd.cli.terminal import console
 def status(
     url: UrlOption = DEFAULT_URL, token_file: TokenFileOption = None, json: JsonOption = False
 ) -> None:
-    """Show the daemon's devices: state, fields, losses, ring, points.
+    """Show the daemon's devices and loggers: state, fields, losses, ring, points, vacuum.
 
     Example: grabberd status --url http://127.0.0.1:8050
     """
@@ -34,6 +34,8 @@ def status(
     for name, device in state["devices"].items():
         for words in _remarks(device):
             console.print(f"{name}: {words}", highlight=False, soft_wrap=True)
+    for name, logger in state.get("loggers", {}).items():  # a daemon of an earlier version has none
+        console.print(f"logger {name}: {_logger_words(logger)}", highlight=False, soft_wrap=True)
     console.print(disk_words(state["storage"]), highlight=False, soft_wrap=True)
     for words in fault_words(state["faults"]):
         console.print(words, highlight=False, soft_wrap=True)
@@ -66,6 +68,18 @@ def _remarks(device: dict[str, Any]) -> Iterator[str]:
         latest = f"the last on {device['last_failure_utc']}: {device['last_failure']}"
         yield f"recoveries: {_counted(device['recoveries'])}; {latest}"
     yield from device["warnings"]
+
+
+def _logger_words(logger: dict[str, Any]) -> str:
+    """One line on a data logger: its present values, or why there are none, and what else it said."""
+    shown = [
+        f"{name} {one['kpa']:.1f} kPa" for name, one in logger["channels"].items() if one["kpa"] is not None
+    ]
+    state = ", ".join(filter(None, (logger["state"], logger["cause"])))
+    words = [state, *shown]
+    if logger["anomalies"]:
+        words.append(f"anomalies: {_counted(logger['anomalies'])}")
+    return "; ".join(words)
 
 
 def _counted(counts: dict[str, int]) -> str:

@@ -1,6 +1,7 @@
 """Messages on the MQTT topics; each leaves with `schema` before these keys."""
 
 from grabberd.acquisition import Outcome
+from grabberd.documents.channels import ChannelsVerdict
 from grabberd.documents.document import Document
 from grabberd.documents.named_types import CaptureState, Verdict
 from grabberd.documents.states import DeviceState
@@ -55,6 +56,8 @@ class CaptureSummary(Document):
     coverage_verdict: CoverageVerdict | None
     coverage_in_words: str | None
     share_found: float | None
+    channels_verdict: ChannelsVerdict | None = None
+    channels_in_words: str | None = None
     ended_because: str | None
     started_utc: str
     duration_s: float

@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from grabberd.documents.channels import LoggerDocument
 from grabberd.documents.devices import DeviceDocument
 from grabberd.documents.document import Document
 from grabberd.documents.faults import FaultDocument
@@ -43,6 +44,9 @@ class StateDocument(Document):
 
     version: str
     devices: dict[str, DeviceDocument]
+    loggers: dict[str, LoggerDocument] = Field(
+        default_factory=dict, description="Data loggers, whose channels captures record beside the picture."
+    )
     storage: StorageDocument
     faults: list[FaultDocument] = Field(description="What is wrong with the daemon itself, the worst first.")
     mqtt: MqttDocument | None = Field(description="Null if the configuration names no broker.")

@@ -15,6 +15,7 @@ from grabberd.service.capture.capture_start import CaptureStart
 from grabberd.service.capture.device_captures import CurrentCaptures, DeviceCaptures, check_stream
 from grabberd.service.capture.disk_guard import DiskGuard
 from grabberd.service.capture.recording import Recording
+from grabberd.service.channels.loggers import Loggers
 from grabberd.service.device.capture_thread import CaptureThread
 from grabberd.service.device.field_pipeline import FieldPipeline
 from grabberd.service.device.scheduling import KernelAccount
@@ -34,6 +35,7 @@ class Instrument:
         disk: Guard of the captures' disk.
         on_sealed: Called with each recording once its file is closed.
         fair_lock: Taken in turn by the workers of all devices.
+        loggers: The data loggers, whose channels its captures record.
 
     Attributes:
         name: Name of the device.
@@ -53,12 +55,21 @@ class Instrument:
         disk: DiskGuard | None = None,
         on_sealed: Callable[[Recording], None] = lambda _: None,
         fair_lock: FairLock | None = None,
+        loggers: Loggers | None = None,
     ) -> None:
         self.name = setup.name
         self.board = StatusBoard(setup.name, clock)
         self.pipeline = FieldPipeline(setup.config)
         self.captures = DeviceCaptures(
-            setup, self.board, self.pipeline, clock, disk or DiskGuard(), site or {}, queue_s, on_sealed
+            setup,
+            self.board,
+            self.pipeline,
+            clock,
+            disk or DiskGuard(),
+            site or {},
+            queue_s,
+            on_sealed,
+            loggers or Loggers({}, clock),
         )
         self.worker = Worker(self.name, setup.measuring, self.pipeline, self.captures, clock, fair_lock)
         # The kernel's account goes by its own clock alone. By another, a thread may take fields without a

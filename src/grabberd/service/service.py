@@ -28,6 +28,7 @@ from grabberd.service.capture.device_captures import NOMINAL_RATE_HZ, CurrentCap
 from grabberd.service.capture.disk_guard import GB, DiskGuard
 from grabberd.service.capture.recording import Recording
 from grabberd.service.capture.unsealed_captures import UnsealedCaptures
+from grabberd.service.channels.loggers import Loggers
 from grabberd.service.device.worker import FairLock
 from grabberd.service.faults.fault_board import FaultBoard
 from grabberd.service.faults.state_keeper import StateKeeper
@@ -36,6 +37,7 @@ from grabberd.service.jobs.calibration_job import Calibrator, calibrate_capture
 from grabberd.service.jobs.runner import JobRunner
 from grabberd.service.live.device_document import device_document
 from grabberd.service.liveness import Liveness
+from grabberd.service.logger_setup import LoggerSetup
 from grabberd.service.mqtt.publisher_setup import create_publisher
 from grabberd.service.secrets import without_secrets
 from grabberd.service.settings import Settings
@@ -60,6 +62,7 @@ class Service:
 
     Attributes:
         instruments: The instruments, by the name of their device.
+        loggers: The data loggers beside them.
         liveness: Whether their capture threads go on.
         capture_control: Starts, arms, triggers and stops captures.
         archive: The captures on disk.
@@ -91,11 +94,13 @@ class Service:
         queue_s: float = 10.0,
         disk: DiskGuard | None = None,
         retention: Policy | None = None,
-        calibrator: Calibrator = calibrate_capture,
+        loggers: Mapping[str, LoggerSetup] | None = None,
     ) -> None:
         self._clock = clock or SystemClock()
         self._disk = disk or DiskGuard()
         fair_lock = FairLock()
+        self.faults = FaultBoard(self._clock)
+        self.loggers = Loggers(loggers or {}, self._clock, self.faults)
         self.instruments = {
             name: Instrument(
                 setup,
@@ -105,12 +110,12 @@ class Service:
                 disk=self._disk,
                 on_sealed=self._sealed,
                 fair_lock=fair_lock,
+                loggers=self.loggers,
             )
             for name, setup in setups.items()
         }
         self.liveness = Liveness(one.board for one in self.instruments.values())
         self._current = CurrentCaptures({name: one.captures for name, one in self.instruments.items()})
-        self.faults = FaultBoard(self._clock)
         self.state_keeper = StateKeeper(directory, self.faults, self._clock)
         state, heal = directory / STATE, self.state_keeper.heal
         self._state_store = StateStore(state, heal)
@@ -133,7 +138,7 @@ class Service:
         self.settings = Settings(self._state_store, self.instruments)
         self.configuration = _configuration(setups)
         self.active = ActiveCalibrations(self.calibrations, self._state_store, self.instruments, self._clock)
-        self.calibrator = calibrator
+        self.calibrator: Calibrator = calibrate_capture
         self.jobs = JobRunner(self._clock)
         self.analyses = AnalysisStore(directory / "analyses")
         self.annotations = CaptureAnnotations(self.archive, store, self.jobs, self.analyses)
@@ -153,7 +158,7 @@ class Service:
             self._clock,
             lambda: bool(self._current.recordings()),
         )
-        self.upkeep = Upkeep(self.archive, self.unsealed, self.state_keeper)
+        self.upkeep = Upkeep(self.archive, self.unsealed, self.state_keeper, self.loggers)
         self.state_keeper.restored = self._keep_what_is_in_force
         self.publisher: Publisher | None = None
         self._started = False
@@ -164,7 +169,12 @@ class Service:
         return self._clock
 
     @classmethod
-    def from_config(cls, config: Config, setups: Mapping[str, DeviceSetup]) -> "Service":
+    def from_config(
+        cls,
+        config: Config,
+        setups: Mapping[str, DeviceSetup],
+        loggers: Mapping[str, LoggerSetup] | None = None,
+    ) -> "Service":
         """Makes the service that a configuration describes."""
         service = cls(
             setups,
@@ -173,6 +183,7 @@ class Service:
             queue_s=config.storage.queue_s,
             disk=DiskGuard(round(config.storage.reserve_gb * GB)),
             retention=Policy.from_config(config.storage.retention),
+            loggers=loggers,
         )
         service.configuration = without_secrets(config.model_dump(mode="json"))
         service.publisher = create_publisher(
@@ -201,6 +212,7 @@ class Service:
         self.scrub.start()
         if self.publisher is not None:
             self.publisher.start()
+        self.loggers.start()
         for instrument in self.instruments.values():
             instrument.start()
 
@@ -240,6 +252,7 @@ class Service:
         self.end_captures()
         for instrument in self.instruments.values():
             instrument.stop()
+        self.loggers.stop()
         if self.publisher is not None:
             self.publisher.stop()
         self.jobs.stop()
@@ -285,6 +298,7 @@ class Service:
         return StateDocument(
             version=__version__,
             devices={name: self.device_document(one) for name, one in self.instruments.items()},
+            loggers=self.loggers.document(),
             storage=self.storage_document(),
             faults=self.faults.now,
             mqtt=self.publisher.document() if self.publisher else None,

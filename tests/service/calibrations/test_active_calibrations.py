@@ -294,7 +294,7 @@ def test_an_activation_is_refused_while_a_capture_runs(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_an_instrument_without_calibration_captures_is_calibrated_and_measures(tmp_path: Path) -> None:
     config = configuration({"pace": "free"}, calibration=None)
-    service = Service(set_up(config, default_config_file()), tmp_path, calibrator=exact)
+    service = Service(set_up(config, default_config_file()), tmp_path)
     service.start()
     try:
         wait_until_it_accepts(service)

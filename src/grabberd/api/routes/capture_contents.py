@@ -13,11 +13,14 @@ from grabberd.api.rendering import JSON, RenderedRoute
 from grabberd.api.routes.dependencies import OF_A_FILE, CaptureId, ServiceOf
 from grabberd.api.streams.downloads import Download, WholeFile, download
 from grabberd.documents.captures import WholeRunDocument
+from grabberd.documents.channels import CaptureChannelsDocument
 from grabberd.documents.points import PointsDocument
 from grabberd.documents.problems import Problem
 from grabberd.service.capture.capture_documents import whole_run
 from grabberd.storage import field_png, points_csv, points_ply
 from grabberd.storage.capture.reader import stat_at_rest
+from grabberd.storage.export.channels_document import channels_json
+from grabberd.storage.export.channels_export import channels_csv
 from grabberd.storage.export.parquet_stream import parquet_stream
 from grabberd.storage.export.points_document import PointsQuery, points_json
 
@@ -157,6 +160,39 @@ def get_points_parquet(capture_id: CaptureId, service: ServiceOf, run: RunNumber
     """
     parts = parquet_stream(service.archive.path(capture_id), run)
     return download(parts, PARQUET, f"{capture_id}-points.parquet")
+
+
+@router.get(
+    "/{capture_id}/channels",
+    response_class=Response,
+    summary="Get channels as JSON, thinned out",
+    responses={200: {"model": CaptureChannelsDocument}},
+)
+@reads
+def get_channels(
+    capture_id: CaptureId,
+    service: ServiceOf,
+    max_readings: Annotated[
+        int, Query(ge=100, le=200_000, description="Maximum number of readings of each channel.")
+    ] = 2000,
+) -> Content:
+    """The vacuum and whatever else was measured beside the picture, in kPa on the time axis of the points;
+    with what is missing, and why. No channels where none were recorded.
+    """
+    return Content(channels_json, (service.archive.path(capture_id), max_readings), _json)
+
+
+@router.get(
+    "/{capture_id}/channels.csv",
+    response_class=StreamingResponse,
+    summary="Get channels as CSV",
+    responses={200: {"content": {"text/csv": {}}}},
+)
+@reads
+def get_channels_csv(capture_id: CaptureId, service: ServiceOf) -> Content:
+    """All readings of all channels as CSV, a row for each, as measured and in kPa."""
+    arguments = (service.archive.path(capture_id),)
+    return Content(channels_csv, arguments, media_type="text/csv", name=f"{capture_id}-channels.csv")
 
 
 @router.get(

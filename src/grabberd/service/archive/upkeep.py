@@ -1,4 +1,6 @@
-"""Looks after what may break while the daemon runs: folder of captures, unsealed files, state database."""
+"""Looks after what may break while the daemon runs: folder of captures, unsealed files, state database,
+loggers.
+"""
 
 import logging
 import threading
@@ -7,6 +9,7 @@ from contextlib import suppress
 from grabberd.errors import StorageError
 from grabberd.service.archive.archive import Archive
 from grabberd.service.capture.unsealed_captures import UnsealedCaptures
+from grabberd.service.channels.loggers import Loggers
 from grabberd.service.faults.state_keeper import StateKeeper
 
 log = logging.getLogger(__name__)
@@ -22,12 +25,16 @@ class Upkeep:
         archive: The captures.
         unsealed: Captures that could not be sealed.
         state_keeper: The state database.
+        loggers: The data loggers.
     """
 
-    def __init__(self, archive: Archive, unsealed: UnsealedCaptures, state_keeper: StateKeeper) -> None:
+    def __init__(
+        self, archive: Archive, unsealed: UnsealedCaptures, state_keeper: StateKeeper, loggers: Loggers
+    ) -> None:
         self._archive = archive
         self._unsealed = unsealed
         self._state_keeper = state_keeper
+        self._loggers = loggers
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._failure: str | None = None
@@ -48,6 +55,7 @@ class Upkeep:
         with suppress(StorageError):
             self._archive.check()
         self._unsealed.retry()
+        self._loggers.look()
         if rounds % STATE_EVERY == 0:
             self._state_keeper.look()
 

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from grabberd.acquisition import Ledger, LedgerEntry, cause_of_loss
+from grabberd.acquisition.channels.account import Account
 from grabberd.documents.captures import (
     CaptureDocument,
     GroupDocument,
@@ -17,7 +18,9 @@ from grabberd.documents.captures import (
 from grabberd.service.capture.capture_request import ArmedCapture
 from grabberd.service.capture.coverage_documents import coverage_summary, whole_coverage
 from grabberd.service.capture.recording import Recording
+from grabberd.service.channels.channel_documents import channels_summary
 from grabberd.storage import CaptureMeta, CaptureReader, RunInfo
+from grabberd.storage.capture.meta import SEALED
 from grabberd.storage.capture.schema import reading_errors
 from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.index_entries import IndexEntry
@@ -85,6 +88,7 @@ def running_document(recording: Recording) -> CaptureDocument:
         fields=recorder.fields,
         first_time_ns=recording.first_time_ns,
         size_bytes=recording.size_bytes,
+        account=recording.channels,
     )
     ended = "unsealed" if recording.sealed.is_set() and not recording.is_sealed else "sealing"
     state = "recording" if recorder.recording else ended
@@ -105,6 +109,7 @@ def describe(path: Path) -> CaptureDocument:
             fields=reader.field_count,
             first_time_ns=reader.first_time_ns,
             size_bytes=_size_bytes(path),
+            account=reader.channels.account,
         )
     if document.verdict is not None:
         return document
@@ -152,6 +157,7 @@ def _document(
     fields: int,
     first_time_ns: int | None,
     size_bytes: int,
+    account: Account | None,
 ) -> CaptureDocument:
     """A capture by its metadata, ledger and runs, be they in memory or from its file."""
     described = [run_document(run) for run in runs]
@@ -173,6 +179,7 @@ def _document(
         "ledger": ledger_document(ledger, meta.rate_hz),
         "runs": described,
         "coverage": described[-1].coverage if described else None,
+        "channels": channels_summary(account, sealed=meta.state == SEALED),
         "labels": meta.labels,
         "note": meta.note,
         "pinned": False,

@@ -17,6 +17,7 @@ from grabberd.service.capture.device_captures import CurrentCaptures, DeviceCapt
 from grabberd.service.capture.edges import Begin, fields_before
 from grabberd.service.capture.recorder import Backlog, Recorder
 from grabberd.service.capture.recording import LIVE_RUN, Recording
+from grabberd.service.channels.channel_recording import ChannelRecording
 from grabberd.storage import CaptureMeta, CaptureWriter
 
 
@@ -37,6 +38,7 @@ class CaptureStart:
         self._back_fields = 0
         self._fields: int | None = None
         self._recording: Recording | None = None
+        self._channels: ChannelRecording | None = None
 
     @property
     def recording(self) -> Recording:
@@ -118,6 +120,7 @@ class CaptureStart:
             self._fields += self._back_fields  # the length of an armed capture counts from its trigger
         self._recorder = Recorder(reader, backlog, self.device.clock, stream, pipeline, self._fields, begin)
         self._recorder.start(self.new.id)
+        self._channels = self.device.loggers.follow(self.device.name, same_clock=keeps_pace)
 
     def make_file(self, start: Moment) -> None:
         """Creates the file of the capture; may take long on a slow disk.
@@ -131,7 +134,10 @@ class CaptureStart:
         assert self._recorder is not None, "record() comes first"
         setup = self.device.setup
         meta = self._meta(start)
-        writer = CaptureWriter.create(self.new.part, meta)
+        channels = self._channels.channels if self._channels else ()
+        writer = CaptureWriter.create(self.new.part, meta, channels=channels)
+        if self._channels is not None:
+            writer.keep_account(self._channels.account)
         if setup.measuring is not None:
             made_utc = iso_utc(self.device.clock.utc_now())
             writer.begin_run(LIVE_RUN, "live", made_utc, __version__, setup.made_with)
@@ -141,8 +147,8 @@ class CaptureStart:
             writer,
             self.device.clock,
             measured=setup.measuring is not None,
-            ends_when_interrupted=meta.extra["on_interruption"] == "end",
             disk=self.device.disk,
+            channels=self._channels,
             on_sealed=self.device.sealed,
         )
 
@@ -150,6 +156,8 @@ class CaptureStart:
         """Ends what `record` and `make_file` have begun, and leaves nothing of it."""
         if self._recorder is not None:
             self._recorder.abandon()
+        if self._channels is not None:
+            self._channels.close()
         if self._recording is not None:
             self._recording.discard()
 

@@ -13,6 +13,7 @@ from grabberd.geometry import Calibration
 from grabberd.service.capture.capture_request import ArmedCapture
 from grabberd.service.capture.disk_guard import DiskGuard, bytes_per_field
 from grabberd.service.capture.recording import Recording
+from grabberd.service.channels.loggers import Loggers
 from grabberd.service.device.field_pipeline import FieldPipeline
 from grabberd.service.device.status_board import STREAMING, StatusBoard
 from grabberd.service.setup import DeviceSetup
@@ -35,6 +36,7 @@ class DeviceCaptures:
         site: The configuration's `site`, copied into every capture.
         queue_s: Seconds of fields that wait for a disk that stalls.
         on_sealed: Called with each recording once its file is closed.
+        loggers: The data loggers, whose channels captures record.
         lock: Held by whoever starts, arms or disarms a capture, or changes what a capture relies on.
         recording: The running or the last capture, or None.
         armed: The capture that waits for its trigger, or None.
@@ -50,6 +52,7 @@ class DeviceCaptures:
     site: Mapping[str, str]
     queue_s: float
     on_sealed: Callable[[Recording], None]
+    loggers: Loggers
     lock: threading.Lock = field(init=False, default_factory=threading.Lock)
     recording: Recording | None = field(init=False, default=None)
     armed: ArmedCapture | None = field(init=False, default=None)

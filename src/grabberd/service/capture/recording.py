@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.acquisition import Outcome
+from grabberd.acquisition.channels.account import Account
 from grabberd.acquisition.clock import UtcClock
 from grabberd.errors import DeviceLost, GrabberdError, StorageError, StreamEnded
 from grabberd.field import NumberedField
@@ -17,6 +18,7 @@ from grabberd.reconstruction.coverage.document import coverage_document
 from grabberd.service.capture.capture_request import NewCapture
 from grabberd.service.capture.disk_guard import DiskGuard
 from grabberd.service.capture.recorder import Recorder
+from grabberd.service.channels.channel_recording import ChannelRecording
 from grabberd.storage import CaptureMeta, CaptureReader, CaptureWriter, RunInfo
 from grabberd.storage.capture.schema import PART, RESERVE_BYTES, sealed_path
 
@@ -43,8 +45,8 @@ class Recording:
         writer: The capture's file.
         clock: Source of time.
         measured: True if a worker measures the fields.
-        ends_when_interrupted: True if the capture ends when the device fails to deliver.
         disk: Guard of the disk; None: the capture takes all there is.
+        channels: What is recorded beside the fields; None if nothing is.
         on_sealed: Called when the file has been closed for good, or given up.
 
     Attributes:
@@ -67,8 +69,8 @@ class Recording:
         clock: UtcClock,
         *,
         measured: bool,
-        ends_when_interrupted: bool = False,
         disk: DiskGuard | None = None,
+        channels: ChannelRecording | None = None,
         on_sealed: Callable[["Recording"], None],
     ) -> None:
         self.id = new.id
@@ -83,8 +85,10 @@ class Recording:
         self._coverage: Coverage | None = None
         self._writer = writer
         self._backlog = recorder.backlog
-        self._ends_when_interrupted = ends_when_interrupted
+        self._ends_when_interrupted = writer.meta.extra.get("on_interruption") == "end"
         self._disk = disk
+        self._channels = channels
+        self._newest_ns = 0
         self._on_sealed = on_sealed
         self._clock = clock
         self._cut_by: GrabberdError | None = None
@@ -145,6 +149,11 @@ class Recording:
     def meta(self) -> CaptureMeta:
         """Metadata of the capture, as it was started with them."""
         return self._writer.meta
+
+    @property
+    def channels(self) -> Account | None:
+        """Account of its channels so far; None if it has none."""
+        return None if self._channels is None else self._channels.account
 
     @property
     def runs(self) -> Sequence[RunInfo]:
@@ -273,6 +282,7 @@ class Recording:
             self._writer.close()
         finally:
             self.recorder.stop("storage failed")
+            self._close_channels()
             # The index and the counters are right by the time anybody who waits for `sealed` looks at them.
             try:
                 self._on_sealed(self)
@@ -282,7 +292,7 @@ class Recording:
     def _write_all(self) -> None:
         """Writes until everything recorded has been written and measured, or the disk fails."""
         try:
-            while not (self._all_recorded and self._all_measured):
+            while not (self._all_recorded and self._all_measured and self._has_all_readings):
                 self._write_some()
             self._commit()
         except StorageError as error:
@@ -298,6 +308,10 @@ class Recording:
     def _all_recorded(self) -> bool:
         return self._backlog.closed and self._next_index == self._backlog.end
 
+    @property
+    def _has_all_readings(self) -> bool:
+        return self._channels is None or self._channels.has_all(self._newest_ns)
+
     def _write_some(self) -> None:
         if self._all_recorded:
             self._wait_for_points()
@@ -305,6 +319,7 @@ class Recording:
             self._append_slots()
         while not self._results.empty():
             self._append_points(self._results.get())
+        self._append_readings()
         if self._clock.now_ns() >= self._commit_due_ns:
             self._commit()
 
@@ -313,7 +328,17 @@ class Recording:
         self._writer.append(slots)
         if self.first_time_ns is None:
             self.first_time_ns = next((one.numbered.time_ns for one in slots if one.numbered), None)
+        if slots:
+            self._newest_ns = slots[-1].time_ns
         self._appended += len(slots)
+
+    def _append_readings(self) -> None:
+        if self._channels is not None and self.first_time_ns is not None:
+            self._channels.write(self._writer, self.first_time_ns, self._newest_ns)
+
+    def _close_channels(self) -> None:
+        if self._channels is not None:
+            self._channels.close()
 
     def _wait_for_points(self) -> None:
         """Sleeps while the worker measures the last fields: the worker needs the processor more."""

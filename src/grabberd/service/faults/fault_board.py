@@ -14,6 +14,7 @@ log = logging.getLogger(__name__)
 OWN_CAUSES = (
     *(Cause.CAPTURES_MISSING, Cause.CAPTURES_REPLACED, Cause.CAPTURE_UNSEALED),
     *(Cause.CAPTURE_CHANGED, Cause.INDEX_REBUILDING, Cause.INDEX_FAILED),
+    *(Cause.LOGGER_FAILED, Cause.LOGGER_DOUBTFUL),
     *(Cause.SETTINGS_RESTORED, Cause.SETTINGS_LOST, Cause.SETTINGS_UNREADABLE),
 )
 """The causes that are the daemon's own."""

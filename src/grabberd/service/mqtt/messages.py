@@ -119,6 +119,8 @@ def capture_summary(
         coverage_verdict=covered.verdict if covered else None,
         coverage_in_words=covered.in_words if covered else None,
         share_found=covered.share if covered else None,
+        channels_verdict=document.channels.verdict if document.channels else None,
+        channels_in_words=document.channels.in_words if document.channels else None,
         ended_because=document.ended_because,
         started_utc=document.created_utc,
         duration_s=round(sum(ledger.counts.values()) / rate_hz, 3),

@@ -326,6 +326,47 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/captures/{capture_id}/channels": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get channels as JSON, thinned out
+         * @description The vacuum and whatever else was measured beside the picture, in kPa on the time axis of the points;
+         *     with what is missing, and why. No channels where none were recorded.
+         */
+        get: operations["get_channels"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/captures/{capture_id}/channels.csv": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get channels as CSV
+         * @description All readings of all channels as CSV, a row for each, as measured and in kPa.
+         */
+        get: operations["get_channels_csv"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/captures/{capture_id}/fields/{n}.png": {
         parameters: {
             query?: never;
@@ -1846,6 +1887,25 @@ export interface components {
             rejected: components["schemas"]["CalibrationRejection"] | null;
         };
         /**
+         * CaptureChannelsDocument
+         * @description The channels of a capture.
+         */
+        CaptureChannelsDocument: {
+            /** Capture */
+            capture: string;
+            /**
+             * Verdict
+             * @description Null while it is recording, and without channels.
+             */
+            verdict: ("complete" | "with gaps") | null;
+            /** In Words */
+            in_words: string;
+            /** Anomalies */
+            anomalies: components["schemas"]["ChannelAnomalyDocument"][];
+            /** Channels */
+            channels: components["schemas"]["ChannelDocument"][];
+        };
+        /**
          * CaptureDocument
          * @description A capture.
          * @example {
@@ -1986,6 +2046,8 @@ export interface components {
             runs: components["schemas"]["RunDocument"][];
             /** @description How well the newest run was measured, beside `verdict`, which is about the fields alone; null while it records, where nothing was to be measured (no calibration or object model), and in files of earlier versions. */
             coverage?: components["schemas"]["CoverageSummary"] | null;
+            /** @description How well what was measured beside the picture was recorded, such as the vacuum; null where nothing was to be. */
+            channels?: components["schemas"]["ChannelsSummary"] | null;
             /** Labels */
             labels: {
                 [key: string]: string;
@@ -2296,7 +2358,7 @@ export interface components {
          * @description Machine-readable code of the reason why an instrument cannot work; the page has a text for each.
          * @enum {string}
          */
-        Cause: "not_opened" | "driver_missing" | "device_absent" | "device_lost" | "stream_failed" | "device_busy" | "no_rights" | "no_bandwidth" | "wrong_standard" | "several_devices" | "device_refused" | "recording_ended" | "recording_damaged" | "fault" | "capture_stuck" | "computer_busy" | "program_stopped" | "driver_hung" | "no_signal" | "no_picture" | "no_calibration" | "no_object" | "calibration_misfit" | "disk_missing" | "disk_read_only" | "disk_failed" | "captures_missing" | "captures_replaced" | "index_rebuilding" | "index_failed" | "capture_unsealed" | "capture_changed" | "settings_restored" | "settings_lost" | "settings_unreadable";
+        Cause: "not_opened" | "driver_missing" | "device_absent" | "device_lost" | "stream_failed" | "device_busy" | "no_rights" | "no_bandwidth" | "wrong_standard" | "several_devices" | "device_refused" | "recording_ended" | "recording_damaged" | "fault" | "capture_stuck" | "computer_busy" | "program_stopped" | "driver_hung" | "no_signal" | "no_picture" | "no_calibration" | "no_object" | "calibration_misfit" | "disk_missing" | "disk_read_only" | "disk_failed" | "captures_missing" | "captures_replaced" | "index_rebuilding" | "index_failed" | "capture_unsealed" | "capture_changed" | "logger_failed" | "logger_doubtful" | "settings_restored" | "settings_lost" | "settings_unreadable";
         /**
          * CertifiedLength
          * @description A certified distance of two targets of the calibration frame, which the adjustment does not see.
@@ -2318,6 +2380,167 @@ export interface components {
              * @default 0.02
              */
             sigma_mm?: number;
+        };
+        /**
+         * ChannelAnomalyDocument
+         * @description Anomalies of a logger for one reason: what it said that is no reading, or did not say.
+         */
+        ChannelAnomalyDocument: {
+            /** Logger */
+            logger: string;
+            /** Reason */
+            reason: string;
+            /** Times */
+            times: number;
+            /**
+             * Lost
+             * @description Number of readings that are missing because of it, where it is known.
+             */
+            lost: number;
+            /**
+             * First S
+             * @description When it was first noticed, from the capture's first field on.
+             */
+            first_s: number;
+            /** Example */
+            example: string;
+        };
+        /**
+         * ChannelCalibrationDocument
+         * @description Calibration of a channel: kPa = gain · value + offset_kpa.
+         */
+        ChannelCalibrationDocument: {
+            /** Unit */
+            unit: string;
+            /** Gain */
+            gain: number;
+            /** Offset Kpa */
+            offset_kpa: number;
+            /**
+             * Sigma Kpa
+             * @description Standard deviation of the calibration, common to all readings.
+             */
+            sigma_kpa: number;
+            /** Calibrated */
+            calibrated: string | null;
+            /**
+             * Delay Ms
+             * @description Time by which readings are late; their times are without it.
+             */
+            delay_ms: number;
+            /** Delay Sigma Ms */
+            delay_sigma_ms: number;
+        };
+        /**
+         * ChannelDocument
+         * @description A channel of a capture, thinned out.
+         */
+        ChannelDocument: {
+            /** Name */
+            name: string;
+            quantity: components["schemas"]["Quantity"];
+            /** Logger */
+            logger: string;
+            calibration: components["schemas"]["ChannelCalibrationDocument"];
+            /**
+             * Datings
+             * @description What its times go by; several if the logger was opened anew meanwhile.
+             */
+            datings: components["schemas"]["Dating"][];
+            /**
+             * Sigma Time S
+             * @description Standard deviation of its times, the largest of all.
+             */
+            sigma_time_s: number | null;
+            /**
+             * Readings
+             * @description Number of readings in the capture.
+             */
+            readings: number;
+            /** Gap Count */
+            gap_count: number;
+            /** Gap S */
+            gap_s: number;
+            /**
+             * Gaps
+             * @description The first hundred gaps.
+             */
+            gaps: components["schemas"]["ChannelGapDocument"][];
+            /**
+             * Time S
+             * @description Times of every k-th reading, from the capture's first field on.
+             */
+            time_s: number[];
+            /** Kpa */
+            kpa: number[];
+        };
+        /**
+         * ChannelGapDocument
+         * @description A time without readings.
+         */
+        ChannelGapDocument: {
+            /**
+             * First S
+             * @description Last reading before it, from the capture's first field on.
+             */
+            first_s: number;
+            /**
+             * Last S
+             * @description First reading after it.
+             */
+            last_s: number;
+            /** Reason */
+            reason: string;
+        };
+        /**
+         * ChannelValueDocument
+         * @description A channel of a logger at this moment.
+         */
+        ChannelValueDocument: {
+            quantity: components["schemas"]["Quantity"];
+            /**
+             * Column
+             * @description The logger's column.
+             */
+            column: string;
+            /**
+             * Devices
+             * @description Devices whose captures record it; empty: all of them.
+             */
+            devices: string[];
+            /**
+             * Kpa
+             * @description Vacuum in kPa below atmosphere, the mean of the last half second; null while none comes.
+             */
+            kpa: number | null;
+            /**
+             * Sigma Kpa
+             * @description Standard deviation of its calibration.
+             */
+            sigma_kpa: number;
+            /**
+             * Calibrated
+             * @description Date of its calibration; null if it was never calibrated.
+             */
+            calibrated: string | null;
+        };
+        /**
+         * ChannelsSummary
+         * @description Verdict on the channels of a capture, apart from that on its fields.
+         */
+        ChannelsSummary: {
+            /** Names */
+            names: string[];
+            /**
+             * Verdict
+             * @description Null while it is recording.
+             */
+            verdict: ("complete" | "with gaps") | null;
+            /**
+             * In Words
+             * @description The verdict with its reasons.
+             */
+            in_words: string;
         };
         /**
          * CheckLengthResult
@@ -2597,6 +2820,12 @@ export interface components {
          * @enum {string}
          */
         CoverageVerdict: "measured_well" | "measured_with_gaps" | "not_measured";
+        /**
+         * Dating
+         * @description Source of the times of readings.
+         * @enum {string}
+         */
+        Dating: "arrival" | "own_clock" | "monotonic";
         /**
          * DeviceDocument
          * @description Present state of a device.
@@ -3343,6 +3572,63 @@ export interface components {
             grids: components["schemas"]["ShiftGrid"][];
         };
         /**
+         * LoggerDocument
+         * @description Present state of a data logger.
+         */
+        LoggerDocument: {
+            /** Name */
+            name: string;
+            /** Driver */
+            driver: string;
+            state: components["schemas"]["DeviceState"];
+            /** Since Utc */
+            since_utc: string;
+            /** Cause */
+            cause: string | null;
+            /**
+             * Hint
+             * @description What to do about the cause.
+             */
+            hint: string | null;
+            /** @description Machine-readable code of the cause. */
+            cause_code: components["schemas"]["Cause"] | null;
+            /**
+             * Model
+             * @description The logger's own name; null before it was opened.
+             */
+            model: string | null;
+            /**
+             * Rate Hz
+             * @description Readings per second; null if only the logger knows.
+             */
+            rate_hz: number | null;
+            /** @description What the times of its readings go by. */
+            dating: components["schemas"]["Dating"] | null;
+            /** Openings */
+            openings: number;
+            /**
+             * Readings
+             * @description Number of readings since the daemon started.
+             */
+            readings: number;
+            /**
+             * Anomalies
+             * @description What else it said since then, and readings that it did not say, by reason.
+             */
+            anomalies: {
+                [key: string]: number;
+            };
+            /**
+             * Warnings
+             * @description Warnings for people, in sentences.
+             */
+            warnings: string[];
+            /** Channels */
+            channels: {
+                [key: string]: components["schemas"]["ChannelValueDocument"];
+            };
+        };
+        /**
          * LossCause
          * @description Place to look at.
          * @enum {string}
@@ -3988,6 +4274,12 @@ export interface components {
             analysis: number | null;
         };
         /**
+         * Quantity
+         * @description Quantity that a channel measures, each in kPa below atmosphere.
+         * @enum {string}
+         */
+        Quantity: "pulsation" | "liner" | "mouthpiece" | "milk_line";
+        /**
          * ReadyDocument
          * @description Every device can measure.
          */
@@ -4363,6 +4655,13 @@ export interface components {
             /** Devices */
             devices: {
                 [key: string]: components["schemas"]["DeviceDocument"];
+            };
+            /**
+             * Loggers
+             * @description Data loggers, whose channels captures record beside the picture.
+             */
+            loggers?: {
+                [key: string]: components["schemas"]["LoggerDocument"];
             };
             storage: components["schemas"]["StorageDocument"];
             /**
@@ -5520,6 +5819,81 @@ export interface operations {
             429: components["responses"]["Problem429"];
             500: components["responses"]["Problem500"];
             501: components["responses"]["Problem501"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    get_channels: {
+        parameters: {
+            query?: {
+                /** @description Maximum number of readings of each channel. */
+                max_readings?: number;
+            };
+            header?: never;
+            path: {
+                /** @description Id of the capture. */
+                capture_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CaptureChannelsDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            410: components["responses"]["Problem410"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    get_channels_csv: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Id of the capture. */
+                capture_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/csv": string;
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            410: components["responses"]["Problem410"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
             503: components["responses"]["Problem503"];
             507: components["responses"]["Problem507"];
         };

@@ -1,5 +1,5 @@
 // Head of a capture: its name, its outcome, and links to its views.
-import { badge, endIn, findingIn, labelsIn, ledgerIn, lengthIn, measuredBadge } from "../captures/words.js";
+import { badge, channelsBadge, endIn, findingIn, labelsIn, ledgerIn, lengthIn, measuredBadge } from "../captures/words.js";
 import { el, fill, symbol } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */
@@ -28,7 +28,7 @@ export function createHead(context) {
     const labels = labelsIn(context, capture);
     fill(title, format.moment(capture.created_utc), labels && ` · ${labels}`);
     const words = capture.state === "armed" || capture.ledger.complete ? null : el("strong", { class: "capture-ledger" }, ledgerIn(context, capture));
-    fill(said, badge(context, capture), words, measuredBadge(context, capture.coverage), capture.coverage && el("span", { class: "capture-measured" }, findingIn(context, capture.coverage.findings[0])), capture.pinned && el("span", { class: "badge is-idle" }, symbol("pin"), t("captures.pinned")));
+    fill(said, badge(context, capture), words, measuredBadge(context, capture.coverage), capture.coverage && el("span", { class: "capture-measured" }, findingIn(context, capture.coverage.findings[0])), channelsBadge(context, capture.channels), capture.channels?.verdict === "with gaps" && el("span", { class: "capture-measured" }, capture.channels.in_words), capture.pinned && el("span", { class: "badge is-idle" }, symbol("pin"), t("captures.pinned")));
     fill(ways, capture.runs.length ? WAYS.filter(([way]) => capture.state === "sealed" || OF_ALL.has(way)).map(([way, sign]) => wayTo(way, sign, capture)) : null);
     ways.hidden = !capture.runs.length;
     showLive(capture);

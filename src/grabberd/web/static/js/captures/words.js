@@ -40,6 +40,13 @@ export function measuredBadge({ t }, coverage) {
   return el("span", { class: `badge is-${level}`, data: { measured: coverage.verdict } }, symbol(sign), t(`captures.measured.${coverage.verdict}`));
 }
 
+/** How well what was measured beside the picture was recorded; nothing where nothing was to be, or while it records. @param {Context} context @param {Capture["channels"]} channels */
+export function channelsBadge({ t }, channels) {
+  if (!channels?.verdict) return null;
+  const whole = channels.verdict === "complete";
+  return el("span", { class: `badge is-${whole ? "good" : "warn"}`, title: channels.in_words, data: { channels: channels.verdict } }, symbol(whole ? "ok" : "warn"), t(`captures.channels.${whole ? "whole" : "gaps"}`));
+}
+
 /** A finding as a sentence. @param {Context} context @param {Coverage["findings"][number]} finding */
 export function findingIn({ t, texts, format }, { code, values, miss, in_words }) {
   if (!texts.has(`captures.finding.${code}`)) return in_words;
