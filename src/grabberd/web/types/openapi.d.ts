@@ -638,6 +638,99 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/profiles": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List the profiles
+         * @description The newest version of each profile, the latest change first, page by page.
+         */
+        get: operations["list_profiles"];
+        put?: never;
+        /**
+         * Store a new profile
+         * @description Store the first version of a profile. 409 if there is one of its kind and name, even a retired one.
+         */
+        post: operations["add_profile"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/profiles/{kind}/{name}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get a profile
+         * @description The newest version of a profile, retired or not.
+         */
+        get: operations["get_profile"];
+        /**
+         * Store a profile's next version
+         * @description Store the next version of a profile, or the first (201), and bring a retired one back in use. The same
+         *     content again makes no version. 409 if the newest version is not `after`.
+         */
+        put: operations["put_profile"];
+        post?: never;
+        /**
+         * Retire a profile
+         * @description Take a profile out of use: no label finds it any longer. All of its versions stay readable.
+         */
+        delete: operations["retire_profile"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/profiles/{kind}/{name}/versions": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List a profile's versions
+         * @description All versions of a profile, the newest first.
+         */
+        get: operations["list_profile_versions"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/profiles/{kind}/{name}/versions/{version}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get a version of a profile
+         * @description One version of a profile; it never changes.
+         */
+        get: operations["get_profile_version"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/jobs": {
         parameters: {
             query?: never;
@@ -1265,6 +1358,9 @@ export interface components {
          *         }
          *       }
          *     }
+         * @example {
+         *       "profiles": true
+         *     }
          */
         AnalysisRequest: {
             /** @description What is known in addition to the points, as in `grabberd analyse --inputs`: reference, material, vacuum, plane, heights_mm, phases, sought_kpa. */
@@ -1284,6 +1380,12 @@ export interface components {
              * @description Text of a vacuum logger's CSV file.
              */
             vacuum_log?: string | null;
+            /**
+             * Profiles
+             * @description Complete the inputs from the profiles that the capture's labels `liner`, `pulsator`, `cup` and `cow` name; what is in `inputs` wins.
+             * @default false
+             */
+            profiles?: boolean;
         };
         /**
          * AnalysisResult
@@ -1314,8 +1416,13 @@ export interface components {
              * @description Further captures that were merged with it by phase.
              */
             bursts?: string[];
-            /** @description Inputs as they were given. */
+            /** @description Inputs as they were given, and as profiles completed them. */
             inputs?: components["schemas"]["JsonObject"];
+            /**
+             * Profiles
+             * @description Versions of the profiles that inputs came from.
+             */
+            profiles?: components["schemas"]["ProfileUse"][];
             /**
              * Lacks
              * @description Missing inputs and their consequences.
@@ -1378,8 +1485,13 @@ export interface components {
              * @description Further captures that were merged with it by phase.
              */
             bursts?: string[];
-            /** @description Inputs as they were given. */
+            /** @description Inputs as they were given, and as profiles completed them. */
             inputs?: components["schemas"]["JsonObject"];
+            /**
+             * Profiles
+             * @description Versions of the profiles that inputs came from.
+             */
+            profiles?: components["schemas"]["ProfileUse"][];
             /**
              * Lacks
              * @description Missing inputs and their consequences.
@@ -2598,6 +2710,166 @@ export interface components {
          */
         CoverageVerdict: "measured_well" | "measured_with_gaps" | "not_measured";
         /**
+         * CowProfile
+         * @description A cow: her teats, and the pressure at which her milk just stops flowing.
+         */
+        "CowProfile-Input": {
+            /**
+             * Name
+             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
+             */
+            name: string;
+            /**
+             * Note
+             * @description Anything for people, such as where it is kept, or that it is an example.
+             * @default
+             */
+            note?: string;
+            /**
+             * @description `cow`. (enum property replaced by openapi-typescript)
+             * @enum {string}
+             */
+            kind: "cow";
+            /** Breed */
+            breed?: string | null;
+            /**
+             * Lactation
+             * @description Number of her lactation.
+             */
+            lactation?: number | null;
+            /**
+             * Teats
+             * @description Teats by the value of the label `teat`: size and shape of the end, for people.
+             */
+            teats?: {
+                [key: string]: components["schemas"]["TeatDocument"];
+            };
+            /** @description The `flow_stop` of an analysis' inputs. */
+            flow_stop?: components["schemas"]["FlowStopDocument"] | null;
+        };
+        /**
+         * CowProfile
+         * @description A cow: her teats, and the pressure at which her milk just stops flowing.
+         */
+        "CowProfile-Output": {
+            /**
+             * Name
+             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
+             */
+            name: string;
+            /**
+             * Note
+             * @description Anything for people, such as where it is kept, or that it is an example.
+             * @default
+             */
+            note?: string;
+            /**
+             * @description `cow`. (enum property replaced by openapi-typescript)
+             * @enum {string}
+             */
+            kind: "cow";
+            /** Breed */
+            breed?: string | null;
+            /**
+             * Lactation
+             * @description Number of her lactation.
+             */
+            lactation?: number | null;
+            /**
+             * Teats
+             * @description Teats by the value of the label `teat`: size and shape of the end, for people.
+             */
+            teats?: {
+                [key: string]: components["schemas"]["TeatDocument"];
+            };
+            /** @description The `flow_stop` of an analysis' inputs. */
+            flow_stop?: components["schemas"]["FlowStopDocument"] | null;
+        };
+        /**
+         * CupProfile
+         * @description A cup with its targets: what it belongs to, and how well its vacuum gauge is known.
+         */
+        "CupProfile-Input": {
+            /**
+             * Name
+             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
+             */
+            name: string;
+            /**
+             * Note
+             * @description Anything for people, such as where it is kept, or that it is an example.
+             * @default
+             */
+            note?: string;
+            /**
+             * @description `cup`. (enum property replaced by openapi-typescript)
+             * @enum {string}
+             */
+            kind: "cup";
+            /**
+             * Device
+             * @description Device whose camera looks into it.
+             */
+            device?: string | null;
+            /**
+             * Object Model
+             * @description Name of the object model of its targets.
+             */
+            object_model?: string | null;
+            /**
+             * Gauge
+             * @description The gauge on it, and when it was calibrated.
+             */
+            gauge?: string | null;
+            /**
+             * Gauge Sigma Kpa
+             * @description σ of the gauge's zero: `vacuum.gauge_sigma_kpa`.
+             */
+            gauge_sigma_kpa?: number | null;
+        };
+        /**
+         * CupProfile
+         * @description A cup with its targets: what it belongs to, and how well its vacuum gauge is known.
+         */
+        "CupProfile-Output": {
+            /**
+             * Name
+             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
+             */
+            name: string;
+            /**
+             * Note
+             * @description Anything for people, such as where it is kept, or that it is an example.
+             * @default
+             */
+            note?: string;
+            /**
+             * @description `cup`. (enum property replaced by openapi-typescript)
+             * @enum {string}
+             */
+            kind: "cup";
+            /**
+             * Device
+             * @description Device whose camera looks into it.
+             */
+            device?: string | null;
+            /**
+             * Object Model
+             * @description Name of the object model of its targets.
+             */
+            object_model?: string | null;
+            /**
+             * Gauge
+             * @description The gauge on it, and when it was calibrated.
+             */
+            gauge?: string | null;
+            /**
+             * Gauge Sigma Kpa
+             * @description σ of the gauge's zero: `vacuum.gauge_sigma_kpa`.
+             */
+            gauge_sigma_kpa?: number | null;
+        };
+        /**
          * DeviceDocument
          * @description Present state of a device.
          */
@@ -2866,6 +3138,22 @@ export interface components {
             miss: components["schemas"]["MissReason"] | null;
             /** In Words */
             in_words: string;
+        };
+        /**
+         * FlowStopDocument
+         * @description Pressure on the teat's end at which milk just stops flowing.
+         */
+        FlowStopDocument: {
+            /**
+             * Kpa
+             * @description The pressure.
+             */
+            kpa: number;
+            /**
+             * Sigma Kpa
+             * @description Its σ.
+             */
+            sigma_kpa: number;
         };
         /**
          * FrameIdentification
@@ -3195,6 +3483,27 @@ export interface components {
         };
         /** @enum {string} */
         LackKind: "device" | "signal" | "calibration";
+        /**
+         * LagDocument
+         * @description Delay from the vacuum's half height to half of the wall's stroke; negative: the wall is first.
+         */
+        LagDocument: {
+            /**
+             * Opening S
+             * @description In opening.
+             */
+            opening_s: number;
+            /**
+             * Closing S
+             * @description In closing.
+             */
+            closing_s: number;
+            /**
+             * Sigma S
+             * @description σ of each.
+             */
+            sigma_s: number;
+        };
         Latency: {
             [key: string]: number;
         };
@@ -3256,6 +3565,110 @@ export interface components {
             views: {
                 [key: string]: components["schemas"]["ViewLightDocument"];
             };
+        };
+        /**
+         * LinerProfile
+         * @description A liner as it is mounted: its maker, its age, and the wall that pressure and tension need.
+         */
+        "LinerProfile-Input": {
+            /**
+             * Name
+             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
+             */
+            name: string;
+            /**
+             * Note
+             * @description Anything for people, such as where it is kept, or that it is an example.
+             * @default
+             */
+            note?: string;
+            /**
+             * @description `liner`. (enum property replaced by openapi-typescript)
+             * @enum {string}
+             */
+            kind: "liner";
+            /** Maker */
+            maker?: string | null;
+            /**
+             * Type
+             * @description The maker's name of this type of liner.
+             */
+            type?: string | null;
+            /**
+             * Lot
+             * @description The maker's lot.
+             */
+            lot?: string | null;
+            /**
+             * Age Milkings
+             * @description Milkings that it has done.
+             */
+            age_milkings?: number | null;
+            /** @description The `material` of an analysis' inputs, whole or by `zones`; here σ of E, thickness and force are required. */
+            material?: components["schemas"]["JsonObject"] | null;
+            /**
+             * Obtained
+             * @description How each value of the material was obtained, by its key; required for `E_mpa`, `wall_mm`, `radius_mm` and `F0_n`.
+             */
+            obtained?: {
+                [key: string]: string;
+            };
+            /** @description The wall's lag, by which a pulsator's settings are dated; without `near_s`. */
+            lag?: components["schemas"]["LagDocument"] | null;
+            /** @description How captures of this liner are analysed unless the inputs say otherwise: `reference`, `plane`, `heights_mm`, `phases`, `sought_kpa`, `unseen`. */
+            analysis?: components["schemas"]["JsonObject"] | null;
+        };
+        /**
+         * LinerProfile
+         * @description A liner as it is mounted: its maker, its age, and the wall that pressure and tension need.
+         */
+        "LinerProfile-Output": {
+            /**
+             * Name
+             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
+             */
+            name: string;
+            /**
+             * Note
+             * @description Anything for people, such as where it is kept, or that it is an example.
+             * @default
+             */
+            note?: string;
+            /**
+             * @description `liner`. (enum property replaced by openapi-typescript)
+             * @enum {string}
+             */
+            kind: "liner";
+            /** Maker */
+            maker?: string | null;
+            /**
+             * Type
+             * @description The maker's name of this type of liner.
+             */
+            type?: string | null;
+            /**
+             * Lot
+             * @description The maker's lot.
+             */
+            lot?: string | null;
+            /**
+             * Age Milkings
+             * @description Milkings that it has done.
+             */
+            age_milkings?: number | null;
+            /** @description The `material` of an analysis' inputs, whole or by `zones`; here σ of E, thickness and force are required. */
+            material?: components["schemas"]["JsonObject"] | null;
+            /**
+             * Obtained
+             * @description How each value of the material was obtained, by its key; required for `E_mpa`, `wall_mm`, `radius_mm` and `F0_n`.
+             */
+            obtained?: {
+                [key: string]: string;
+            };
+            /** @description The wall's lag, by which a pulsator's settings are dated; without `near_s`. */
+            lag?: components["schemas"]["LagDocument"] | null;
+            /** @description How captures of this liner are analysed unless the inputs say otherwise: `reference`, `plane`, `heights_mm`, `phases`, `sought_kpa`, `unseen`. */
+            analysis?: components["schemas"]["JsonObject"] | null;
         };
         /** @enum {string} */
         LinesKind: "doubled" | "field";
@@ -3966,6 +4379,195 @@ export interface components {
             /** Hint */
             hint: string;
         };
+        "ProfileContent-Input": components["schemas"]["LinerProfile-Input"] | components["schemas"]["PulsatorProfile-Input"] | components["schemas"]["CupProfile-Input"] | components["schemas"]["CowProfile-Input"];
+        "ProfileContent-Output": components["schemas"]["LinerProfile-Output"] | components["schemas"]["PulsatorProfile-Output"] | components["schemas"]["CupProfile-Output"] | components["schemas"]["CowProfile-Output"];
+        /**
+         * ProfileDocument
+         * @description A version of a profile with its content.
+         */
+        ProfileDocument: {
+            kind: components["schemas"]["ProfileKind"];
+            /** Name */
+            name: string;
+            /**
+             * Version
+             * @description Number of the version, from 1; a version never changes.
+             */
+            version: number;
+            /**
+             * Newest
+             * @description Number of the profile's newest version.
+             */
+            newest: number;
+            /** Created Utc */
+            created_utc: string;
+            /**
+             * Retired Utc
+             * @description Time when the profile was retired: no label finds it any longer, its versions stay.
+             */
+            retired_utc: string | null;
+            /**
+             * Sha256
+             * @description SHA-256 of its content.
+             */
+            sha256: string;
+            /**
+             * Note
+             * @description Its note.
+             */
+            note: string;
+            /**
+             * Problem
+             * @description Why it cannot be used: it is no longer what was stored.
+             */
+            problem: string | null;
+            /**
+             * Profile
+             * @description The content.
+             */
+            profile: components["schemas"]["ProfileContent-Output"];
+            /**
+             * Yaml
+             * @description The content as YAML text, as it is exported.
+             */
+            yaml: string;
+        };
+        /** @enum {string} */
+        ProfileKind: "liner" | "pulsator" | "cup" | "cow";
+        /**
+         * ProfileList
+         * @description A page of the profiles, each by its newest version, the newest first.
+         */
+        ProfileList: {
+            /** Profiles */
+            profiles: components["schemas"]["ProfileRow"][];
+            /**
+             * Next
+             * @description `cursor` of the next page; null after the last one.
+             */
+            next?: string | null;
+        };
+        /**
+         * ProfileRequest
+         * @description A profile to store: its document, or the same as YAML text.
+         * @example {
+         *       "profile": {
+         *         "age_milkings": 1200,
+         *         "kind": "liner",
+         *         "maker": "Example",
+         *         "material": {
+         *           "E_mpa": 3,
+         *           "E_sigma_mpa": 0.1,
+         *           "F0_n": 60,
+         *           "F0_sigma_n": 3,
+         *           "first_end_mm": -65,
+         *           "last_end_mm": 65,
+         *           "law": "neo_hookean",
+         *           "poisson": 0.5,
+         *           "radius_mm": 12.5,
+         *           "target_mm": 0,
+         *           "wall_mm": 2.5,
+         *           "wall_sigma_mm": 0.05
+         *         },
+         *         "name": "A",
+         *         "note": "first cluster, since March",
+         *         "obtained": {
+         *           "E_mpa": "ramp of 2026-03-01",
+         *           "F0_n": "spring balance",
+         *           "radius_mm": "drawing",
+         *           "wall_mm": "calliper, six points at three heights"
+         *         },
+         *         "type": "R24"
+         *       }
+         *     }
+         * @example {
+         *       "after": 0,
+         *       "yaml": "kind: cow\nname: '112'\n"
+         *     }
+         */
+        ProfileRequest: {
+            /**
+             * Profile
+             * @description The profile's document.
+             */
+            profile?: components["schemas"]["ProfileContent-Input"] | null;
+            /**
+             * Yaml
+             * @description The same as YAML text, in place of `profile`.
+             */
+            yaml?: string | null;
+            /**
+             * After
+             * @description Version that the change was made on, 0 for none: 409 if there is a newer one. Without it the profile follows whatever version there is.
+             */
+            after?: number | null;
+        };
+        /**
+         * ProfileRow
+         * @description A version of a profile in a list.
+         */
+        ProfileRow: {
+            kind: components["schemas"]["ProfileKind"];
+            /** Name */
+            name: string;
+            /**
+             * Version
+             * @description Number of the version, from 1; a version never changes.
+             */
+            version: number;
+            /**
+             * Newest
+             * @description Number of the profile's newest version.
+             */
+            newest: number;
+            /** Created Utc */
+            created_utc: string;
+            /**
+             * Retired Utc
+             * @description Time when the profile was retired: no label finds it any longer, its versions stay.
+             */
+            retired_utc: string | null;
+            /**
+             * Sha256
+             * @description SHA-256 of its content.
+             */
+            sha256: string;
+            /**
+             * Note
+             * @description Its note.
+             */
+            note: string;
+            /**
+             * Problem
+             * @description Why it cannot be used: it is no longer what was stored.
+             */
+            problem: string | null;
+        };
+        /**
+         * ProfileUse
+         * @description A version of a profile that inputs of an analysis came from.
+         */
+        ProfileUse: {
+            /** Kind */
+            kind: string;
+            /** Name */
+            name: string;
+            /** Version */
+            version: number;
+            /**
+             * Sha256
+             * @description SHA-256 of its content: tells it from another of the same number.
+             */
+            sha256: string;
+        };
+        /**
+         * ProfileVersions
+         * @description All versions of a profile, the newest first.
+         */
+        ProfileVersions: {
+            /** Versions */
+            versions: components["schemas"]["ProfileRow"][];
+        };
         /**
          * PulsationDocument
          * @description Latest known pulsation rate of the liner before a device; all null where it is not known.
@@ -3986,6 +4588,82 @@ export interface components {
              * @description Number of its analysis.
              */
             analysis: number | null;
+        };
+        /**
+         * PulsatorProfile
+         * @description A pulsator by its settings, and the vacuum of the milking system.
+         */
+        "PulsatorProfile-Input": {
+            /**
+             * Name
+             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
+             */
+            name: string;
+            /**
+             * Note
+             * @description Anything for people, such as where it is kept, or that it is an example.
+             * @default
+             */
+            note?: string;
+            /**
+             * @description `pulsator`. (enum property replaced by openapi-typescript)
+             * @enum {string}
+             */
+            kind: "pulsator";
+            /** Maker */
+            maker?: string | null;
+            /**
+             * Type
+             * @description The maker's name of this type of pulsator.
+             */
+            type?: string | null;
+            /**
+             * Tested
+             * @description Date and tester of the test report.
+             */
+            tested?: string | null;
+            /** @description The `vacuum.pulsation` of an analysis' inputs: `rate_per_min`, `ratio`, `a_s`, `c_s`, `system_kpa`, `sigma_kpa`. */
+            pulsation?: components["schemas"]["JsonObject"] | null;
+            /** @description The `vacuum.liner` of an analysis' inputs: `kpa`, `sigma_kpa`. */
+            liner?: components["schemas"]["JsonObject"] | null;
+        };
+        /**
+         * PulsatorProfile
+         * @description A pulsator by its settings, and the vacuum of the milking system.
+         */
+        "PulsatorProfile-Output": {
+            /**
+             * Name
+             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
+             */
+            name: string;
+            /**
+             * Note
+             * @description Anything for people, such as where it is kept, or that it is an example.
+             * @default
+             */
+            note?: string;
+            /**
+             * @description `pulsator`. (enum property replaced by openapi-typescript)
+             * @enum {string}
+             */
+            kind: "pulsator";
+            /** Maker */
+            maker?: string | null;
+            /**
+             * Type
+             * @description The maker's name of this type of pulsator.
+             */
+            type?: string | null;
+            /**
+             * Tested
+             * @description Date and tester of the test report.
+             */
+            tested?: string | null;
+            /** @description The `vacuum.pulsation` of an analysis' inputs: `rate_per_min`, `ratio`, `a_s`, `c_s`, `system_kpa`, `sigma_kpa`. */
+            pulsation?: components["schemas"]["JsonObject"] | null;
+            /** @description The `vacuum.liner` of an analysis' inputs: `kpa`, `sigma_kpa`. */
+            liner?: components["schemas"]["JsonObject"] | null;
         };
         /**
          * ReadyDocument
@@ -4477,6 +5155,26 @@ export interface components {
             phase?: number | null;
             targets: components["schemas"]["TableDocument"];
         };
+        /**
+         * TeatDocument
+         * @description Size and shape of a teat.
+         */
+        TeatDocument: {
+            /**
+             * Length Mm
+             * @description Its length.
+             */
+            length_mm?: number | null;
+            /**
+             * Diameter Mm
+             * @description Its diameter in the middle.
+             */
+            diameter_mm?: number | null;
+            /** @description Shape of its end. */
+            shape?: components["schemas"]["TeatShape"] | null;
+        };
+        /** @enum {string} */
+        TeatShape: "round" | "blunt" | "pointed" | "funnel" | "pocket" | "plate";
         /**
          * ThresholdConfig
          * @description Choice of the grey value that separates targets from the background.
@@ -6159,6 +6857,288 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["CalibrationReport"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    list_profiles: {
+        parameters: {
+            query?: {
+                /** @description Only profiles of this kind. */
+                kind?: components["schemas"]["ProfileKind"] | null;
+                /** @description Only those of this name, as a label would find them. */
+                name?: string | null;
+                /** @description True: list retired ones, too. */
+                retired?: boolean;
+                /** @description Maximum number of results. */
+                limit?: number;
+                /** @description `next` of the previous page. */
+                cursor?: string | null;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProfileList"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    add_profile: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description A key chosen by the client, e.g. a UUID. For a day, a request repeated with its key takes effect only once and gets the same response; a refused request can be repeated. */
+                "Idempotency-Key"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ProfileRequest"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProfileDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    get_profile: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Kind of the profile. */
+                kind: components["schemas"]["ProfileKind"];
+                /** @description Name of the profile. */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProfileDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    put_profile: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Kind of the profile. */
+                kind: components["schemas"]["ProfileKind"];
+                /** @description Name of the profile. */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ProfileRequest"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProfileDocument"];
+                };
+            };
+            /** @description Created */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProfileDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    retire_profile: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Kind of the profile. */
+                kind: components["schemas"]["ProfileKind"];
+                /** @description Name of the profile. */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProfileDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    list_profile_versions: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Kind of the profile. */
+                kind: components["schemas"]["ProfileKind"];
+                /** @description Name of the profile. */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProfileVersions"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    get_profile_version: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Kind of the profile. */
+                kind: components["schemas"]["ProfileKind"];
+                /** @description Name of the profile. */
+                name: string;
+                /** @description Number of the version. */
+                version: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProfileDocument"];
                 };
             };
             401: components["responses"]["Problem401"];
