@@ -12,6 +12,8 @@ from grabberd.service.profiles.profiles import KINDS, Profiles
 JsonObject = dict[str, Any]
 PROFILES = "/api/v1/profiles"
 _PAGE = 500
+_CHECKED_WITHIN_S = 120.0
+"""Time for an answer: a busy daemon starts a process that checks a profile, and fields come first."""
 
 
 class ProfileAccess(Protocol):
@@ -109,7 +111,7 @@ class DaemonProfiles:
         return self._asked(_address(kind, name), "DELETE")
 
     def _asked(self, path: str, method: str = "GET", body: object = None) -> JsonObject:
-        answer: JsonObject = self._daemon.ask(path, method, body)
+        answer: JsonObject = self._daemon.ask(path, method, body, _CHECKED_WITHIN_S)
         return answer
 
 

@@ -1,6 +1,8 @@
 """The store of profiles: every version that was ever stored comes back as it was."""
 
 import sqlite3
+import subprocess
+import sys
 import threading
 from contextlib import closing
 from pathlib import Path
@@ -123,6 +125,27 @@ def test_programs_that_store_at_the_same_moment_get_a_version_each(store: Profil
     versions = store.versions("liner", "A")
     assert [one.version for one in versions] == list(range(30, 0, -1))
     assert len({(one.content["own"], one.content["age"]) for one in versions}) == 30
+
+
+def test_a_program_that_is_killed_leaves_whole_versions(store: ProfileStore) -> None:
+    store.put("liner", "A", {"age": 0}, NOW)
+    code = (
+        "import sys; from pathlib import Path; from itertools import count\n"
+        "from grabberd.storage.state.profile_store import ProfileStore\n"
+        "store = ProfileStore(Path(sys.argv[1]))\n"
+        "for age in count(1):\n"
+        "    print(store.put('liner', 'A', {'age': age}, sys.argv[2]).version, flush=True)\n"
+    )
+    for _ in range(3):
+        with subprocess.Popen([sys.executable, "-c", code, store.path, NOW], stdout=subprocess.PIPE) as child:
+            assert child.stdout is not None
+            said = [int(child.stdout.readline()) for _ in range(5)]
+            child.kill()
+        versions = store.versions("liner", "A")
+        assert [one.version for one in versions] == list(range(len(versions), 0, -1))
+        assert [one.problem for one in versions] == [None] * len(versions)
+        assert versions[0].version >= said[-1]
+        assert store.get("liner", "A", 1).content == {"age": 0}
 
 
 CONTENT = st.dictionaries(

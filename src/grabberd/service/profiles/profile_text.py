@@ -96,8 +96,8 @@ def _in_words(error: Any, document: Mapping[str, Any]) -> str:
         return f"{where}: is missing"
     if error["type"] == "extra_forbidden":
         return f"{where}: unknown key"
+    if error["type"] == "value_error":
+        return f"{where}: {error['ctx']['error']}"
     shown = shorten(repr(error["input"]), _SHOWN, placeholder=" …")
-    said = error["msg"].removeprefix("Value error, ")
-    if error["type"] == "string_pattern_mismatch":
-        said = _NAMES
+    said = _NAMES if error["type"] == "string_pattern_mismatch" else error["msg"]
     return f"{where}: {said[0].lower()}{said[1:]}; it is {shown}"

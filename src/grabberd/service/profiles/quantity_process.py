@@ -13,8 +13,8 @@ from grabberd.storage.disk import storage_errors
 PROGRAM = f"from {__name__} import main; main()"
 LONGEST_S = 120.0
 """Time for it; it takes a second of processor time, and a busy computer has little."""
-_WITHOUT = frozenset({"cup", "cow"})
-"""Kinds without such quantities."""
+_CHECKED = frozenset({"material", "obtained", "analysis", "pulsation", "liner"})
+"""Keys under which there are such quantities."""
 
 
 def problems_in_process(content: JsonObject) -> list[str]:
@@ -23,7 +23,7 @@ def problems_in_process(content: JsonObject) -> list[str]:
     Raises:
         StorageError: The process cannot be started, or does not answer in time.
     """
-    if content.get("kind") in _WITHOUT:
+    if not _CHECKED & content.keys():
         return []
     # -P: the current folder may hold a module of any name.
     command = [sys.executable, "-P", "-c", PROGRAM]
