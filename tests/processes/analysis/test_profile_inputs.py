@@ -101,6 +101,10 @@ def test_a_log_that_is_not_referred_to_keeps_the_settings_out_as_well() -> None:
     assert "pulsation" not in resolved(*ALL, given={"vacuum": {"log": "time_s\n0"}}).inputs["vacuum"]
 
 
+def test_a_ramp_with_the_empty_liner_is_no_pulsation() -> None:
+    assert "pulsation" not in resolved(*ALL, given={"teat": "none"}).inputs["vacuum"]
+
+
 def test_settings_that_nothing_dates_are_left_out_and_it_is_said() -> None:
     found = resolved(changed(LINER, "lag", None), PULSATOR, CUP, COW)
     assert "pulsation" not in found.inputs["vacuum"]

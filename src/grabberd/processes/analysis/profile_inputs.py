@@ -143,10 +143,9 @@ def _take_pulsation(resolved: ResolvedInputs, pulsator: Profile | None, liner: P
     Without it, a cycle would be taken to begin with the capture.
     """
     vacuum = resolved.vacuum
-    # A log is of this very capture, and a pulsator's settings are not.
-    settings = (
-        pulsator.content.get("pulsation") if pulsator and not {"pulsation", "log"} & vacuum.keys() else None
-    )
+    # A log is of this very capture, and with an empty liner the vacuum is a ramp: settings are neither.
+    said = {"pulsation", "log"} & vacuum.keys() or "teat" in resolved.inputs
+    settings = pulsator.content.get("pulsation") if pulsator and not said else None
     undated = _is_undated(settings or vacuum.get("pulsation")) and "lag" not in vacuum
     lag = liner.content.get("lag") if liner else None
     if undated and liner and lag and not {"log", "offset"} & vacuum.keys():
