@@ -21,7 +21,7 @@ def _quoted(value: object) -> object:
 
 
 ProfileKind = TypeAliasType("ProfileKind", Literal["liner", "pulsator", "cup", "cow"])
-ProfileName = Annotated[str, BeforeValidator(_quoted), StringConstraints(pattern=NAME_PATTERN)]
+ProfileName = Annotated[str, StringConstraints(pattern=NAME_PATTERN), BeforeValidator(_quoted)]
 Word = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 TeatShape = TypeAliasType("TeatShape", Literal["round", "blunt", "pointed", "funnel", "pocket", "plate"])
 

@@ -2713,45 +2713,7 @@ export interface components {
          * CowProfile
          * @description A cow: her teats, and the pressure at which her milk just stops flowing.
          */
-        "CowProfile-Input": {
-            /**
-             * Name
-             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
-             */
-            name: string;
-            /**
-             * Note
-             * @description Anything for people, such as where it is kept, or that it is an example.
-             * @default
-             */
-            note?: string;
-            /**
-             * @description `cow`. (enum property replaced by openapi-typescript)
-             * @enum {string}
-             */
-            kind: "cow";
-            /** Breed */
-            breed?: string | null;
-            /**
-             * Lactation
-             * @description Number of her lactation.
-             */
-            lactation?: number | null;
-            /**
-             * Teats
-             * @description Teats by the value of the label `teat`: size and shape of the end, for people.
-             */
-            teats?: {
-                [key: string]: components["schemas"]["TeatDocument"];
-            };
-            /** @description The `flow_stop` of an analysis' inputs. */
-            flow_stop?: components["schemas"]["FlowStopDocument"] | null;
-        };
-        /**
-         * CowProfile
-         * @description A cow: her teats, and the pressure at which her milk just stops flowing.
-         */
-        "CowProfile-Output": {
+        CowProfile: {
             /**
              * Name
              * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
@@ -2789,49 +2751,7 @@ export interface components {
          * CupProfile
          * @description A cup with its targets: what it belongs to, and how well its vacuum gauge is known.
          */
-        "CupProfile-Input": {
-            /**
-             * Name
-             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
-             */
-            name: string;
-            /**
-             * Note
-             * @description Anything for people, such as where it is kept, or that it is an example.
-             * @default
-             */
-            note?: string;
-            /**
-             * @description `cup`. (enum property replaced by openapi-typescript)
-             * @enum {string}
-             */
-            kind: "cup";
-            /**
-             * Device
-             * @description Device whose camera looks into it.
-             */
-            device?: string | null;
-            /**
-             * Object Model
-             * @description Name of the object model of its targets.
-             */
-            object_model?: string | null;
-            /**
-             * Gauge
-             * @description The gauge on it, and when it was calibrated.
-             */
-            gauge?: string | null;
-            /**
-             * Gauge Sigma Kpa
-             * @description σ of the gauge's zero: `vacuum.gauge_sigma_kpa`.
-             */
-            gauge_sigma_kpa?: number | null;
-        };
-        /**
-         * CupProfile
-         * @description A cup with its targets: what it belongs to, and how well its vacuum gauge is known.
-         */
-        "CupProfile-Output": {
+        CupProfile: {
             /**
              * Name
              * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
@@ -3570,59 +3490,7 @@ export interface components {
          * LinerProfile
          * @description A liner as it is mounted: its maker, its age, and the wall that pressure and tension need.
          */
-        "LinerProfile-Input": {
-            /**
-             * Name
-             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
-             */
-            name: string;
-            /**
-             * Note
-             * @description Anything for people, such as where it is kept, or that it is an example.
-             * @default
-             */
-            note?: string;
-            /**
-             * @description `liner`. (enum property replaced by openapi-typescript)
-             * @enum {string}
-             */
-            kind: "liner";
-            /** Maker */
-            maker?: string | null;
-            /**
-             * Type
-             * @description The maker's name of this type of liner.
-             */
-            type?: string | null;
-            /**
-             * Lot
-             * @description The maker's lot.
-             */
-            lot?: string | null;
-            /**
-             * Age Milkings
-             * @description Milkings that it has done.
-             */
-            age_milkings?: number | null;
-            /** @description The `material` of an analysis' inputs, whole or by `zones`; here σ of E, thickness and force are required. */
-            material?: components["schemas"]["JsonObject"] | null;
-            /**
-             * Obtained
-             * @description How each value of the material was obtained, by its key; required for `E_mpa`, `wall_mm`, `radius_mm` and `F0_n`.
-             */
-            obtained?: {
-                [key: string]: string;
-            };
-            /** @description The wall's lag, by which a pulsator's settings are dated; without `near_s`. */
-            lag?: components["schemas"]["LagDocument"] | null;
-            /** @description How captures of this liner are analysed unless the inputs say otherwise: `reference`, `plane`, `heights_mm`, `phases`, `sought_kpa`, `unseen`. */
-            analysis?: components["schemas"]["JsonObject"] | null;
-        };
-        /**
-         * LinerProfile
-         * @description A liner as it is mounted: its maker, its age, and the wall that pressure and tension need.
-         */
-        "LinerProfile-Output": {
+        LinerProfile: {
             /**
              * Name
              * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
@@ -4379,8 +4247,7 @@ export interface components {
             /** Hint */
             hint: string;
         };
-        "ProfileContent-Input": components["schemas"]["LinerProfile-Input"] | components["schemas"]["PulsatorProfile-Input"] | components["schemas"]["CupProfile-Input"] | components["schemas"]["CowProfile-Input"];
-        "ProfileContent-Output": components["schemas"]["LinerProfile-Output"] | components["schemas"]["PulsatorProfile-Output"] | components["schemas"]["CupProfile-Output"] | components["schemas"]["CowProfile-Output"];
+        ProfileContent: components["schemas"]["LinerProfile"] | components["schemas"]["PulsatorProfile"] | components["schemas"]["CupProfile"] | components["schemas"]["CowProfile"];
         /**
          * ProfileDocument
          * @description A version of a profile with its content.
@@ -4425,7 +4292,7 @@ export interface components {
              * Profile
              * @description The content.
              */
-            profile: components["schemas"]["ProfileContent-Output"];
+            profile: components["schemas"]["ProfileContent"];
             /**
              * Yaml
              * @description The content as YAML text, as it is exported.
@@ -4490,7 +4357,7 @@ export interface components {
              * Profile
              * @description The profile's document.
              */
-            profile?: components["schemas"]["ProfileContent-Input"] | null;
+            profile?: components["schemas"]["ProfileContent"] | null;
             /**
              * Yaml
              * @description The same as YAML text, in place of `profile`.
@@ -4593,45 +4460,7 @@ export interface components {
          * PulsatorProfile
          * @description A pulsator by its settings, and the vacuum of the milking system.
          */
-        "PulsatorProfile-Input": {
-            /**
-             * Name
-             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
-             */
-            name: string;
-            /**
-             * Note
-             * @description Anything for people, such as where it is kept, or that it is an example.
-             * @default
-             */
-            note?: string;
-            /**
-             * @description `pulsator`. (enum property replaced by openapi-typescript)
-             * @enum {string}
-             */
-            kind: "pulsator";
-            /** Maker */
-            maker?: string | null;
-            /**
-             * Type
-             * @description The maker's name of this type of pulsator.
-             */
-            type?: string | null;
-            /**
-             * Tested
-             * @description Date and tester of the test report.
-             */
-            tested?: string | null;
-            /** @description The `vacuum.pulsation` of an analysis' inputs: `rate_per_min`, `ratio`, `a_s`, `c_s`, `system_kpa`, `sigma_kpa`. */
-            pulsation?: components["schemas"]["JsonObject"] | null;
-            /** @description The `vacuum.liner` of an analysis' inputs: `kpa`, `sigma_kpa`. */
-            liner?: components["schemas"]["JsonObject"] | null;
-        };
-        /**
-         * PulsatorProfile
-         * @description A pulsator by its settings, and the vacuum of the milking system.
-         */
-        "PulsatorProfile-Output": {
+        PulsatorProfile: {
             /**
              * Name
              * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
