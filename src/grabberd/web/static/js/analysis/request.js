@@ -27,9 +27,9 @@ export function createRequest(context, capture, own, made) {
   let busy = false;
   /** @type {ReturnType<typeof createForm> | null} */
   let asked = null;
-  const form = (asked = createForm(context, tell));
+  const profiles = createFound(context, capture, () => asked?.tell());
+  const form = (asked = createForm(context, tell, profiles.given));
   const bursts = createBursts(context, capture);
-  const profiles = createFound(context, capture);
   const job = createJob(context, { title: t("analysis.running"), busy: setBusy, done: (/** @type {JobWith<AnalysisResult>} */ ended) => made(ended.result.analysis) });
   const body = el("form", { class: "stack", novalidate: true, on: { submit: submit } }, el("p", {}, t("analysis.ask")), offer, profiles.element, form.element, bursts.element, el("div", { class: "row" }, start, why));
   const element = el("div", { class: "stack" }, job.element, body);

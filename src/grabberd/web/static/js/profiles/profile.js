@@ -12,9 +12,9 @@ export function createProfile(context, kind, name) {
   const { t, api, may } = context;
   const path = /** @type {`/profiles/${string}/${string}`} */ (`/profiles/${kind}/${encodeURIComponent(name)}`);
   const head = el("p", { class: "muted" });
-  const text = el("textarea", { class: "input profile-text", id: "profile-text", rows: 24, spellcheck: "false", readonly: !may("operator"), "aria-describedby": "profile-about" });
+  const text = el("textarea", { class: "input profile-text", id: "profile-text", rows: 24, disabled: Boolean(name), spellcheck: "false", readonly: !may("operator"), "aria-describedby": "profile-about" });
   const said = el("div", { role: "status" });
-  const store = el("button", { class: "button primary", type: "button", data: { do: "store" }, on: { click: put } }, symbol("ok"), t("profiles.store"));
+  const store = el("button", { class: "button primary", type: "button", disabled: Boolean(name), data: { do: "store" }, on: { click: put } }, symbol("ok"), t("profiles.store"));
   const retire = el("button", { class: "button", type: "button", data: { do: "retire" }, hidden: true, on: { click: remove } }, t("profiles.retire.do"));
   const versions = el("ul", { class: "profile-list", "aria-label": t("profiles.versions") });
   const history = el("section", { class: "card stack", hidden: !name }, el("h2", {}, t("profiles.versions")), versions);
@@ -37,6 +37,8 @@ export function createProfile(context, kind, name) {
   function show(profile) {
     fill(head, saidOf(context, { ...profile, note: "" }));
     text.value = profile.yaml;
+    // Not before: what somebody wrote meanwhile would be overwritten.
+    text.disabled = store.disabled = false;
     retire.hidden = profile.retired_utc !== null;
   }
 
