@@ -25,6 +25,7 @@ help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
 
 run: $(RUNS)  ## start the daemon on the simulated grabber at http://127.0.0.1:8050
+	@STATE_DIRECTORY="$(abspath $(STATE))" GRABBERD_URL= $(BIN)/grabberd profile import --examples >/dev/null
 	STATE_DIRECTORY="$(abspath $(STATE))" exec $(BIN)/grabberd serve
 
 # Checks and installations wait for the disk, the network and each other's single processes: side by side they leave no

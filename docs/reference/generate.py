@@ -11,6 +11,7 @@ from pydantic_core import PydanticUndefined
 
 from grabberd.api import create_app
 from grabberd.config import Config, default_config_file, load_config
+from grabberd.documents.profiles import CowProfile, CupProfile, LinerProfile, PulsatorProfile
 from grabberd.processes.analysis.columns import TABLES
 from grabberd.processes.columns import LABELS, WORD, TableSpec
 from grabberd.service.service import Service
@@ -95,6 +96,12 @@ in mm, with every numeric column of `targets` or `phase_targets`; a target witho
 The **report** is `report.html` to read and `report.json` for programs: inputs, problems, the grid, and all
 tables except those of targets, triangles and edges, column by column; the targets are included for four
 states."""
+PROFILES_BEFORE = """\
+What a profile says, kind by kind; how to use it: [profiles](../howto/profiles.md). Unknown keys are refused.
+`material`, `pulsation`, `liner`, `flow_stop` and `analysis` are those of the
+[inputs of an analysis](../howto/analyse.md#inputs), key by key
+([material](../howto/pressure.md#what-is-computed)).
+"""
 MADE = "<!-- made by `make docs`; do not edit -->\n"
 
 
@@ -107,6 +114,7 @@ def documents() -> dict[str, str]:
         "configuration.md": "\n".join(_configuration()) + "\n",
         "points.md": "\n".join(_points()) + "\n",
         "analysis.md": "\n".join(_analysis()) + "\n",
+        "profiles.md": "\n".join(_profiles()) + "\n",
     }
 
 
@@ -167,6 +175,13 @@ def _default(field: FieldInfo) -> str:
         return "required"
     value = field.get_default(call_default_factory=True)
     return "see below" if isinstance(value, BaseModel) else f"`{json.dumps(value, default=str)}`"
+
+
+def _profiles() -> Iterator[str]:
+    yield f"{MADE}# Profiles, key by key\n"
+    yield PROFILES_BEFORE
+    for model in (LinerProfile, PulsatorProfile, CupProfile, CowProfile):
+        yield from _section(model, model.__name__.removesuffix("Profile").lower())
 
 
 def _allowed(field: FieldInfo) -> str:

@@ -22,6 +22,8 @@ BEYOND_A_SCHEMA = (
     "POST /api/v1/capture-groups",
     "POST /api/v1/calibrations",
     "PUT /api/v1/settings",
+    "POST /api/v1/profiles",
+    "PUT /api/v1/profiles/{kind}/{name}",
 )
 """What they take depends on several keys together, or on the rig, which a JSON schema cannot say."""
 EXAMPLES = 5

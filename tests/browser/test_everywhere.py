@@ -10,10 +10,21 @@ from browser.axe import serious
 from browser.conftest import CHEAP, PHONE, TABLET, Open, Start
 from browser.daemons import Daemon
 
-PANELS = ["operate", "live", "shape", "plots", "captures", "compare", "calibration", "calibration/place"]
+PANELS = [
+    "operate",
+    "live",
+    "shape",
+    "plots",
+    "captures",
+    "compare",
+    "profiles",
+    "profiles/liner",
+    "calibration",
+    "calibration/place",
+]
 LOOKED_AGAIN_MS = 1500
 """Within which every panel has asked again for what it follows."""
-IDS = {"calibration/place": "calibration-step"}
+IDS = {"calibration/place": "calibration-step", "profiles/liner": "profiles-new"}
 SMALLEST_PX = 44
 """WCAG 2.5.5; links inside sentences are as high as their line."""
 

@@ -48,6 +48,10 @@ BODIES: dict[str, list[Any]] = {
         {},
         {"inputs": {"reference": {"field": 0}}, "vacuum_log": "time_s,pulsation_vacuum_kpa\n0,42\n"},
     ],
+    "/profiles": [
+        {"yaml": "kind: cow\nname: '112'\n"},
+        {"profile": {"kind": "liner", "name": "A", "material": {"E_mpa": 3.0}}, "after": 0},
+    ],
     "/session": [{"token": "x"}],
     "/trigger": [{}],
     "/stop": [{}],

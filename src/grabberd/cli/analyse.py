@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from grabberd.cli.options import JsonOption, follow_link, print_json, warn
+from grabberd.cli.options import ConfigOption, JsonOption, follow_link, labels_of, print_json, warn
 from grabberd.cli.terminal import console, progress_bar
 from grabberd.errors import ExtraMissing, InputError
 
 if TYPE_CHECKING:
     from grabberd.service.jobs.analysis import AnalysisOutput
+    from grabberd.service.profiles.profiles import FoundProfiles
 
 _SHOWN = (
     "period_s",
@@ -29,7 +30,7 @@ _SHOWN = (
 )
 
 
-def analyse(
+def analyse(  # noqa: PLR0913, PLR0917 - options of a command
     capture: Annotated[
         Path,
         typer.Argument(help="Capture file with points, NAME.grab; it is not modified.", callback=follow_link),
@@ -48,20 +49,35 @@ def analyse(
     vacuum_log: Annotated[
         Path | None, typer.Option(help="CSV file of a vacuum logger: time_s, pulsation_vacuum_kpa, …")
     ] = None,
+    profiles: Annotated[
+        bool,
+        typer.Option(
+            "--profiles", help="Complete the inputs from the profiles that the labels liner, cow, … name."
+        ),
+    ] = False,
+    label: Annotated[
+        list[str] | None,
+        typer.Option(help="KEY=VALUE, in place of the capture's own label, e.g. liner=A; may be repeated."),
+    ] = None,
     run: Annotated[int | None, typer.Option(min=1, help="Run to analyse; default: the latest.")] = None,
     formats: Annotated[
         str, typer.Option(help="Comma-separated list of csv, parquet, hdf5, vtu, ply.")
     ] = "csv",
+    config: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Compute surface, sections, curvature, strain, tension and pressure of a capture, by field and by phase.
 
     Everything an analysis needs besides the points comes from the inputs file; nothing is assumed, and
-    missing inputs are listed. Writes tables and a report: report.html to read, report.json for programs.
+    missing inputs are listed. With --profiles, what the file does not say comes from the profiles of the
+    configuration's state directory; the report names each with its version. Writes tables and a report:
+    report.html to read, report.json for programs.
 
     Example: grabberd analyse liner.grab --inputs configs/analysis/liner.yaml --out liner-analysis
 
     Example: grabberd analyse liner.grab --inputs liner.yaml --vacuum-log log.csv --formats csv,vtu --out out
+
+    Example: grabberd analyse liner.grab --profiles --label liner=A --out out
 
     Example: grabberd analyse b1.grab --bursts b2.grab --bursts b3.grab --inputs liner.yaml --out out
     """
@@ -74,6 +90,7 @@ def analyse(
     check_formats(wanted)
     given = read_yaml(inputs) if inputs else {}
     log = _text(vacuum_log) if vacuum_log else None
+    found = _found(capture, config, label or [], profiles)
     sources = {**dict.fromkeys(given, str(inputs)), **({"vacuum.log": str(vacuum_log)} if vacuum_log else {})}
     with results_folder(out):
         with progress_bar("analysing") as progress:
@@ -84,6 +101,7 @@ def analyse(
                 bursts=bursts or [],
                 run=run,
                 vacuum_log=log,
+                profiles=found,
                 sources=sources,
             )
         with progress_bar("writing"):
@@ -106,6 +124,18 @@ def _report(out: Path, made: "AnalysisOutput") -> list[Path]:
     except ExtraMissing as error:
         warn([f"{error.message}; {error.hint}"])
         return [out / DOCUMENT]
+
+
+def _found(capture: Path, config: Path | None, words: list[str], wanted: bool) -> "FoundProfiles | None":
+    """The profiles that the labels of the capture name; None where they are not wanted."""
+    from grabberd.cli.profile_access import labels_of_file, local_profiles  # noqa: PLC0415
+
+    if wanted:
+        profiles = local_profiles(config)
+        return profiles.of_labels({**labels_of_file(capture, config), **labels_of(words)})
+    if words:
+        raise typer.BadParameter("--label requires --profiles", param_hint="--label")
+    return None
 
 
 def _text(path: Path) -> str:

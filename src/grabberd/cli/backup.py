@@ -15,7 +15,7 @@ def backup(
     config: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Save settings, tokens, pins, notes and calibrations to one file; the daemon may be running.
+    """Save settings, tokens, pins, notes, profiles and calibrations to one file; the daemon may be running.
 
     Captures are not included: they are files of their own. Keep the backup as safe as a password.
 

@@ -14,6 +14,7 @@ from grabberd.cli.options import (
     check_absent,
     check_folder,
     group_file,
+    labels_of,
     load,
     print_json,
     warn,
@@ -87,7 +88,7 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     Example: grabberd capture --together left,right --duration-s 60 --out 112.grab
     """
     picture = {"bits": bits, "lines": lines, "pre_trigger_fields": pre_trigger}
-    kept = {"on_interruption": on_interruption, "note": note, "labels": _labels(label or [])}
+    kept = {"on_interruption": on_interruption, "note": note, "labels": labels_of(label or [])}
     request = _validated({**_length(fields, duration, armed=armed), **picture, **kept})
     check_folder(out)
     if group_devices and device is not None:
@@ -116,13 +117,6 @@ def _length(fields: int | None, duration_s: float | None, *, armed: bool) -> dic
     if duration_s is not None:
         fields = max(1, round(duration_s / FIELD_S))
     return {"armed": True, "post_trigger_fields": fields}
-
-
-def _labels(words: list[str]) -> dict[str, str]:
-    pairs = [word.partition("=") for word in words]
-    if wrong := [word for word, (_, equals, _) in zip(words, pairs, strict=True) if not equals]:
-        raise typer.BadParameter(f"{wrong[0]!r} is not KEY=VALUE", param_hint="--label")
-    return {key: value for key, _, value in pairs}
 
 
 def _validated(request: dict[str, Any]) -> dict[str, Any]:

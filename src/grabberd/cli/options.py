@@ -105,6 +105,14 @@ def print_json(document: Any) -> None:
     typer.echo(json.dumps(document, indent=2, ensure_ascii=False))
 
 
+def labels_of(words: list[str]) -> dict[str, str]:
+    """Labels from words such as cow=112."""
+    pairs = [word.partition("=") for word in words]
+    if wrong := [word for word, (_, equals, _) in zip(words, pairs, strict=True) if not equals]:
+        raise typer.BadParameter(f"{wrong[0]!r} is not KEY=VALUE", param_hint="--label")
+    return {key: value for key, _, value in pairs}
+
+
 def given(**options: Any) -> dict[str, Any]:
     """The options that were given on the command line."""
     return {name: value for name, value in options.items() if value is not None}

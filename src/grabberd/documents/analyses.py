@@ -6,6 +6,7 @@ from pydantic import Field
 
 from grabberd.documents.document import Document
 from grabberd.documents.named_types import JsonObject
+from grabberd.documents.profiles import ProfileUse
 
 _METHOD = (
     "How pressures were found: `equilibrium`, as the load of a wall in equilibrium; null in earlier ones, "
@@ -24,7 +25,12 @@ class AnalysisRecord(Document):
     bursts: list[str] = Field(
         default_factory=list, description="Further captures that were merged with it by phase."
     )
-    inputs: JsonObject = Field(default_factory=dict, description="Inputs as they were given.")
+    inputs: JsonObject = Field(
+        default_factory=dict, description="Inputs as they were given, and as profiles completed them."
+    )
+    profiles: list[ProfileUse] = Field(
+        default_factory=list, description="Versions of the profiles that inputs came from."
+    )
     lacks: list[str] = Field(default_factory=list, description="Missing inputs and their consequences.")
     problems: list[str] = Field(
         default_factory=list, description="Problems in spite of which the analysis was completed."

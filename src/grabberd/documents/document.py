@@ -18,12 +18,12 @@ def with_examples(*examples: Any) -> ConfigDict:
 
 
 class DescribedBy(NamedTuple):
-    """Annotation of JSON that passes as it was stored; its model describes it in OpenAPI, but checks nothing.
+    """Annotation of JSON that passes as it is; its model describes it in OpenAPI, but checks nothing.
 
     A file of an earlier version may lack keys, and must neither be refused for that nor gain them.
     """
 
-    model: type[Document]
+    model: Any
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Takes and gives the annotated type; the model stands where only JSON schemas are generated from."""

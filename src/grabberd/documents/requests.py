@@ -146,7 +146,8 @@ class AnalysisRequest(Document):
                 "sought_kpa": 1,
             },
             "bursts": ["20260301T093100250Z-barn"],
-        }
+        },
+        {"profiles": True},
     )
 
     inputs: JsonObject = Field(
@@ -163,6 +164,11 @@ class AnalysisRequest(Document):
         None, ge=1, le=2**53, description="Run whose points to analyse; default: the latest."
     )
     vacuum_log: str | None = Field(None, description="Text of a vacuum logger's CSV file.")
+    profiles: bool = Field(
+        False,
+        description="Complete the inputs from the profiles that the capture's labels `liner`, `pulsator`, "
+        "`cup` and `cow` name; what is in `inputs` wins.",
+    )
 
 
 class CertifiedLength(Document):

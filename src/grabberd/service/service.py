@@ -39,6 +39,8 @@ from grabberd.service.live.device_document import device_document
 from grabberd.service.liveness import Liveness
 from grabberd.service.logger_setup import LoggerSetup
 from grabberd.service.mqtt.publisher_setup import create_publisher
+from grabberd.service.profiles.profiles import Profiles
+from grabberd.service.profiles.quantity_process import problems_in_process
 from grabberd.service.secrets import without_secrets
 from grabberd.service.settings import Settings
 from grabberd.service.setup import DeviceSetup
@@ -69,6 +71,7 @@ class Service:
         annotations: Pins, notes and labels of captures, and their deletion by hand.
         retention: Deletion of old captures, where it is configured.
         analyses: Analyses of the captures' points.
+        profiles: Profiles of liners, pulsators, cups and cows.
         calibrations: The calibrations that there are.
         active: The calibration that each device measures with.
         access: Tokens and browser sessions.
@@ -141,6 +144,7 @@ class Service:
         self.calibrator: Calibrator = calibrate_capture
         self.jobs = JobRunner(self._clock)
         self.analyses = AnalysisStore(directory / "analyses")
+        self.profiles = Profiles(state, problems_in_process, self._clock, heal)
         self.annotations = CaptureAnnotations(self.archive, store, self.jobs, self.analyses)
         self.idempotency = IdempotencyStore(state, heal)
         self.retention = Retention(
@@ -227,7 +231,7 @@ class Service:
         self.state_keeper.open()
 
     def open_stores(self) -> None:
-        """Opens calibrations, analyses, tokens and settings, and applies the stored choices.
+        """Opens calibrations, analyses, profiles, tokens and settings, and applies the stored choices.
 
         Raises:
             StorageError: The state directory cannot be used.
@@ -235,6 +239,7 @@ class Service:
         self.calibrations.store.open()
         self.analyses.open()
         self._state_store.open()
+        self.profiles.open()
         self.access.open()
         self.settings.open()
         self.active.open()

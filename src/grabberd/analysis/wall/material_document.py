@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
+from typing import NamedTuple
 
 from grabberd.analysis.grid import Grid
 from grabberd.analysis.wall.material import Material, Zone
@@ -13,13 +14,29 @@ _OPTIONAL = tuple(name for name in _KEYS if any(part in name for part in ("sigma
 _HINT = "give the values of the very liner in the teatcup; none of them is assumed"
 
 
+class Part(NamedTuple):
+    """A material as a document gives it, for the first to the last of its rows; None: for all of them."""
+
+    rows: tuple[int, int] | None
+    material: Material
+
+
 def read_zones(document: Mapping[str, object], grid: Grid) -> tuple[Zone, ...]:
-    """The zones of a document: the keys of `Material`, or `zones`, a list with the same keys and `rows`.
+    """The zones of a document on the grid of an object model, as `read_parts` takes it.
+
+    Raises:
+        InputError: See `read_parts`.
+    """
+    whole = 0, int(grid.row.max())
+    return tuple(Zone.of_rows(*(rows or whole), grid.u_pitch_mm, one) for rows, one in read_parts(document))
+
+
+def read_parts(document: Mapping[str, object]) -> tuple[Part, ...]:
+    """The materials of a document: the keys of `Material`, or `zones`, a list with the same keys and `rows`.
 
     Args:
         document: {E_mpa: …, wall_mm: …, …}, or {zones: [{rows: [first, last], E_mpa: …, …}, …]}, rows counted
             from 0 as in the grid, both included.
-        grid: of the object model.
 
     Raises:
         InputError: a key is missing, unknown or of a wrong type (all are named), or values are impossible.
@@ -28,15 +45,12 @@ def read_zones(document: Mapping[str, object], grid: Grid) -> tuple[Zone, ...]:
     if "zones" not in document:
         material = _material(reading, document, "", _KEYS)
         reading.finish(_HINT)
-        return (Zone.of_rows(0, int(grid.row.max()), grid.u_pitch_mm, Material(**material)),)  # type: ignore[arg-type]
+        return (Part(None, Material(**material)),)  # type: ignore[arg-type]
     reading.keys("", document, ("zones",))
     entries = _entries(reading, document["zones"])
     found = [_zone(reading, entry, f"zones[{at}].") for at, entry in enumerate(entries)]
     reading.finish(_HINT)
-    return tuple(
-        Zone.of_rows(first, last, grid.u_pitch_mm, Material(**material))  # type: ignore[arg-type]
-        for first, last, material in found
-    )
+    return tuple(Part((first, last), Material(**material)) for first, last, material in found)  # type: ignore[arg-type]
 
 
 def _entries(reading: Reading, zones: object) -> list[Mapping[str, object]]:

@@ -21,6 +21,8 @@ from grabberd.documents.problems import Problem
 from grabberd.documents.requests import AnalysisRequest
 from grabberd.service.archive.analysis_documents import analysis_list, analysis_row, report_page
 from grabberd.service.jobs.analysis import AnalysisJob
+from grabberd.service.profiles.profiles import FoundProfiles
+from grabberd.service.service import Service
 from grabberd.storage.export.analysis_maps import read_map
 from grabberd.storage.state.analysis_store import DOCUMENT, RECORD
 
@@ -56,6 +58,7 @@ def analyse_capture(
             bursts=[service.archive.sealed_path(burst) for burst in new.bursts],
             run_number=new.run,
             vacuum_log=new.vacuum_log,
+            profiles=_found(service, capture_id) if new.profiles else None,
         )
     )
     return accepted(job, request, response)
@@ -146,3 +149,8 @@ def get_analysis_table(
     mark = "-outdated-pressure" if row is not None and row.outdated_pressure else ""
     name = f"{capture_id}-analysis-{number}-{table}{mark}.csv"
     return FileResponse(path, media_type="text/csv", filename=name, headers={"Cache-Control": IMMUTABLE})
+
+
+def _found(service: Service, capture_id: str) -> FoundProfiles:
+    """The profiles that the labels of a capture name, also those it was given later."""
+    return service.profiles.of_labels(service.archive.document(capture_id).labels)

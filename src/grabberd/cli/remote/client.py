@@ -33,9 +33,10 @@ class Daemon(NamedTuple):
     url: str
     token_file: Path | None = None
 
-    def ask(self, path: str, method: str = "GET", body: object = None) -> Any:
+    def ask(self, path: str, method: str = "GET", body: object = None, timeout_s: float = TIMEOUT_S) -> Any:
         """Send one request and return the daemon's answer."""
-        with self._open(path, method, None if body is None else json.dumps(body).encode()) as answer:
+        data = None if body is None else json.dumps(body).encode()
+        with self._open(path, method, data, timeout_s) as answer:
             return json.load(answer)
 
     def download(self, path: str, out: Path, check: Callable[[Path], None] | None = None) -> None:
@@ -60,14 +61,16 @@ class Daemon(NamedTuple):
                 whole.rename(out)
 
     @contextmanager
-    def _open(self, path: str, method: str, data: bytes | None) -> Iterator[http.client.HTTPResponse]:
+    def _open(
+        self, path: str, method: str, data: bytes | None, timeout_s: float = TIMEOUT_S
+    ) -> Iterator[http.client.HTTPResponse]:
         headers = {"Content-Type": "application/json", "Accept": "application/json"}
         if token := token_of(self.token_file):
             headers["Authorization"] = f"Bearer {token}"
         address = self.url.rstrip("/") + path
         try:
             request = urllib.request.Request(address, data, headers, method=method)  # noqa: S310
-            with _opener.open(request, timeout=TIMEOUT_S) as answer:
+            with _opener.open(request, timeout=timeout_s) as answer:
                 yield answer
         except urllib.error.HTTPError as error:
             raise refusal_of(error.read(), f"{error.code} {error.reason}") from None

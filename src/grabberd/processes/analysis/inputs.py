@@ -21,7 +21,7 @@ flow_stop: {kpa: 9, sigma_kpa: 1}       pressure on the teat's end at which milk
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -91,6 +91,7 @@ class AnalysisInputs:
         flow_stop_kpa: contact pressure at the teat's end at which milk just stops flowing; None: no
             overpressure.
         channels: what was recorded with the capture itself, by name.
+        unmet: what profiles were asked for and could not give, in sentences.
     """
 
     given: Mapping[str, Any]
@@ -106,10 +107,15 @@ class AnalysisInputs:
     homologous: bool = True
     flow_stop_kpa: Estimate | None = None
     channels: Mapping[str, ChannelCurve] = field(default_factory=dict)
+    unmet: tuple[str, ...] = ()
 
     @property
     def lacks(self) -> tuple[str, ...]:
-        """Missing inputs, each with the results that need it."""
+        """Missing inputs, each with the results that need it, after what the profiles could not give."""
+        return self.unmet + self._missing
+
+    @property
+    def _missing(self) -> tuple[str, ...]:
         plane = (
             self.plane is None,
             "plane: without it no widths and volume of a liner that is seen from one side",
@@ -134,6 +140,21 @@ class AnalysisInputs:
         return tuple(text for lacks, text in missing if lacks)
 
 
+class _Stated(NamedTuple):
+    """The inputs that can be read without the object model."""
+
+    reference: Reference | None
+    material: Mapping[str, object]
+    vacuum: Mapping[str, Any]
+    plane: Plane | str | None
+    heights_mm: tuple[float, ...] | None
+    phases: int
+    sought_kpa: float | None
+    unseen: str
+    flow_stop_kpa: Estimate | None
+    empty: bool
+
+
 def read_inputs(
     document: Mapping[str, Any], grid: Grid, channels: Mapping[str, ChannelCurve] | None = None
 ) -> AnalysisInputs:
@@ -149,11 +170,38 @@ def read_inputs(
         AnalysisError: `plane: symmetry` for an object without a symmetry plane.
     """
     reading = Reading("the analysis' inputs")
+    stated = _stated(reading, document)
+    reading.finish(_HINT)
+    return AnalysisInputs(
+        given=document,
+        reference=stated.reference,
+        zones=read_zones(stated.material, grid) if stated.material else (),
+        vacuum=stated.vacuum,
+        plane=symmetry_plane(grid) if isinstance(stated.plane, str) else stated.plane,
+        heights_mm=_usual_heights(grid) if stated.heights_mm is None else stated.heights_mm,
+        phases=stated.phases,
+        sought_kpa=stated.sought_kpa,
+        unseen=stated.unseen,
+        empty=stated.empty,
+        homologous=grid.homologous,
+        flow_stop_kpa=stated.flow_stop_kpa,
+        channels=channels or {},
+    )
+
+
+def input_problems(document: Mapping[str, Any]) -> list[str]:
+    """Problems of inputs that show without an object model; those inside material and vacuum do not."""
+    reading = Reading("the analysis' inputs")
+    _stated(reading, document)
+    return reading.problems
+
+
+def _stated(reading: Reading, document: Mapping[str, Any]) -> _Stated:
     reading.keys("", document, KEYS)
     reference = _reference(reading, document.get("reference"))
     vacuum = _vacuum(reading, document.get("vacuum"))
     plane = _plane(reading, document.get("plane"))
-    heights = _heights(reading, document.get("heights_mm"), grid)
+    heights = _heights(reading, document.get("heights_mm"))
     phases = reading.integer(document, "phases", least=2) if "phases" in document else DEFAULT_PHASES
     if phases > _MOST_PHASES:
         reading.refuse("phases", phases, f"at most {_MOST_PHASES}")
@@ -164,22 +212,7 @@ def read_inputs(
     flow_stop = _flow_stop(reading, document.get("flow_stop"))
     empty = _empty(reading, document)
     material = reading.mapping(document, "material") if "material" in document else {}
-    reading.finish(_HINT)
-    return AnalysisInputs(
-        given=document,
-        reference=reference,
-        zones=read_zones(material, grid) if material else (),
-        vacuum=vacuum,
-        plane=symmetry_plane(grid) if isinstance(plane, str) else plane,
-        heights_mm=heights,
-        phases=phases,
-        sought_kpa=sought,
-        unseen=unseen,
-        empty=empty,
-        homologous=grid.homologous,
-        flow_stop_kpa=flow_stop,
-        channels=channels or {},
-    )
+    return _Stated(reference, material, vacuum, plane, heights, phases, sought, unseen, flow_stop, empty)
 
 
 def _empty(reading: Reading, document: Mapping[str, Any]) -> bool:
@@ -243,13 +276,17 @@ def _plane(reading: Reading, value: object) -> Plane | str | None:
     return Plane(point, normal)
 
 
-def _heights(reading: Reading, value: object, grid: Grid) -> tuple[float, ...]:
-    """Heights of the sections; by default three over the middle half of the liner."""
+def _heights(reading: Reading, value: object) -> tuple[float, ...] | None:
     if value is None:
-        low, high = np.quantile(grid.nominal_mm[:, 0], (0.25, 0.75))
-        return float(low), float((low + high) / 2), float(high)
+        return None
     count = len(value) if isinstance(value, list | tuple) else 0
     return tuple(sorted(map(float, reading.numbers(value, "heights_mm", (count or 1,)))))
+
+
+def _usual_heights(grid: Grid) -> tuple[float, ...]:
+    """Three heights over the middle half of the liner."""
+    low, high = np.quantile(grid.nominal_mm[:, 0], (0.25, 0.75))
+    return float(low), float((low + high) / 2), float(high)
 
 
 def missing(what: str, hint: str) -> InputError:

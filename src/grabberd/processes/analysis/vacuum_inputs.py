@@ -239,8 +239,15 @@ def _on_camera_clock(wave: PulsatorWave, clock: tuple[float, float] | None) -> P
 
 
 def _wave(value: object) -> PulsatorWave | None:
-    if not isinstance(value, Mapping) or "rate_per_min" not in value:
-        return None
+    return read_wave(value) if isinstance(value, Mapping) and "rate_per_min" in value else None
+
+
+def read_wave(value: Mapping[str, Any]) -> PulsatorWave:
+    """The vacuum of the pulsation chamber from a pulsator's settings.
+
+    Raises:
+        InputError: a setting is missing, unknown, no number, or impossible.
+    """
     reading = Reading("vacuum.pulsation")
     reading.keys("", value, _WAVE_KEYS)
     needed = _WAVE_KEYS[:-2]  # the start and its σ are optional: `lag` can give them
@@ -259,6 +266,15 @@ def _source(
             f"vacuum.{name} is {value!r}",
             "give {kpa: …, sigma_kpa: …}, a pulsator's settings, log, or channel",
         )
+    return read_constant(name, value)
+
+
+def read_constant(name: str, value: Mapping[str, Any]) -> ConstantVacuum:
+    """A vacuum that does not change, of the chamber `name`.
+
+    Raises:
+        InputError: a key is missing or unknown, or a value is impossible.
+    """
     reading = Reading(f"vacuum.{name}")
     reading.keys("", value, ("kpa", "sigma_kpa"))
     kpa, sigma = reading.number(value, "kpa"), reading.number(value, "sigma_kpa")

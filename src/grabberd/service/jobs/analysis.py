@@ -13,14 +13,20 @@ from grabberd.acquisition.clock import SystemClock, iso_utc
 from grabberd.documents.analyses import AnalysisRecord
 from grabberd.documents.named_types import JsonObject
 from grabberd.documents.pressure_method import PRESSURE_METHOD
+from grabberd.documents.profiles import ProfileUse
 from grabberd.documents.results import AnalysisResult
 from grabberd.errors import ExtraMissing, InputError
 from grabberd.service.jobs.progress import Progress, portion
 from grabberd.service.jobs.runner import JobSpec
+from grabberd.service.profiles.profile_text import plain_name
+from grabberd.service.profiles.profiles import FoundProfiles
 from grabberd.storage.state.analysis_store import DOCUMENT, PAGE, RECORD, AnalysisStore
 
 if TYPE_CHECKING:
+    from grabberd.analysis import Grid
     from grabberd.processes.analysis.analyse import Analysis
+    from grabberd.processes.analysis.profile import Profile
+    from grabberd.processes.analysis.profile_inputs import ResolvedInputs
     from grabberd.processes.analysis.tables import AnalysisTables
 
 SOURCE = "the HTTP request"
@@ -54,6 +60,7 @@ class AnalysisJob(JobSpec):
     bursts: Sequence[Path] = ()
     run_number: int | None = None
     vacuum_log: str | None = None
+    profiles: FoundProfiles | None = None
 
     def run(self, progress: Progress) -> AnalysisResult:
         """Analyses and stores.
@@ -68,6 +75,7 @@ class AnalysisJob(JobSpec):
             bursts=self.bursts,
             run=self.run_number,
             vacuum_log=self.vacuum_log,
+            profiles=self.profiles,
             sources=dict.fromkeys([*self.inputs, *(["vacuum.log"] if self.vacuum_log else [])], SOURCE),
         )
         analyses = AnalysisStore(self.store)
@@ -84,6 +92,7 @@ def analyse_file(
     bursts: Sequence[Path] = (),
     run: int | None = None,
     vacuum_log: str | None = None,
+    profiles: FoundProfiles | None = None,
     sources: Mapping[str, str] | None = None,
 ) -> AnalysisOutput:
     """Analyses the points of a capture; nothing is written.
@@ -95,12 +104,14 @@ def analyse_file(
         bursts: Captures of the same liner that are combined with it by phase, each with its latest run.
         run: The run whose points are analysed; None for the latest.
         vacuum_log: Text of a vacuum logger's file, in place of the one in the inputs.
+        profiles: Profiles that complete the inputs, and the capture's labels, by which they were found; None:
+            none are used, and its labels are those in its file.
         sources: Where each of the inputs comes from, by its name.
 
     Raises:
         CaptureFileError, NotFound: A capture or run does not exist.
         NotReady: A capture was measured without an object model.
-        InputError: An input does not suit this capture, or its object model cannot be read.
+        InputError: An input or a profile does not suit this capture, or its object model cannot be read.
         AnalysisError: The points make no surface, or the clocks are left to a light that is not found.
     """
     from grabberd.analysis import Grid
@@ -111,12 +122,14 @@ def analyse_file(
     from grabberd.service.jobs.channel_curves import channel_curves
 
     # Only the wall's equilibrium can use the rays of a single view.
-    single = "material" in inputs and "vacuum" in inputs
+    single = {"material", "vacuum"} <= _sections(inputs, profiles)
     captures = [read_source(path, run, single), *(read_source(burst, None, single) for burst in bursts)]
     check_same_model(captures)
+    about = captures[0].about | ({} if profiles is None else {"labels": profiles.labels})
     grid = Grid.of(captures[0].model)
-    channels = channel_curves(path, inputs)
-    read = read_inputs(_with_log(inputs, vacuum_log), grid, channels)
+    resolved = _resolved(_with_log(inputs, vacuum_log), profiles, about, grid)
+    channels = channel_curves(path, resolved.inputs)
+    read = replace(read_inputs(resolved.inputs, grid, channels), unmet=tuple(resolved.lacks))
     progress(0.0)
     fields = [capture.fields for capture in captures]
     of_reading = tuple(capture.problem for capture in captures if capture.problem)
@@ -126,17 +139,43 @@ def analyse_file(
     )
     analysis = replace(analysis, problems=of_reading + analysis.problems)
     about = {
-        **captures[0].about,
+        **about,
         "created_utc": iso_utc(SystemClock().utc_now()),
         "version": __version__,
         "pressure_method": PRESSURE_METHOD,
         "bursts": [capture.about["id"] for capture in captures[1:]],
+        "profiles": [_use(one).model_dump() for one in resolved.used],
         "sources": {
             **(sources or {}),
+            **resolved.sources,
             **{f"vacuum.{name}": one.origin for name, one in channels.items()},
         },
     }
     return AnalysisOutput(analysis, tables(analysis), about)
+
+
+def _sections(inputs: JsonObject, found: FoundProfiles | None) -> set[str]:
+    """Inputs that are given, or may come from a profile."""
+    kinds = {one.kind for one in found.profiles} if found else set()
+    of_kinds = {"liner": "material", "pulsator": "vacuum"}
+    return {*inputs, *(name for kind, name in of_kinds.items() if kind in kinds)}
+
+
+def _resolved(
+    given: JsonObject, found: FoundProfiles | None, about: JsonObject, grid: "Grid"
+) -> "ResolvedInputs":
+    from grabberd.processes.analysis.profile import Profile
+    from grabberd.processes.analysis.profile_inputs import ResolvedInputs, Subject, resolve
+
+    if found is None:
+        return ResolvedInputs(dict(given))
+    labels = {key: plain_name(value) for key, value in found.labels.items()}
+    known = [Profile(one.kind, one.name, one.version, one.sha256, one.profile) for one in found.profiles]
+    return resolve(labels, known, given, Subject(about["device"], about["object"], grid))
+
+
+def _use(profile: "Profile") -> ProfileUse:
+    return ProfileUse(kind=profile.kind, name=profile.name, version=profile.version, sha256=profile.sha256)
 
 
 def write_document(folder: Path, made: AnalysisOutput) -> JsonObject:
@@ -201,6 +240,7 @@ def _write_all(folder: Path, made: AnalysisOutput) -> AnalysisRecord:
         device=made.about["device"],
         run=made.about["run"],
         bursts=made.about["bursts"],
+        profiles=made.about["profiles"],
         inputs=document["inputs"]["given"],
         lacks=document["inputs"]["lacks"],
         problems=document["problems"],

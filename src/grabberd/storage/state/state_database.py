@@ -31,6 +31,15 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
         "CREATE TABLE outbox (capture TEXT PRIMARY KEY, summary TEXT) WITHOUT ROWID",
         "CREATE INDEX outbox_waiting ON outbox (capture) WHERE summary IS NOT NULL",
     ),
+    (
+        """CREATE TABLE profiles (
+            kind TEXT NOT NULL, name TEXT NOT NULL, version INTEGER NOT NULL CHECK (version >= 1),
+            created_utc TEXT NOT NULL, sha256 TEXT NOT NULL, content TEXT NOT NULL,
+            PRIMARY KEY (kind, name, version)) WITHOUT ROWID""",
+        """CREATE TABLE retired_profiles (
+            kind TEXT NOT NULL, name TEXT NOT NULL, retired_utc TEXT NOT NULL,
+            PRIMARY KEY (kind, name)) WITHOUT ROWID""",
+    ),
 )
 """Entry n leads from version n to n + 1. Released entries never change; new ones are appended."""
 TIMEOUT_S = 10.0

@@ -58,5 +58,8 @@ export type Analysis = Answer<"get", "/captures/{}/analyses/{}">;
 export type Table = Analysis["tables"][string];
 export type AnalysisRow = Answer<"get", "/captures/{}/analyses">["analyses"][number];
 
+export type Profile = Answer<"get", "/profiles/{}/{}">;
+export type ProfileRow = Answer<"get", "/profiles">["profiles"][number];
+
 /** A refusal, as RFC 9457 has it. */
 export type Problem = paths["/api/v1/captures/{capture_id}"]["get"]["responses"][404]["content"]["application/problem+json"];

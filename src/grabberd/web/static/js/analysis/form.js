@@ -7,8 +7,12 @@ import { ENDS, askedOf, inputsOf, keyOf, lacksOf, missingOf, usesLog } from "./i
 /** @import { Asked, Part } from "./fields.js" */
 /** @import { Values } from "./inputs.js" */
 
-/** @param {Context} context @param {() => void} changed */
-export function createForm(context, changed) {
+/**
+ * @param {Context} context
+ * @param {() => void} changed
+ * @param {() => Set<string>} given inputs that come from elsewhere, by the names of what lacks without them
+ */
+export function createForm(context, changed, given) {
   const { t } = context;
   /** @type {Values} */
   let values = {};
@@ -59,7 +63,8 @@ export function createForm(context, changed) {
 
   function tell() {
     logged.hidden = !usesLog(values);
-    const without = lacksOf(values);
+    const known = given();
+    const without = lacksOf(values).filter((lack) => !known.has(lack));
     for (const name of NAMES) {
       const words = without.filter((lack) => groupOf(lack) === name).map((lack) => t(`analysis.lack.${lack}`));
       lacks[name].hidden = !words.length;
@@ -77,7 +82,7 @@ export function createForm(context, changed) {
 
   set({});
   return {
-    element, set,
+    element, set, tell,
     request: () => ({ inputs: inputsOf(values), ...(usesLog(values) ? { vacuum_log: log } : {}) }),
     /** Labels of the inputs that are still missing. */
     missing: () => missingOf(values, log).map((key) => (key === "log" ? t("analysis.log.label") : t(`analysis.number.${key.split(".").pop()}.label`))),

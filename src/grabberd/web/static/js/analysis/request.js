@@ -2,6 +2,7 @@
 import { newKey, statusOf } from "../core/api.js";
 import { el, fill, setText, symbol } from "../core/dom.js";
 import { createJob } from "../jobs/job.js";
+import { createFound } from "../profiles/found.js";
 import { createBursts } from "./bursts.js";
 import { createForm } from "./form.js";
 import { valuesOf } from "./inputs.js";
@@ -26,10 +27,11 @@ export function createRequest(context, capture, own, made) {
   let busy = false;
   /** @type {ReturnType<typeof createForm> | null} */
   let asked = null;
-  const form = (asked = createForm(context, tell));
+  const profiles = createFound(context, capture, () => asked?.tell());
+  const form = (asked = createForm(context, tell, profiles.given));
   const bursts = createBursts(context, capture);
   const job = createJob(context, { title: t("analysis.running"), busy: setBusy, done: (/** @type {JobWith<AnalysisResult>} */ ended) => made(ended.result.analysis) });
-  const body = el("form", { class: "stack", novalidate: true, on: { submit: submit } }, el("p", {}, t("analysis.ask")), offer, form.element, bursts.element, el("div", { class: "row" }, start, why));
+  const body = el("form", { class: "stack", novalidate: true, on: { submit: submit } }, el("p", {}, t("analysis.ask")), offer, profiles.element, form.element, bursts.element, el("div", { class: "row" }, start, why));
   const element = el("div", { class: "stack" }, job.element, body);
 
   function tell() {
@@ -51,7 +53,7 @@ export function createRequest(context, capture, own, made) {
     if (busy) return;
     start.disabled = true;
     try {
-      const queued = await api.post(`/captures/${encodeURIComponent(capture.id)}/analysis`, { body: { ...form.request(), bursts: bursts.chosen() }, key });
+      const queued = await api.post(`/captures/${encodeURIComponent(capture.id)}/analysis`, { body: { ...form.request(), bursts: bursts.chosen(), profiles: profiles.wanted() }, key });
       key = newKey();
       job.follow(queued);
       element.scrollIntoView({ block: "start" });

@@ -1,5 +1,6 @@
 // One analysis: what was found, curves, maps, files.
 import { el, fill, symbol } from "../core/dom.js";
+import { addressOf } from "../profiles/words.js";
 import { createCurves } from "./curves.js";
 import { createFiles } from "./files.js";
 import { createMaps } from "./maps.js";
@@ -32,7 +33,9 @@ export function createResults(context, capture, record) {
   /** The inputs exactly as they were given. */
   function inputs() {
     const bursts = record.bursts?.length ? el("p", {}, `${t("analysis.bursts.title")}: ${record.bursts.join(", ")}`) : null;
-    return el("details", {}, el("summary", { class: "capture-summary" }, t("analysis.given")), el("pre", { class: "analysis-given scroll", tabindex: 0 }, JSON.stringify(record.inputs, null, 2)), bursts);
+    const used = (record.profiles ?? []).map((one) => el("a", { href: addressOf(one.kind, one.name) }, `${t(`profiles.kind.${one.kind}`)} ${one.name}, ${t("profiles.version", { n: one.version })}`));
+    const profiles = used.length ? el("p", { data: { profiles: "" } }, `${t("profiles.title")}: `, used.flatMap((one, at) => (at ? [", ", one] : [one]))) : null;
+    return el("details", {}, el("summary", { class: "capture-summary" }, t("analysis.given")), profiles, el("pre", { class: "analysis-given scroll", tabindex: 0 }, JSON.stringify(record.inputs, null, 2)), bursts);
   }
 
   open();

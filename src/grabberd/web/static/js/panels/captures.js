@@ -13,7 +13,8 @@ export const panel = {
     const search = createSearch(context, () => list.search());
     const list = createList(context, search);
     const compare = el("a", { class: "button", href: "#compare" }, symbol("compare"), context.t("captures.compare"));
-    element.append(el("div", { class: "row between" }, el("h1", {}, context.t("captures.title")), compare), search.element, list.element);
+    const profiles = el("a", { class: "button", href: "#profiles" }, context.t("profiles.title"));
+    element.append(el("div", { class: "row between" }, el("h1", {}, context.t("captures.title")), el("div", { class: "row" }, profiles, compare)), search.element, list.element);
     return { unmount: list.unmount };
   },
 };
