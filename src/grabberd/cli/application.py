@@ -32,7 +32,7 @@ COMMANDS: Mapping[str, str] = {
     "check-config": "check_config",
 }
 """Commands, by name, and the modules in which they are."""
-GROUPS = ("token", "storage")
+GROUPS = ("jobs", "token", "storage")
 """Groups of commands, a module each."""
 
 

@@ -16,12 +16,14 @@ def check_config(
     Example: grabberd check-config /etc/grabberd/grabberd.yaml
     """
     from grabberd.config import load_config  # noqa: PLC0415
+    from grabberd.service.jobs.analysis_inputs import check_analysis_inputs  # noqa: PLC0415
     from grabberd.service.mqtt.publisher_setup import check_mqtt  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
 
     config = load_config(file)
     devices = set_up(config, file)
     check_mqtt(config, file)
+    check_analysis_inputs(devices, file)
     if config.http.tls is not None:
         from grabberd.api.serving import tls_context  # noqa: PLC0415
 

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from grabberd.acquisition import LossCause, Outcome, Rebase
 from grabberd.documents.calibrations import CalibrationDocument
+from grabberd.documents.capture_analyses import CaptureAnalysis
 from grabberd.documents.coverage import CoverageDocument, CoverageSummary
 from grabberd.documents.devices import ObjectModelDocument
 from grabberd.documents.document import DescribedBy, Document, Next, with_examples
@@ -127,6 +128,9 @@ class CaptureDocument(Document):
         description="How well the newest run was measured, beside `verdict`, which is about the fields "
         "alone; null while it records, where nothing was to be measured (no calibration or object model), "
         "and in files of earlier versions.",
+    )
+    analysis: CaptureAnalysis | None = Field(
+        None, description="Its latest analysis; null if none was ever asked for, by whomever."
     )
     labels: dict[str, str]
     note: str

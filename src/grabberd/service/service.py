@@ -11,12 +11,13 @@ from grabberd.config import Config
 from grabberd.documents.devices import DeviceDocument
 from grabberd.documents.named_types import JsonObject
 from grabberd.documents.state import StateDocument, StorageDocument
-from grabberd.errors import StorageError
+from grabberd.errors import Cause, StorageError
 from grabberd.geometry import Calibration
 from grabberd.kernel import what_is_slower
 from grabberd.service.access import Access
 from grabberd.service.archive.annotations import CaptureAnnotations
 from grabberd.service.archive.archive import Archive
+from grabberd.service.archive.capture_analyses import CaptureAnalyses
 from grabberd.service.archive.retention import Policy, Retention
 from grabberd.service.archive.scrub import Scrub
 from grabberd.service.archive.upkeep import Upkeep
@@ -33,7 +34,11 @@ from grabberd.service.faults.fault_board import FaultBoard
 from grabberd.service.faults.state_keeper import StateKeeper
 from grabberd.service.instrument import Instrument
 from grabberd.service.jobs.calibration_job import Calibrator, calibrate_capture
+from grabberd.service.jobs.job_contexts import JobContexts
+from grabberd.service.jobs.job_queue import JobQueue
+from grabberd.service.jobs.kinds import KINDS
 from grabberd.service.jobs.runner import JobRunner
+from grabberd.service.jobs.sealed_analyses import SealedAnalyses
 from grabberd.service.live.device_document import device_document
 from grabberd.service.liveness import Liveness
 from grabberd.service.mqtt.publisher_setup import create_publisher
@@ -46,6 +51,7 @@ from grabberd.storage.state.analysis_store import AnalysisStore
 from grabberd.storage.state.annotation_store import AnnotationStore
 from grabberd.storage.state.calibration_store import CalibrationRecord
 from grabberd.storage.state.idempotency_store import IdempotencyStore
+from grabberd.storage.state.job_store import JobStore
 from grabberd.storage.state.state_backups import CAPTURES_FOLDER, STATE
 from grabberd.storage.state.state_store import StateStore
 
@@ -66,6 +72,8 @@ class Service:
         annotations: Pins, notes and labels of captures, and their deletion by hand.
         retention: Deletion of old captures, where it is configured.
         analyses: Analyses of the captures' points.
+        capture_analyses: The latest of each capture, and of each device.
+        sealed_analyses: Queues analyses of captures that are sealed.
         calibrations: The calibrations that there are.
         active: The calibration that each device measures with.
         access: Tokens and browser sessions.
@@ -75,8 +83,8 @@ class Service:
         upkeep: Looks after all of these.
         settings: Settings that an operator has made in place of the configuration.
         configuration: The configuration as it was read, without secrets.
-        jobs: Runner of the jobs.
-        calibrator: Function that calibration jobs run.
+        jobs: The jobs that wait, run, and have ended.
+        job_runner: Runs them.
         idempotency: Requests that must take effect once only.
         publisher: Publishes states and captures to a broker; None if none is configured.
     """
@@ -133,9 +141,17 @@ class Service:
         self.settings = Settings(self._state_store, self.instruments)
         self.configuration = _configuration(setups)
         self.active = ActiveCalibrations(self.calibrations, self._state_store, self.instruments, self._clock)
-        self.calibrator = calibrator
-        self.jobs = JobRunner(self._clock)
         self.analyses = AnalysisStore(directory / "analyses")
+        job_store = JobStore(directory, self._queue_lost)
+        self.jobs = JobQueue(self._clock, job_store, KINDS)
+        contexts = JobContexts(self.archive, self.analyses, self.calibrations.store, calibrator)
+        self.job_runner = JobRunner(self.jobs, job_store, contexts.of, self.faults)
+        self.capture_analyses = CaptureAnalyses(self.analyses, self.jobs, self.archive.index)
+        self.archive.analysis = self.capture_analyses.of
+        self.jobs.ended = self.capture_analyses.ended
+        self.sealed_analyses = SealedAnalyses(
+            self.jobs, self.archive, self.capture_analyses, self._state_store, setups, self._clock
+        )
         self.annotations = CaptureAnnotations(self.archive, store, self.jobs, self.analyses)
         self.idempotency = IdempotencyStore(state, heal)
         self.retention = Retention(
@@ -153,7 +169,7 @@ class Service:
             self._clock,
             lambda: bool(self._current.recordings()),
         )
-        self.upkeep = Upkeep(self.archive, self.unsealed, self.state_keeper)
+        self.upkeep = Upkeep(self.archive, self.unsealed, self.state_keeper, self.sealed_analyses.look)
         self.state_keeper.restored = self._keep_what_is_in_force
         self.publisher: Publisher | None = None
         self._started = False
@@ -192,11 +208,12 @@ class Service:
         self.archive.open()
         self.open_stores()
         self.access.key.make()
+        self.capture_analyses.open(reversed(self.jobs.list()))
         self._started = True
         if slower := what_is_slower():
             log.warning("%s", slower)
         self.upkeep.start()
-        self.jobs.start()
+        self.job_runner.start()
         self.retention.start()
         self.scrub.start()
         if self.publisher is not None:
@@ -215,17 +232,19 @@ class Service:
         self.state_keeper.open()
 
     def open_stores(self) -> None:
-        """Opens calibrations, analyses, tokens and settings, and applies the stored choices.
+        """Opens calibrations, analyses, jobs, tokens and settings, and applies the stored choices.
 
         Raises:
             StorageError: The state directory cannot be used.
         """
         self.calibrations.store.open()
         self.analyses.open()
+        self.jobs.open()
         self._state_store.open()
         self.access.open()
         self.settings.open()
         self.active.open()
+        self.sealed_analyses.open()
 
     def end_captures(self) -> None:
         """Ends running captures, all at the same moment; their files are sealed meanwhile."""
@@ -242,7 +261,7 @@ class Service:
             instrument.stop()
         if self.publisher is not None:
             self.publisher.stop()
-        self.jobs.stop()
+        self.job_runner.stop()
         self.upkeep.stop()
         self.access.key.remove()
         self.archive.close()
@@ -302,7 +321,7 @@ class Service:
 
     def device_document(self, instrument: Instrument) -> DeviceDocument:
         """A device at this moment."""
-        return device_document(instrument, self.active)
+        return device_document(instrument, self.active, self.capture_analyses.latest.get(instrument.name))
 
     def recordings(self) -> list[Recording]:
         """The captures that are being recorded or sealed, or could not be sealed yet."""
@@ -324,6 +343,17 @@ class Service:
         self.archive.folder.identify()
         self.settings.keep()
         self.active.keep()
+        self.sealed_analyses.keep()
+
+    def _queue_lost(self, reason: str) -> None:
+        """Writes the queue anew from memory; if there is none, as at a start, says that it is lost."""
+        if self.jobs.write_again():
+            log.warning("%s; the queue was written anew", reason)
+            return
+        hint = (
+            "ask for what waited again: grabberd jobs shows what there is; this warning ends with a restart"
+        )
+        self.faults.report(Cause.JOBS_LOST, f"{reason}: jobs that waited are lost", hint, "warning")
 
     def _spared(self) -> set[str]:
         if not self.state_keeper.pins_known:
@@ -358,6 +388,7 @@ class Service:
                 self.archive.index.add(recording.path)
         except StorageError as error:
             log.error("capture %s is not in the index: %s; %s", recording.id, error.message, error.hint)
+        self.sealed_analyses.sealed(recording.id, str(recording.meta.device["name"]))
         if self.publisher is not None:
             self.publisher.capture_ended()
 

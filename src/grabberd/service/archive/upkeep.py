@@ -2,6 +2,7 @@
 
 import logging
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 
 from grabberd.errors import StorageError
@@ -22,12 +23,20 @@ class Upkeep:
         archive: The captures.
         unsealed: Captures that could not be sealed.
         state_keeper: The state database.
+        look_further: What else is looked after in every round.
     """
 
-    def __init__(self, archive: Archive, unsealed: UnsealedCaptures, state_keeper: StateKeeper) -> None:
+    def __init__(
+        self,
+        archive: Archive,
+        unsealed: UnsealedCaptures,
+        state_keeper: StateKeeper,
+        look_further: Callable[[], None] = lambda: None,
+    ) -> None:
         self._archive = archive
         self._unsealed = unsealed
         self._state_keeper = state_keeper
+        self._look_further = look_further
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._failure: str | None = None
@@ -50,6 +59,7 @@ class Upkeep:
         self._unsealed.retry()
         if rounds % STATE_EVERY == 0:
             self._state_keeper.look()
+        self._look_further()
 
     def _run(self) -> None:
         rounds = 0

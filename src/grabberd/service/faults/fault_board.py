@@ -15,6 +15,7 @@ OWN_CAUSES = (
     *(Cause.CAPTURES_MISSING, Cause.CAPTURES_REPLACED, Cause.CAPTURE_UNSEALED),
     *(Cause.CAPTURE_CHANGED, Cause.INDEX_REBUILDING, Cause.INDEX_FAILED),
     *(Cause.SETTINGS_RESTORED, Cause.SETTINGS_LOST, Cause.SETTINGS_UNREADABLE),
+    *(Cause.JOBS_LOST, Cause.JOBS_UNWRITABLE),
 )
 """The causes that are the daemon's own."""
 

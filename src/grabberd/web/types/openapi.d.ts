@@ -29,6 +29,27 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/captures.csv": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List captures as CSV
+         * @description Captures, newest first, a row each: verdicts, labels, and the main quantities of the latest analysis
+         *     with their standard deviations.
+         */
+        get: operations["list_captures_as_csv"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/captures/{capture_id}": {
         parameters: {
             query?: never;
@@ -647,7 +668,8 @@ export interface paths {
         };
         /**
          * List jobs
-         * @description The jobs since the daemon started, newest first, page by page.
+         * @description The jobs that wait or run and those that have ended in the last month, newest first, page by page. They
+         *     outlive the daemon: what waited or ran when it ended is done after its next start.
          */
         get: operations["list_jobs"];
         put?: never;
@@ -667,7 +689,7 @@ export interface paths {
         };
         /**
          * Look up a job
-         * @description State and progress of a job.
+         * @description State, position in the queue and progress of a job.
          */
         get: operations["get_job"];
         put?: never;
@@ -1295,6 +1317,11 @@ export interface components {
             /** Version */
             version?: string | null;
             /**
+             * Job
+             * @description Id of the job that made it; null in earlier ones.
+             */
+            job?: string | null;
+            /**
              * Device
              * @description Name of the device that captured it.
              */
@@ -1333,6 +1360,11 @@ export interface components {
             summary?: {
                 [key: string]: number | null;
             };
+            /**
+             * Quantities
+             * @description The table `quantities`; empty in earlier ones.
+             */
+            quantities?: components["schemas"]["QuantityDocument"][];
             /**
              * Missing Extra
              * @description Optional part that draws the report and was not installed.
@@ -1359,6 +1391,11 @@ export interface components {
             /** Version */
             version?: string | null;
             /**
+             * Job
+             * @description Id of the job that made it; null in earlier ones.
+             */
+            job?: string | null;
+            /**
              * Device
              * @description Name of the device that captured it.
              */
@@ -1397,6 +1434,11 @@ export interface components {
             summary?: {
                 [key: string]: number | null;
             };
+            /**
+             * Quantities
+             * @description The table `quantities`; empty in earlier ones.
+             */
+            quantities?: components["schemas"]["QuantityDocument"][];
             /**
              * Missing Extra
              * @description Optional part that draws the report and was not installed.
@@ -1424,6 +1466,8 @@ export interface components {
              */
             problem?: string | null;
         };
+        /** @enum {string} */
+        AnalysisState: "queued" | "running" | "done" | "failed" | "cancelled";
         /**
          * AxesDocument
          * @description One length for each axis, and one for all three combined.
@@ -1846,9 +1890,62 @@ export interface components {
             rejected: components["schemas"]["CalibrationRejection"] | null;
         };
         /**
+         * CaptureAnalysis
+         * @description The latest analysis of a capture: asked for, made, or come to nothing.
+         */
+        CaptureAnalysis: {
+            /** @description Of the analysis that was asked for last; `failed` also if the capture cannot be analysed, so that none was queued. */
+            state: components["schemas"]["AnalysisState"];
+            /**
+             * Job
+             * @description Id of its job, until that has ended.
+             */
+            job?: string | null;
+            /**
+             * Analysis
+             * @description Number of the newest analysis that there is.
+             */
+            analysis?: number | null;
+            /**
+             * Created Utc
+             * @description When that was made.
+             */
+            created_utc?: string | null;
+            /**
+             * Quantities
+             * @description Its main quantities with their standard deviations, those alone that were found: liner compression, overpressure, teat load, opening and closing time, pulsation rate and ratio; empty for an analysis of an earlier version.
+             */
+            quantities?: components["schemas"]["QuantityDocument"][];
+            /** @description Why the analysis came to nothing. */
+            problem?: components["schemas"]["JobProblem"] | null;
+        };
+        /**
          * CaptureDocument
          * @description A capture.
          * @example {
+         *       "analysis": {
+         *         "analysis": 1,
+         *         "created_utc": "2026-03-01T09:31:12.310Z",
+         *         "quantities": [
+         *           {
+         *             "name": "liner_compression_mean_kpa",
+         *             "reason": "",
+         *             "sigma": 1.1,
+         *             "unit": "kPa",
+         *             "value": 11.8,
+         *             "verdict": ""
+         *           },
+         *           {
+         *             "name": "rate_per_min",
+         *             "reason": "",
+         *             "sigma": 0.1,
+         *             "unit": "1/min",
+         *             "value": 60.2,
+         *             "verdict": ""
+         *           }
+         *         ],
+         *         "state": "done"
+         *       },
          *       "bits": 1,
          *       "coverage": {
          *         "fields": 62,
@@ -1986,6 +2083,8 @@ export interface components {
             runs: components["schemas"]["RunDocument"][];
             /** @description How well the newest run was measured, beside `verdict`, which is about the fields alone; null while it records, where nothing was to be measured (no calibration or object model), and in files of earlier versions. */
             coverage?: components["schemas"]["CoverageSummary"] | null;
+            /** @description Its latest analysis; null if none was ever asked for, by whomever. */
+            analysis?: components["schemas"]["CaptureAnalysis"] | null;
             /** Labels */
             labels: {
                 [key: string]: string;
@@ -2007,6 +2106,29 @@ export interface components {
          * @example {
          *       "captures": [
          *         {
+         *           "analysis": {
+         *             "analysis": 1,
+         *             "created_utc": "2026-03-01T09:31:12.310Z",
+         *             "quantities": [
+         *               {
+         *                 "name": "liner_compression_mean_kpa",
+         *                 "reason": "",
+         *                 "sigma": 1.1,
+         *                 "unit": "kPa",
+         *                 "value": 11.8,
+         *                 "verdict": ""
+         *               },
+         *               {
+         *                 "name": "rate_per_min",
+         *                 "reason": "",
+         *                 "sigma": 0.1,
+         *                 "unit": "1/min",
+         *                 "value": 60.2,
+         *                 "verdict": ""
+         *               }
+         *             ],
+         *             "state": "done"
+         *           },
          *           "bits": 1,
          *           "coverage": {
          *             "fields": 62,
@@ -2107,6 +2229,29 @@ export interface components {
          *           "verdict": "incomplete"
          *         },
          *         {
+         *           "analysis": {
+         *             "analysis": 1,
+         *             "created_utc": "2026-03-01T09:31:12.310Z",
+         *             "quantities": [
+         *               {
+         *                 "name": "liner_compression_mean_kpa",
+         *                 "reason": "",
+         *                 "sigma": 1.1,
+         *                 "unit": "kPa",
+         *                 "value": 11.8,
+         *                 "verdict": ""
+         *               },
+         *               {
+         *                 "name": "rate_per_min",
+         *                 "reason": "",
+         *                 "sigma": 0.1,
+         *                 "unit": "1/min",
+         *                 "value": 60.2,
+         *                 "verdict": ""
+         *               }
+         *             ],
+         *             "state": "done"
+         *           },
          *           "bits": 1,
          *           "coverage": {
          *             "fields": 62,
@@ -2296,7 +2441,7 @@ export interface components {
          * @description Machine-readable code of the reason why an instrument cannot work; the page has a text for each.
          * @enum {string}
          */
-        Cause: "not_opened" | "driver_missing" | "device_absent" | "device_lost" | "stream_failed" | "device_busy" | "no_rights" | "no_bandwidth" | "wrong_standard" | "several_devices" | "device_refused" | "recording_ended" | "recording_damaged" | "fault" | "capture_stuck" | "computer_busy" | "program_stopped" | "driver_hung" | "no_signal" | "no_picture" | "no_calibration" | "no_object" | "calibration_misfit" | "disk_missing" | "disk_read_only" | "disk_failed" | "captures_missing" | "captures_replaced" | "index_rebuilding" | "index_failed" | "capture_unsealed" | "capture_changed" | "settings_restored" | "settings_lost" | "settings_unreadable";
+        Cause: "not_opened" | "driver_missing" | "device_absent" | "device_lost" | "stream_failed" | "device_busy" | "no_rights" | "no_bandwidth" | "wrong_standard" | "several_devices" | "device_refused" | "recording_ended" | "recording_damaged" | "fault" | "capture_stuck" | "computer_busy" | "program_stopped" | "driver_hung" | "no_signal" | "no_picture" | "no_calibration" | "no_object" | "calibration_misfit" | "disk_missing" | "disk_read_only" | "disk_failed" | "captures_missing" | "captures_replaced" | "index_rebuilding" | "index_failed" | "capture_unsealed" | "capture_changed" | "settings_restored" | "settings_lost" | "settings_unreadable" | "jobs_lost" | "jobs_unwritable";
         /**
          * CertifiedLength
          * @description A certified distance of two targets of the calibration frame, which the adjustment does not see.
@@ -2598,6 +2743,41 @@ export interface components {
          */
         CoverageVerdict: "measured_well" | "measured_with_gaps" | "not_measured";
         /**
+         * DeviceAnalysis
+         * @description The analysis that ended last of those of a device's captures.
+         */
+        DeviceAnalysis: {
+            /** @description Of the analysis that was asked for last; `failed` also if the capture cannot be analysed, so that none was queued. */
+            state: components["schemas"]["AnalysisState"];
+            /**
+             * Job
+             * @description Id of its job, until that has ended.
+             */
+            job?: string | null;
+            /**
+             * Analysis
+             * @description Number of the newest analysis that there is.
+             */
+            analysis?: number | null;
+            /**
+             * Created Utc
+             * @description When that was made.
+             */
+            created_utc?: string | null;
+            /**
+             * Quantities
+             * @description Its main quantities with their standard deviations, those alone that were found: liner compression, overpressure, teat load, opening and closing time, pulsation rate and ratio; empty for an analysis of an earlier version.
+             */
+            quantities?: components["schemas"]["QuantityDocument"][];
+            /** @description Why the analysis came to nothing. */
+            problem?: components["schemas"]["JobProblem"] | null;
+            /**
+             * Capture
+             * @description Id of the capture.
+             */
+            capture: string;
+        };
+        /**
          * DeviceDocument
          * @description Present state of a device.
          */
@@ -2699,6 +2879,8 @@ export interface components {
             rig: components["schemas"]["RigDocument"] | null;
             /** @description Sequence of the fields in time, by the latest movement; null before the first seconds. */
             field_order: components["schemas"]["FieldOrderDocument"] | null;
+            /** @description Null until one has ended; those of the last month are known after a restart. */
+            latest_analysis?: components["schemas"]["DeviceAnalysis"] | null;
             live: components["schemas"]["LiveDocument"] | null;
         };
         /**
@@ -3103,6 +3285,8 @@ export interface components {
          * JobDocument
          * @description A task that takes long and runs in the background.
          * @example {
+         *       "attempts": 1,
+         *       "automatic": false,
          *       "created_utc": "2026-03-01T10:02:11.480Z",
          *       "id": "job-1764000003",
          *       "kind": "measure",
@@ -3124,12 +3308,34 @@ export interface components {
              * @description Id of the capture that it works on.
              */
             subject: string;
+            /**
+             * Automatic
+             * @description True if the daemon queued it by itself, as it does when a capture is sealed.
+             * @default false
+             */
+            automatic?: boolean;
             state: components["schemas"]["JobState"];
+            /**
+             * Position
+             * @description Position among the jobs that wait, from 1; null once it runs or has ended.
+             */
+            position?: number | null;
+            /**
+             * Attempts
+             * @description How often it was begun: it begins again if the daemon or its process is killed, and fails after the third time.
+             * @default 0
+             */
+            attempts?: number;
             /** Created Utc */
             created_utc: string;
             /**
+             * Ended Utc
+             * @description Null until it has ended.
+             */
+            ended_utc?: string | null;
+            /**
              * Progress
-             * @description Share of the work that is done, from 0 to 1.
+             * @description Share of the present attempt's work that is done, from 0 to 1; 0 while it waits.
              */
             progress: number;
             /**
@@ -3142,7 +3348,7 @@ export interface components {
         };
         /**
          * JobList
-         * @description A page of the jobs since the daemon started, newest first.
+         * @description A page of the jobs, newest first: those that wait or run, and those that ended in the last month.
          */
         JobList: {
             /** Jobs */
@@ -3986,6 +4192,38 @@ export interface components {
              * @description Number of its analysis.
              */
             analysis: number | null;
+        };
+        /**
+         * QuantityDocument
+         * @description One of the field's own quantities, as in the table `quantities`, whose rows have its definition.
+         */
+        QuantityDocument: {
+            /** Name */
+            name: string;
+            /** Unit */
+            unit: string;
+            /**
+             * Value
+             * @description Null if nothing was found.
+             */
+            value: number | null;
+            /**
+             * Sigma
+             * @description Its standard deviation, in the same unit.
+             */
+            sigma: number | null;
+            /**
+             * Verdict
+             * @description By the limit that a standard sets; empty if there is none.
+             * @default
+             */
+            verdict?: string;
+            /**
+             * Reason
+             * @description Why nothing was found.
+             * @default
+             */
+            reason?: string;
         };
         /**
          * ReadyDocument
@@ -4868,6 +5106,51 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["CaptureDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    list_captures_as_csv: {
+        parameters: {
+            query?: {
+                /** @description Maximum number of rows. */
+                limit?: number;
+                /** @description Only captures of this device. */
+                device?: string | null;
+                /** @description Only captures that started then or later. */
+                since?: string | null;
+                /** @description Only captures that started before. */
+                until?: string | null;
+                /** @description Only captures with this text in id, note or labels. */
+                search?: string | null;
+                /** @description Only pinned captures, or only unpinned ones. */
+                pinned?: boolean | null;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/csv": string;
                 };
             };
             401: components["responses"]["Problem401"];

@@ -1,6 +1,6 @@
 // One capture in the list: a row on a tablet, a card on a phone.
 import { el, fill, symbol } from "../core/dom.js";
-import { badge, labelsIn, ledgerIn, lengthIn, measuredBadge } from "./words.js";
+import { analysisBadge, analysisIn, badge, labelsIn, ledgerIn, lengthIn, measuredBadge } from "./words.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { Capture } from "types/documents" */
@@ -35,7 +35,12 @@ export function createRow(context, capture) {
   /** @param {Capture} now */
   function said(now) {
     const whole = now.state !== "armed" && !now.ledger.complete;
-    return el("span", { class: "capture-said" }, badge(context, now), measuredBadge(context, now.coverage), whole && el("span", { class: "small" }, ledgerIn(context, now)));
+    const analysed = analysisIn(context, now.analysis);
+    return el(
+      "span", { class: "capture-said" },
+      badge(context, now), measuredBadge(context, now.coverage), whole && el("span", { class: "small" }, ledgerIn(context, now)),
+      analysisBadge(context, now.analysis), analysed && el("span", { class: "small" }, analysed),
+    );
   }
 
   show(capture);
