@@ -3,7 +3,6 @@
 import os
 import signal
 import time
-from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import ClassVar, NamedTuple
@@ -192,12 +191,11 @@ def jobs_in(
     clock: UtcClock | None = None,
     kinds: Kinds | None = None,
     context: Contexts = lambda job, spec: JobContext(job=job),
-    lost: Callable[[str], None] = lambda _: None,
     memory_bytes: int = MEMORY_BYTES,
 ) -> Jobs:
     """The jobs of a state directory, opened but not started."""
     clock = clock or ManualClock()
-    store, faults = JobStore(folder, lost), FaultBoard(clock)
-    queue = JobQueue(clock, store, {**KINDS, **SIMPLE_KINDS} if kinds is None else kinds)
+    store, faults = JobStore(folder), FaultBoard(clock)
+    queue = JobQueue(clock, store, {**KINDS, **SIMPLE_KINDS} if kinds is None else kinds, faults)
     queue.open()
     return Jobs(queue, JobRunner(queue, store, context, faults, memory_bytes), store, faults)

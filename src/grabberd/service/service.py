@@ -11,7 +11,7 @@ from grabberd.config import Config
 from grabberd.documents.devices import DeviceDocument
 from grabberd.documents.named_types import JsonObject
 from grabberd.documents.state import StateDocument, StorageDocument
-from grabberd.errors import Cause, StorageError
+from grabberd.errors import StorageError
 from grabberd.geometry import Calibration
 from grabberd.kernel import what_is_slower
 from grabberd.service.access import Access
@@ -33,7 +33,7 @@ from grabberd.service.device.worker import FairLock
 from grabberd.service.faults.fault_board import FaultBoard
 from grabberd.service.faults.state_keeper import StateKeeper
 from grabberd.service.instrument import Instrument
-from grabberd.service.jobs.calibration_job import Calibrator, calibrate_capture
+from grabberd.service.jobs.calibrator import Calibrator, calibrate_capture
 from grabberd.service.jobs.job_contexts import JobContexts
 from grabberd.service.jobs.job_queue import JobQueue
 from grabberd.service.jobs.kinds import KINDS
@@ -142,8 +142,8 @@ class Service:
         self.configuration = _configuration(setups)
         self.active = ActiveCalibrations(self.calibrations, self._state_store, self.instruments, self._clock)
         self.analyses = AnalysisStore(directory / "analyses")
-        job_store = JobStore(directory, self._queue_lost)
-        self.jobs = JobQueue(self._clock, job_store, KINDS)
+        job_store = JobStore(directory)
+        self.jobs = JobQueue(self._clock, job_store, KINDS, self.faults)
         contexts = JobContexts(self.archive, self.analyses, self.calibrations.store, calibrator)
         self.job_runner = JobRunner(self.jobs, job_store, contexts.of, self.faults)
         self.capture_analyses = CaptureAnalyses(self.analyses, self.jobs, self.archive.index)
@@ -344,16 +344,6 @@ class Service:
         self.settings.keep()
         self.active.keep()
         self.sealed_analyses.keep()
-
-    def _queue_lost(self, reason: str) -> None:
-        """Writes the queue anew from memory; if there is none, as at a start, says that it is lost."""
-        if self.jobs.write_again():
-            log.warning("%s; the queue was written anew", reason)
-            return
-        hint = (
-            "ask for what waited again: grabberd jobs shows what there is; this warning ends with a restart"
-        )
-        self.faults.report(Cause.JOBS_LOST, f"{reason}: jobs that waited are lost", hint, "warning")
 
     def _spared(self) -> set[str]:
         if not self.state_keeper.pins_known:

@@ -16,7 +16,7 @@ from grabberd.api import create_app
 from grabberd.config import default_config_file
 from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.roles import Role
-from grabberd.service.jobs.calibration_job import Calibrator
+from grabberd.service.jobs.calibrator import Calibrator
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage.state.calibration_store import CalibrationRecord

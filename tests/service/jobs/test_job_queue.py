@@ -11,7 +11,7 @@ from slots import ManualClock
 
 from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.states import JobState
-from grabberd.errors import Conflict, NotFound
+from grabberd.errors import Cause, Conflict, NotFound
 from grabberd.service.jobs import job_queue as module
 from grabberd.service.jobs.analysis import AnalysisJob
 from grabberd.service.jobs.calibration_job import CalibrationJob
@@ -239,15 +239,20 @@ def test_a_capture_whose_analysis_came_to_nothing_is_known_until_it_is_analysed(
 
 
 def test_a_queue_that_is_damaged_while_it_runs_is_written_anew_from_memory(tmp_path: Path) -> None:
-    said: list[str] = []
-
-    def lost(reason: str) -> None:
-        said.append(reason)
-        assert jobs.queue.write_again()
-
-    jobs = jobs_in(tmp_path, lost=lost)
+    jobs = jobs_in(tmp_path)
     job = jobs.queue.submit(Simple())
     jobs.store.path.write_bytes(b"no database at all" * 100)
     again = jobs.queue.submit(Simple())
-    assert len(said) == 1
+    assert not jobs.faults.has(Cause.JOBS_LOST), "nothing is lost"
     assert [one.id for one in jobs_in(tmp_path).queue.list()] == [again.id, job.id]
+
+
+def test_one_that_is_damaged_at_a_start_is_lost_and_a_fault_says_so(tmp_path: Path) -> None:
+    jobs_in(tmp_path).queue.submit(Simple())
+    (tmp_path / "jobs" / QUEUE).write_bytes(b"no database at all" * 100)
+    after = jobs_in(tmp_path)
+    assert after.queue.list() == []
+    fault = after.faults.now[0]
+    assert (fault.cause_code, fault.level) == (Cause.JOBS_LOST, "warning")
+    assert f"it is kept as {QUEUE}.damaged-" in fault.message
+    after.queue.submit(Simple())

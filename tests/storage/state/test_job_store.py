@@ -21,7 +21,8 @@ def said() -> list[str]:
 
 @pytest.fixture
 def store(tmp_path: Path, said: list[str]) -> JobStore:
-    store = JobStore(tmp_path, said.append)
+    store = JobStore(tmp_path)
+    store.lost = said.append
     store.open()
     return store
 

@@ -1,44 +1,16 @@
 """The job that calibrates from a capture of the calibration frame, and stores what it has made."""
 
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
 
 from grabberd.acquisition.clock import SystemClock, iso_utc
 from grabberd.documents.named_types import JsonObject
 from grabberd.documents.requests import CalibrationOptions
 from grabberd.documents.results import CalibrationResult
 from grabberd.errors import ExtraMissing
+from grabberd.service.jobs.calibrator import calibrate_capture
 from grabberd.service.jobs.job_spec import JobContext, JobSpec
 from grabberd.service.jobs.progress import Progress
 from grabberd.storage.state.calibration_store import CalibrationRecord, CalibrationStore
-
-if TYPE_CHECKING:  # what calibrates is imported where a job runs: the daemon does without its memory
-    from grabberd.service.jobs.calibration import CalibrationOutput
-
-
-class Calibrator(Protocol):
-    """A function at module level that calibrates from a capture, such as `calibrate_capture`."""
-
-    def __call__(
-        self,
-        progress: Progress,
-        *,
-        path: Path,
-        calibration_frame: JsonObject,
-        options: CalibrationOptions,
-        note: str | None,
-        previous: JsonObject | None,
-    ) -> "CalibrationOutput":
-        """Calibrates; nothing is written."""
-        ...
-
-
-def calibrate_capture(progress: Progress, **given: Any) -> "CalibrationOutput":
-    """Calibrates as `calibrate_file` does, which takes whatever is given."""
-    from grabberd.service.jobs.calibration import calibrate_file  # noqa: PLC0415
-
-    return calibrate_file(progress, **given)
 
 
 class CalibrationJob(JobSpec):

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from grabberd.service.archive.archive import Archive
-from grabberd.service.jobs.calibration_job import Calibrator
+from grabberd.service.jobs.calibrator import Calibrator
 from grabberd.service.jobs.job_spec import JobContext, JobSpec
 from grabberd.storage.state.analysis_store import AnalysisStore
 from grabberd.storage.state.calibration_store import CalibrationStore

@@ -1,5 +1,6 @@
 """The queue of jobs: what waits, runs and has ended, on the disk before anybody sees it."""
 
+import logging
 import threading
 from collections.abc import Callable
 from datetime import timedelta
@@ -9,10 +10,13 @@ from grabberd.acquisition.clock import UtcClock, iso_utc
 from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.states import JobState
-from grabberd.errors import Conflict, NotFound
+from grabberd.errors import Cause, Conflict, NotFound
+from grabberd.service.faults.fault_board import FaultBoard
 from grabberd.service.jobs.job_rows import Entry, Kinds, entry_of, id_of
 from grabberd.service.jobs.job_spec import JobSpec
 from grabberd.storage.state.job_store import JobStore, Unanalysed
+
+log = logging.getLogger(__name__)
 
 MOST_WAITING = 1000
 """Number of jobs that may wait: more would be a program that asks without end."""
@@ -32,24 +36,29 @@ class JobQueue:
         clock: Source of time.
         store: The jobs on disk.
         kinds: Classes of jobs by their kinds.
+        faults: Where it is told that a queue was lost.
 
     Attributes:
         ended: Called with every job that has ended.
         interrupt: Called with the number of a job that was cancelled while it ran.
     """
 
-    def __init__(self, clock: UtcClock, store: JobStore, kinds: Kinds) -> None:
+    def __init__(
+        self, clock: UtcClock, store: JobStore, kinds: Kinds, faults: FaultBoard | None = None
+    ) -> None:
         self.ended: Callable[[JobDocument], None] = lambda _: None
         self.interrupt: Callable[[int], None] = lambda _: None
         self._clock = clock
         self._store = store
         self._kinds = kinds
+        self._faults = faults or FaultBoard(clock)
         self._entries: dict[int, Entry] = {}
         self._unfinished: dict[int, Entry] = {}
         self._unanalysed: dict[str, Unanalysed] = {}
         self._changed = threading.Condition()
         # Held over a change of the disk and of what is known; who only looks never waits for a disk.
         self._changing = threading.RLock()
+        store.lost = self._write_again
 
     def open(self) -> None:
         """Reads the queue from the disk.
@@ -270,17 +279,18 @@ class JobQueue:
                 self._store.forget_capture(capture_id)
                 del self._unanalysed[capture_id]
 
-    def write_again(self) -> bool:
-        """Writes all that is known into a queue that was begun anew; False if nothing is known.
-
-        Raises:
-            StorageError: It cannot be written.
-        """
+    def _write_again(self, reason: str) -> None:
+        """Writes a damaged queue anew from memory; if there is none, as at a start, says that it is lost."""
         with self._changing:
-            self._store.put(
-                *(one.row for one in self._entries.values()), unanalysed=self._unanalysed.values()
-            )
-            return bool(self._entries or self._unanalysed)
+            if self._entries or self._unanalysed:
+                rows = [one.row for one in self._entries.values()]
+                self._store.put(*rows, unanalysed=self._unanalysed.values())
+                log.warning("%s; the queue was written anew", reason)
+                return
+        hint = (
+            "ask for what waited again: grabberd jobs shows what there is; this warning ends with a restart"
+        )
+        self._faults.report(Cause.JOBS_LOST, f"{reason}: jobs that waited are lost", hint, "warning")
 
     def _entry(self, job_id: str) -> Entry:
         number = int(job_id[4:]) if job_id.startswith("job-") and job_id[4:].isdecimal() else -1

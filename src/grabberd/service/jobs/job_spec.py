@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pydantic import ConfigDict
 
@@ -12,10 +12,8 @@ from grabberd.documents.document import Document
 from grabberd.documents.requests import CaptureName
 from grabberd.documents.results import JobResult
 from grabberd.errors import NotFound
+from grabberd.service.jobs.calibrator import Calibrator
 from grabberd.service.jobs.progress import Progress
-
-if TYPE_CHECKING:
-    from grabberd.service.jobs.calibration_job import Calibrator
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +34,7 @@ class JobContext:
     captures: Path = Path()
     analyses: Path = Path()
     calibrations: Path = Path()
-    calibrator: "Calibrator | None" = None
+    calibrator: Calibrator | None = None
 
     def file(self, capture_id: str) -> Path:
         """Path of a capture.

@@ -80,14 +80,16 @@ class JobStore(StateDatabase):
 
     Args:
         directory: State directory.
+
+    Attributes:
         lost: Called with what was lost and where it is kept, after a damaged file was set aside.
     """
 
     migrations: ClassVar[Migrations] = MIGRATIONS
 
-    def __init__(self, directory: Path, lost: Callable[[str], None] = lambda _: None) -> None:
+    def __init__(self, directory: Path) -> None:
         super().__init__(directory / FOLDER / QUEUE, self._start_anew)
-        self._lost = lost
+        self.lost: Callable[[str], None] = lambda _: None
 
     @property
     def folder(self) -> Path:
@@ -169,4 +171,4 @@ class JobStore(StateDatabase):
             sync_directory(self.folder)
         super().open()
         kept = f"; it is kept as {aside.name}" if aside.exists() else ""
-        self._lost(f"{FOLDER}/{QUEUE} could not be used ({reason}){kept}")
+        self.lost(f"{FOLDER}/{QUEUE} could not be used ({reason}){kept}")
