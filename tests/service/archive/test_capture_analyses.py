@@ -28,7 +28,7 @@ QUANTITIES = [
     },
     {"name": "teat_end_x_mm", "unit": "mm", "value": 3.0, "sigma": 1.0},
     {"name": "liner_opening_s", "unit": "s", "value": 0.12, "sigma": 0.002},
-    {"name": "liner_compression_mean_kpa", "unit": "kPa", "value": 11.8, "sigma": 1.1},
+    {"name": "liner_compression_mean_kpa", "unit": "kPa", "value": -11.800000001, "sigma": 1.1},
 ]
 SUMMARY = {"rate_per_min": 60.2, "sigma_rate_per_min": 0.1, "wall_ratio": None, "stroke_mm": 4.0}
 
@@ -85,7 +85,7 @@ def test_an_analysis_is_shown_with_its_main_quantities_that_were_found(barn: Bar
     assert analysis is not None
     assert (analysis.state, analysis.analysis, analysis.created_utc) == ("done", 1, "2026-03-01")
     assert [(one.name, one.value, one.sigma, one.unit) for one in analysis.quantities] == [
-        ("liner_compression_mean_kpa", 11.8, 1.1, "kPa"),
+        ("liner_compression_mean_kpa", -11.800000001, 1.1, "kPa"),
         ("liner_opening_s", 0.12, 0.002, "s"),
         ("rate_per_min", 60.2, 0.1, "1/min"),
     ]
@@ -140,6 +140,6 @@ def test_the_list_as_a_table_has_labels_and_quantities_as_columns(barn: Barn) ->
         "done",
         "1",
     )
-    assert (row["liner_compression_mean_kpa"], row["sigma_liner_compression_mean_kpa"]) == ("11.8", "1.1")
+    assert (row["liner_compression_mean_kpa"], row["sigma_liner_compression_mean_kpa"]) == ("-11.8", "1.1")
     assert (row["overpressure_kpa"], row["wall_ratio"]) == ("", "")
     assert (other["id"], other["analysis_state"], other["rate_per_min"]) == ("b", "", "")

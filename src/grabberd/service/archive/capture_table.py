@@ -50,7 +50,8 @@ def _row(capture: CaptureDocument, labels: Iterable[str]) -> list[object]:
 
 
 def _measured(capture: CaptureDocument) -> Iterator[float | None]:
+    """The main quantities, each with its σ, to seven digits as in all tables; None where there is none."""
     found = {one.name: one for one in capture.analysis.quantities} if capture.analysis else {}
     for name in QUANTITIES:
-        yield found[name].value if name in found else None
-        yield found[name].sigma if name in found else None
+        known = (found[name].value, found[name].sigma) if name in found else (None, None)
+        yield from (None if value is None else float(f"{value:.7g}") for value in known)

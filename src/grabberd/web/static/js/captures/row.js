@@ -17,7 +17,11 @@ export function createRow(context, capture) {
     const text = JSON.stringify(now);
     if (text === shown) return;
     shown = text;
-    fill(link, when(now), what(now), el("span", { class: "capture-length number" }, now.state === "armed" ? "" : lengthIn(context, now)), said(now), symbol("next"));
+    const found = analysisIn(context, now.analysis);
+    fill(
+      link, when(now), what(now), el("span", { class: "capture-length number" }, now.state === "armed" ? "" : lengthIn(context, now)), said(now), symbol("next"),
+      found && el("span", { class: "capture-found muted small" }, found),
+    );
   }
 
   /** @param {Capture} now */
@@ -35,11 +39,10 @@ export function createRow(context, capture) {
   /** @param {Capture} now */
   function said(now) {
     const whole = now.state !== "armed" && !now.ledger.complete;
-    const analysed = analysisIn(context, now.analysis);
     return el(
       "span", { class: "capture-said" },
       badge(context, now), measuredBadge(context, now.coverage), whole && el("span", { class: "small" }, ledgerIn(context, now)),
-      analysisBadge(context, now.analysis), analysed && el("span", { class: "small" }, analysed),
+      analysisBadge(context, now.analysis),
     );
   }
 
