@@ -136,6 +136,10 @@ class Cause(StrEnum):
     """The settings were damaged, and there is no good backup."""
     SETTINGS_UNREADABLE = "settings_unreadable"
     """The settings cannot be read or backed up now."""
+    JOBS_LOST = "jobs_lost"
+    """The queue of jobs was damaged, and an empty one has begun."""
+    JOBS_UNWRITABLE = "jobs_unwritable"
+    """The queue of jobs cannot be written, so that jobs wait."""
 
 
 class DeviceError(GrabberdError):

@@ -10,7 +10,7 @@ import pytest
 
 from grabberd.cli import EX_CONFIG, EX_IOERR
 from grabberd.config import load_config
-from grabberd.service.jobs.runner import MEMORY_BYTES
+from grabberd.service.jobs.job_process import MEMORY_BYTES
 from grabberd.storage import content_process
 from systemd.sandbox import allowed_calls, settings_of
 

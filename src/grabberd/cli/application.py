@@ -33,7 +33,7 @@ COMMANDS: Mapping[str, str] = {
     "check-config": "check_config",
 }
 """Commands, by name, and the modules in which they are."""
-GROUPS = ("profile", "token", "storage")
+GROUPS = ("jobs", "profile", "token", "storage")
 """Groups of commands, a module each."""
 
 

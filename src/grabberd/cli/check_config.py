@@ -23,10 +23,9 @@ def check_config(
     from grabberd.config import load_config  # noqa: PLC0415
     from grabberd.service.logger_setup import set_up_loggers  # noqa: PLC0415
     from grabberd.service.mqtt.publisher_setup import check_mqtt  # noqa: PLC0415
-    from grabberd.service.setup import set_up  # noqa: PLC0415
 
     config = load_config(file)
-    checks: list[Callable[[Config, Path], object]] = [set_up, set_up_loggers, check_mqtt, _check_tls]
+    checks: list[Callable[[Config, Path], object]] = [_check_devices, set_up_loggers, check_mqtt, _check_tls]
     problems = [problem for check in checks for problem in _problems(check, config, file)]
     if problems:
         raise ConfigError(problems)
@@ -45,6 +44,13 @@ def _problems(
     except ConfigError as error:
         return error.problems
     return ()
+
+
+def _check_devices(config: "Config", file: Path) -> None:
+    from grabberd.service.jobs.analysis_inputs import check_analysis_inputs  # noqa: PLC0415
+    from grabberd.service.setup import set_up  # noqa: PLC0415
+
+    check_analysis_inputs(set_up(config, file), file)
 
 
 def _check_tls(config: "Config", file: Path) -> None:

@@ -5,6 +5,7 @@ All problems are reported at once, each with its file and key. Relative paths st
 
 from grabberd.config.daemon import Config, HttpConfig, HttpLimits, RetentionConfig, StorageConfig, TlsConfig
 from grabberd.config.device import (
+    AnalysisConfig,
     BitDepth,
     CaptureConfig,
     DeviceConfig,
@@ -22,6 +23,7 @@ from grabberd.config.paths import default_config_file, default_state_directory, 
 from grabberd.config.reading import load_config
 
 __all__ = [
+    "AnalysisConfig",
     "BitDepth",
     "CaptureConfig",
     "ChannelConfig",

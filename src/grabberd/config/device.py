@@ -131,6 +131,25 @@ class CaptureConfig(Section):
     )
 
 
+class AnalysisConfig(Section):
+    """Analysis of a device's captures."""
+
+    when_sealed: bool = Field(
+        False,
+        description="analyse every capture once it is sealed: those that start after the daemon was first "
+        "started with this",
+    )
+    inputs: ExistingFile | None = Field(
+        None, description="what is known besides the points, as for `grabberd analyse --inputs`"
+    )
+
+    @model_validator(mode="after")
+    def _inputs_are_known(self) -> Self:
+        if self.when_sealed and self.inputs is None:
+            raise ValueError("when_sealed needs 'inputs', such as configs/analysis/liner.yaml")
+        return self
+
+
 class DeviceConfig(Section):
     """One grabber, the rig in front of it, and how its fields are processed."""
 
@@ -143,6 +162,7 @@ class DeviceConfig(Section):
     threshold: ThresholdConfig = ThresholdConfig()
     location: LocationConfig = LocationConfig()
     capture: CaptureConfig = CaptureConfig()
+    analysis: AnalysisConfig = AnalysisConfig()
     line_jitter_px: float = Field(0.12, ge=0, le=2)
     spread_px: float = Field(0.8, gt=0, le=5)
 

@@ -14,11 +14,23 @@ _METHOD = (
 )
 
 
+class QuantityDocument(Document):
+    """One of the field's own quantities, as in the table `quantities`, whose rows have its definition."""
+
+    name: str
+    unit: str
+    value: float | None = Field(description="Null if nothing was found.")
+    sigma: float | None = Field(description="Its standard deviation, in the same unit.")
+    verdict: str = Field("", description="By the limit that a standard sets; empty if there is none.")
+    reason: str = Field("", description="Why nothing was found.")
+
+
 class AnalysisRecord(Document):
     """Origin of an analysis, and a summary of its results."""
 
     created_utc: str | None = None
     version: str | None = None
+    job: str | None = Field(None, description="Id of the job that made it; null in earlier ones.")
     device: str | None = Field(None, description="Name of the device that captured it.")
     run: int | None = Field(None, description="Run whose points were analysed.")
     pressure_method: str | None = Field(None, description=_METHOD)
@@ -37,6 +49,9 @@ class AnalysisRecord(Document):
     )
     summary: dict[str, float | None] = Field(
         default_factory=dict, description="The row of the table `summary`, by column name."
+    )
+    quantities: list[QuantityDocument] = Field(
+        default_factory=list, description="The table `quantities`; empty in earlier ones."
     )
     missing_extra: str | None = Field(
         None, description="Optional part that draws the report and was not installed."

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from grabberd.acquisition import LossCause, Outcome, Rebase
 from grabberd.documents.calibrations import CalibrationDocument
+from grabberd.documents.capture_analyses import CaptureAnalysis
 from grabberd.documents.channels import ChannelsSummary
 from grabberd.documents.coverage import CoverageDocument, CoverageSummary
 from grabberd.documents.devices import ObjectModelDocument
@@ -133,6 +134,9 @@ class CaptureDocument(Document):
         None,
         description="How well what was measured beside the picture was recorded, such as the vacuum; null "
         "where nothing was to be.",
+    )
+    analysis: CaptureAnalysis | None = Field(
+        None, description="Its latest analysis; null if none was ever asked for, by whomever."
     )
     labels: dict[str, str]
     note: str

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from grabberd.acquisition import LossCause, Outcome, Rebase
 from grabberd.documents.calibrations import ActiveCalibration
+from grabberd.documents.capture_analyses import DeviceAnalysis
 from grabberd.documents.document import Document
 from grabberd.documents.faults import FaultDocument
 from grabberd.documents.field_order import FieldOrderDocument
@@ -146,6 +147,9 @@ class DeviceDocument(Document):
     rig: RigDocument | None = Field(description="Null before the first second of measuring.")
     field_order: FieldOrderDocument | None = Field(
         description="Sequence of the fields in time, by the latest movement; null before the first seconds."
+    )
+    latest_analysis: DeviceAnalysis | None = Field(
+        None, description="Null until one has ended; those of the last month are known after a restart."
     )
     live: LiveDocument | None
 

@@ -4,7 +4,7 @@ from pydantic import Field
 
 from grabberd.documents.document import Document, Next, with_examples
 from grabberd.documents.examples import JOB
-from grabberd.documents.problems import JobProblem
+from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.results import JobResult
 from grabberd.documents.states import JobState
 
@@ -17,9 +17,23 @@ class JobDocument(Document):
     id: str
     kind: str = Field(description="analyse, calibrate, check, identify or measure.")
     subject: str = Field(description="Id of the capture that it works on.")
+    automatic: bool = Field(
+        False, description="True if the daemon queued it by itself, as it does when a capture is sealed."
+    )
     state: JobState
+    position: int | None = Field(
+        None, description="Position among the jobs that wait, from 1; null once it runs or has ended."
+    )
+    attempts: int = Field(
+        0,
+        description="How often it was begun: it begins again if the daemon or its process is killed, and "
+        "fails after the third time.",
+    )
     created_utc: str
-    progress: float = Field(description="Share of the work that is done, from 0 to 1.")
+    ended_utc: str | None = Field(None, description="Null until it has ended.")
+    progress: float = Field(
+        description="Share of the present attempt's work that is done, from 0 to 1; 0 while it waits."
+    )
     result: JobResult | None = Field(
         None, description="Result of a job that is done; its keys follow from `kind`."
     )
@@ -27,7 +41,7 @@ class JobDocument(Document):
 
 
 class JobList(Document):
-    """A page of the jobs since the daemon started, newest first."""
+    """A page of the jobs, newest first: those that wait or run, and those that ended in the last month."""
 
     jobs: list[JobDocument]
     next: str | None = Next

@@ -1,6 +1,7 @@
 """Messages on the MQTT topics; each leaves with `schema` before these keys."""
 
 from grabberd.acquisition import Outcome
+from grabberd.documents.capture_analyses import AnalysisState
 from grabberd.documents.channels import ChannelsVerdict
 from grabberd.documents.document import Document
 from grabberd.documents.named_types import CaptureState, Verdict
@@ -36,6 +37,27 @@ class DeviceStateMessage(Document):
     rig: RigVerdict | None
     capture_id: str | None
     disk_minutes_left: float | None
+
+
+class MeasuredValue(Document):
+    """A value with its standard deviation, in the same unit."""
+
+    value: float | None
+    sigma: float | None
+    unit: str
+
+
+class AnalysisMessage(Document):
+    """The analysis that ended last of those of a device's captures."""
+
+    device: str
+    capture_id: str
+    state: AnalysisState
+    analysis: int | None
+    created_utc: str | None
+    quantities: dict[str, MeasuredValue]
+    problem: str | None
+    hint: str | None
 
 
 class LedgerSummary(Document):

@@ -3,19 +3,11 @@
 from pydantic import BaseModel, ConfigDict, Field
 
 from grabberd.documents.devices import LackDocument
-from grabberd.documents.document import Document
 from grabberd.documents.examples import PROBLEM
 from grabberd.documents.faults import FaultDocument
 
 KIND = "urn:grabberd:problem:"
 """Start of every problem's type."""
-
-
-class JobProblem(Document):
-    """Message and hint of what has failed."""
-
-    message: str
-    hint: str
 
 
 class Problem(BaseModel):

@@ -9,7 +9,7 @@ from grabberd.documents.calibration_reports import PixelAxes
 from grabberd.documents.coverage import CoverageDocument
 from grabberd.documents.document import Document
 from grabberd.documents.field_order import FieldOrderDocument
-from grabberd.documents.problems import JobProblem
+from grabberd.documents.job_problem import JobProblem
 
 
 class AnalysisResult(AnalysisRecord):

@@ -44,7 +44,7 @@ Send this file to whoever helps you. It is plain text: read it before you send i
     configuration.json  the configuration, without secrets
     state.json          present state of the devices and the disk
     captures.json       every capture with its ledger, without pictures and points
-    jobs.json           jobs since the daemon was started
+    jobs.json           the jobs of the last month
     log.jsonl           the last lines of the log, one JSON object each
 
 {scope}

@@ -17,6 +17,7 @@ from grabberd.kernel import what_is_slower
 from grabberd.service.access import Access
 from grabberd.service.archive.annotations import CaptureAnnotations
 from grabberd.service.archive.archive import Archive
+from grabberd.service.archive.capture_analyses import CaptureAnalyses
 from grabberd.service.archive.retention import Policy, Retention
 from grabberd.service.archive.scrub import Scrub
 from grabberd.service.archive.upkeep import Upkeep
@@ -33,8 +34,12 @@ from grabberd.service.device.worker import FairLock
 from grabberd.service.faults.fault_board import FaultBoard
 from grabberd.service.faults.state_keeper import StateKeeper
 from grabberd.service.instrument import Instrument
-from grabberd.service.jobs.calibration_job import Calibrator, calibrate_capture
+from grabberd.service.jobs.calibrator import Calibrator, calibrate_capture
+from grabberd.service.jobs.job_contexts import JobContexts
+from grabberd.service.jobs.job_queue import JobQueue
+from grabberd.service.jobs.kinds import KINDS
 from grabberd.service.jobs.runner import JobRunner
+from grabberd.service.jobs.sealed_analyses import SealedAnalyses
 from grabberd.service.live.device_document import device_document
 from grabberd.service.liveness import Liveness
 from grabberd.service.logger_setup import LoggerSetup
@@ -50,6 +55,7 @@ from grabberd.storage.state.analysis_store import AnalysisStore
 from grabberd.storage.state.annotation_store import AnnotationStore
 from grabberd.storage.state.calibration_store import CalibrationRecord
 from grabberd.storage.state.idempotency_store import IdempotencyStore
+from grabberd.storage.state.job_store import JobStore
 from grabberd.storage.state.state_backups import CAPTURES_FOLDER, STATE
 from grabberd.storage.state.state_store import StateStore
 
@@ -72,6 +78,8 @@ class Service:
         retention: Deletion of old captures, where it is configured.
         analyses: Analyses of the captures' points.
         profiles: Profiles of liners, pulsators, cups and cows.
+        capture_analyses: The latest of each capture, and of each device.
+        sealed_analyses: Queues analyses of captures that are sealed.
         calibrations: The calibrations that there are.
         active: The calibration that each device measures with.
         access: Tokens and browser sessions.
@@ -81,8 +89,8 @@ class Service:
         upkeep: Looks after all of these.
         settings: Settings that an operator has made in place of the configuration.
         configuration: The configuration as it was read, without secrets.
-        jobs: Runner of the jobs.
-        calibrator: Function that calibration jobs run.
+        jobs: The jobs that wait, run, and have ended.
+        job_runner: Runs them.
         idempotency: Requests that must take effect once only.
         publisher: Publishes states and captures to a broker; None if none is configured.
     """
@@ -141,10 +149,18 @@ class Service:
         self.settings = Settings(self._state_store, self.instruments)
         self.configuration = _configuration(setups)
         self.active = ActiveCalibrations(self.calibrations, self._state_store, self.instruments, self._clock)
-        self.calibrator: Calibrator = calibrate_capture
-        self.jobs = JobRunner(self._clock)
-        self.analyses = AnalysisStore(directory / "analyses")
         self.profiles = Profiles(state, problems_in_process, self._clock, heal)
+        self.analyses = AnalysisStore(directory / "analyses")
+        job_store = JobStore(directory)
+        self.jobs = JobQueue(self._clock, job_store, KINDS, self.faults)
+        contexts = JobContexts(self.archive, self.analyses, self.calibrations.store, calibrator)
+        self.job_runner = JobRunner(self.jobs, job_store, contexts.of, self.faults)
+        self.capture_analyses = CaptureAnalyses(self.analyses, self.jobs, self.archive.index)
+        self.archive.analysis = self.capture_analyses.of
+        self.jobs.ended = self.capture_analyses.ended
+        self.sealed_analyses = SealedAnalyses(
+            self.jobs, self.archive, self.capture_analyses, self._state_store, setups, self._clock
+        )
         self.annotations = CaptureAnnotations(self.archive, store, self.jobs, self.analyses)
         self.idempotency = IdempotencyStore(state, heal)
         self.retention = Retention(
@@ -162,7 +178,9 @@ class Service:
             self._clock,
             lambda: bool(self._current.recordings()),
         )
-        self.upkeep = Upkeep(self.archive, self.unsealed, self.state_keeper, self.loggers)
+        self.upkeep = Upkeep(
+            self.archive, self.unsealed, self.state_keeper, self.loggers, self.sealed_analyses.look
+        )
         self.state_keeper.restored = self._keep_what_is_in_force
         self.publisher: Publisher | None = None
         self._started = False
@@ -207,11 +225,12 @@ class Service:
         self.archive.open()
         self.open_stores()
         self.access.key.make()
+        self.capture_analyses.open(reversed(self.jobs.list()))
         self._started = True
         if slower := what_is_slower():
             log.warning("%s", slower)
         self.upkeep.start()
-        self.jobs.start()
+        self.job_runner.start()
         self.retention.start()
         self.scrub.start()
         if self.publisher is not None:
@@ -231,18 +250,20 @@ class Service:
         self.state_keeper.open()
 
     def open_stores(self) -> None:
-        """Opens calibrations, analyses, profiles, tokens and settings, and applies the stored choices.
+        """Opens calibrations, analyses, jobs, profiles, tokens and settings; applies the stored choices.
 
         Raises:
             StorageError: The state directory cannot be used.
         """
         self.calibrations.store.open()
         self.analyses.open()
+        self.jobs.open()
         self._state_store.open()
         self.profiles.open()
         self.access.open()
         self.settings.open()
         self.active.open()
+        self.sealed_analyses.open()
 
     def end_captures(self) -> None:
         """Ends running captures, all at the same moment; their files are sealed meanwhile."""
@@ -260,7 +281,7 @@ class Service:
         self.loggers.stop()
         if self.publisher is not None:
             self.publisher.stop()
-        self.jobs.stop()
+        self.job_runner.stop()
         self.upkeep.stop()
         self.access.key.remove()
         self.archive.close()
@@ -321,7 +342,7 @@ class Service:
 
     def device_document(self, instrument: Instrument) -> DeviceDocument:
         """A device at this moment."""
-        return device_document(instrument, self.active)
+        return device_document(instrument, self.active, self.capture_analyses.latest.get(instrument.name))
 
     def recordings(self) -> list[Recording]:
         """The captures that are being recorded or sealed, or could not be sealed yet."""
@@ -343,6 +364,7 @@ class Service:
         self.archive.folder.identify()
         self.settings.keep()
         self.active.keep()
+        self.sealed_analyses.keep()
 
     def _spared(self) -> set[str]:
         if not self.state_keeper.pins_known:
@@ -377,6 +399,7 @@ class Service:
                 self.archive.index.add(recording.path)
         except StorageError as error:
             log.error("capture %s is not in the index: %s; %s", recording.id, error.message, error.hint)
+        self.sealed_analyses.sealed(recording.id, str(recording.meta.device["name"]))
         if self.publisher is not None:
             self.publisher.capture_ended()
 

@@ -37,6 +37,7 @@ class DeviceSetup:
         grabber: The grabber, not opened yet.
         measuring: Setup that points are measured with, or None without a calibration or an object model.
         documents: Documents of the calibration and the object model, copied into every capture.
+        analysis_inputs: What its captures are analysed with; None if the configuration names none.
         made_with: The same and the settings: all that points are made with, as a run stores it.
     """
 
@@ -45,6 +46,7 @@ class DeviceSetup:
     grabber: Grabber
     measuring: MeasureSetup | None
     documents: JsonObject
+    analysis_inputs: JsonObject | None = None
     made_with: JsonObject = field(init=False)
 
     def __post_init__(self) -> None:
@@ -88,12 +90,17 @@ def _device(name: str, config: DeviceConfig, file: Path, problems: list[Problem]
         return None
 
     grabber = attempt("options", lambda: GRABBERS.create(config.driver, config.options))
+    inputs = attempt("analysis.inputs", lambda: _if_named(config.analysis.inputs))
     documents = attempt("calibration", lambda: read_documents(config.calibration, config.object))
     located = attempt("location", lambda: location_settings(settings_of(config)))
     measuring = attempt("calibration", lambda: _measuring(config, documents or {})) if located else None
     if grabber is None or documents is None:
         return None
-    return DeviceSetup(name, config, grabber, measuring, documents)
+    return DeviceSetup(name, config, grabber, measuring, documents, inputs)
+
+
+def _if_named(path: Path | None) -> JsonObject | None:
+    return None if path is None else read_yaml(path)
 
 
 def read_documents(calibration: Path | None, object_model: Path | None) -> JsonObject:

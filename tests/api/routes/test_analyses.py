@@ -15,6 +15,7 @@ from api.conftest import service_in
 from grabberd.api import create_app
 from grabberd.documents.analyses import AnalysisDocument
 from grabberd.service.jobs.analysis import AnalysisJob
+from grabberd.service.jobs.job_spec import JobContext
 from grabberd.service.service import Service
 from processes.milking import CONSTANT, PERIOD_S, field, still
 from processes.milking import MATERIAL as EXAMPLE
@@ -103,13 +104,9 @@ def is_problem(answer: Any, status: int) -> bool:
 def analysed(client: TestClient) -> str:
     """The address of an analysis with everything, the first of its capture; made as the job makes it."""
     service = service_of(client)
-    job = AnalysisJob(
-        subject="pulsating",
-        path=service.archive.sealed_path("pulsating"),
-        inputs=INPUTS,
-        store=service.analyses.directory,
-    )
-    made = job.run(lambda share: None)
+    files = {"pulsating": service.archive.sealed_path("pulsating")}
+    context = JobContext(job="job-1", files=files, analyses=service.analyses.directory)
+    made = AnalysisJob(subject="pulsating", inputs=INPUTS).run(lambda share: None, context)
     assert made.analysis == 1
     return f"{CAPTURES}/pulsating/analyses/1"
 

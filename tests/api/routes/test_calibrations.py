@@ -14,9 +14,9 @@ from running import configuration, wait_until_it_accepts
 from grabberd import reports
 from grabberd.api import create_app
 from grabberd.config import default_config_file
-from grabberd.documents.problems import JobProblem
+from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.roles import Role
-from grabberd.service.jobs.calibration_job import Calibrator
+from grabberd.service.jobs.calibrator import Calibrator
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage.state.calibration_store import CalibrationRecord

@@ -1,5 +1,7 @@
 """Long lists come page by page, and what comes or goes meanwhile shifts no page."""
 
+import csv
+import io
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -91,11 +93,23 @@ def test_what_cannot_be_meant_is_refused(client: TestClient, query: Any) -> None
     assert client.get(CAPTURES, params=query).status_code == 422
 
 
+def test_they_come_as_a_table_with_the_same_filters(client: TestClient) -> None:
+    answer = client.get(f"{CAPTURES}.csv", params={"limit": 3})
+    assert answer.headers["content-type"] == "text/csv; charset=utf-8"
+    assert 'filename="captures.csv"' in answer.headers["content-disposition"]
+    rows = list(csv.DictReader(io.StringIO(answer.text)))
+    everything, _ = listed(client)
+    assert [row["id"] for row in rows] == everything[:3]
+    some = list(csv.DictReader(io.StringIO(client.get(f"{CAPTURES}.csv", params={"search": "day 3"}).text)))
+    assert [row["id"] for row in some] == listed(client, search="day 3")[0]
+    assert client.get(f"{CAPTURES}.csv", params={"limit": 10_001}).status_code == 422
+
+
 def test_jobs_come_in_pages(client: TestClient) -> None:
     made = [client.post(f"{CAPTURES}/c0{day}/measure") for day in (1, 3, 5)]
     assert [answer.status_code for answer in made] == [404, 404, 404]  # no such device here
     service = client.app.state.service  # type: ignore[attr-defined]
-    nothing = MeasurementJob(subject="nothing", path=Path("nothing.grab"), made_with={})
+    nothing = MeasurementJob(subject="nothing", made_with={})
     ids = [service.jobs.submit(nothing).id for _ in range(11)]
     first = client.get("/api/v1/jobs", params={"limit": 8}).json()
     second = client.get("/api/v1/jobs", params={"limit": 8, "cursor": first["next"]}).json()

@@ -17,6 +17,7 @@ class Busy:
 
     def __init__(self) -> None:
         self.subjects: set[str] = set()
+        self.forgotten: list[str] = []
 
     def busy_subjects(self) -> set[str]:
         return self.subjects
@@ -24,6 +25,9 @@ class Busy:
     def check_idle(self, subject: str) -> None:
         if subject in self.subjects:
             raise Conflict(f"a job works on {subject}", "wait for it")
+
+    def forget_capture(self, capture_id: str) -> None:
+        self.forgotten.append(capture_id)
 
 
 class Barn:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from queued_jobs import jobs_in
 from running import PATIENCE_S, configuration
 from slots import ManualClock
 
@@ -20,7 +21,6 @@ from grabberd.service.archive.archive import Archive
 from grabberd.service.archive.retention import Candidate, Policy, Retention, removals
 from grabberd.service.capture.disk_guard import GB, DiskGuard
 from grabberd.service.jobs.measurement import MeasurementJob
-from grabberd.service.jobs.runner import JobRunner
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage.state.analysis_store import AnalysisStore
@@ -109,7 +109,7 @@ class Barn:
         self.archive.index.rebuild()
         StateDatabase(folder / "state.sqlite").open()
         self.annotations = AnnotationStore(folder / "state.sqlite")
-        self.jobs = JobRunner(ManualClock())
+        self.jobs = jobs_in(folder).queue
         self.analyses = AnalysisStore(folder / "analyses")
         self.analyses.open()
         self.keeping = CaptureAnnotations(self.archive, self.annotations, self.jobs, self.analyses)
@@ -151,7 +151,7 @@ def test_captures_that_have_to_go_are_deleted_logged_and_counted(
 def test_pinned_captures_and_those_that_a_job_works_on_stay(tmp_path: Path) -> None:
     barn = Barn(tmp_path, (40, 50, 60), Policy(keep_days=30))
     barn.annotations.put("d60", Annotation(pinned=True))
-    barn.jobs.submit(MeasurementJob(subject="d50", path=Path("d50.grab"), made_with={}))
+    barn.jobs.submit(MeasurementJob(subject="d50", made_with={}))
     barn.retention.apply()
     assert barn.files == {"d50", "d60"}
 

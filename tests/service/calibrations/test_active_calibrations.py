@@ -12,12 +12,12 @@ from running import PATIENCE_S, configuration, running, sealed, wait_until_it_ac
 
 from grabberd.config import GlassConfig, default_config_file
 from grabberd.documents.requests import CalibrationOptions
+from grabberd.documents.states import JobState
 from grabberd.errors import CalibrationMismatch, CaptureRunning, Conflict, InputError, NotFound
 from grabberd.service.calibrations.calibration_frames import calibration_frame_document
 from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.jobs.calibration_job import CalibrationJob
 from grabberd.service.jobs.measurement import MeasurementJob
-from grabberd.service.jobs.runner import JobState
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage import CaptureReader
@@ -55,7 +55,7 @@ def capture(service: Service, **request: Any) -> Path:
 
 
 def remeasure(service: Service, path: Path) -> None:
-    job = MeasurementJob(subject=path.stem, path=path, made_with=service.instrument(None).setup.made_with)
+    job = MeasurementJob(subject=path.stem, made_with=service.instrument(None).setup.made_with)
     service.jobs.wait(service.jobs.submit(job).id, PATIENCE_S)
 
 
@@ -303,12 +303,9 @@ def test_an_instrument_without_calibration_captures_is_calibrated_and_measures(t
             assert reader.runs == []
         job = CalibrationJob(
             subject=first.stem,
-            path=first,
             calibration_frame=calibration_frame_document(None),
             options=CalibrationOptions(),
-            store=service.calibrations.store.directory,
             device="simulated",
-            calibrator=exact,
         )
         done = service.jobs.wait(service.jobs.submit(job).id, PATIENCE_S)
         assert done.state is JobState.DONE, done.problem

@@ -9,10 +9,10 @@ from capturing import capture, fixed_threshold, points_of, replaying, thresholds
 from running import PATIENCE_S, running, sealed
 
 from grabberd.config import ThresholdConfig
+from grabberd.documents.states import JobState
 from grabberd.errors import CalibrationMismatch
 from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.jobs.measurement import MeasurementJob
-from grabberd.service.jobs.runner import JobState
 from grabberd.storage import export_png
 
 
@@ -29,7 +29,7 @@ def test_measuring_the_file_again_gives_the_same_points_bit_for_bit(tmp_path: Pa
     with running(tmp_path) as service:
         path = capture(service, fields=30)
         job = service.jobs.submit(
-            MeasurementJob(subject=path.stem, path=path, made_with=service.instrument(None).setup.made_with)
+            MeasurementJob(subject=path.stem, made_with=service.instrument(None).setup.made_with)
         )
         done = service.jobs.wait(job.id, PATIENCE_S)
         assert done.state is JobState.DONE, done.problem

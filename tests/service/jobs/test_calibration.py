@@ -15,6 +15,7 @@ from grabberd.documents.requests import CalibrationOptions
 from grabberd.documents.results import CalibrationResult
 from grabberd.errors import Conflict, ExtraMissing, MeasurementError
 from grabberd.service.jobs.calibration_job import CalibrationJob
+from grabberd.service.jobs.job_spec import JobContext
 from grabberd.storage import CaptureMeta, CaptureWriter
 from grabberd.storage.state.calibration_store import CalibrationStore
 
@@ -33,18 +34,25 @@ def capture(tmp_path: Path) -> Path:
     return writer.path
 
 
-def run(capture: Path, calibrator: Any = exact, progress: Callable[[float], None] = lambda _: None) -> Any:
+def run(
+    capture: Path,
+    calibrator: Any = exact,
+    progress: Callable[[float], None] = lambda _: None,
+    job_id: str = "job-1",
+) -> Any:
     job = CalibrationJob(
         subject="c1",
-        path=capture,
         calibration_frame=FRAME,
         options=CalibrationOptions(tied=True),
-        store=store_beside(capture).directory,
         device="cup",
         note="new mirrors",
-        calibrator=calibrator,
     )
-    return job.run(progress)
+    return job.run(progress, context(capture, calibrator, job_id))
+
+
+def context(capture: Path, calibrator: Any, job_id: str) -> JobContext:
+    folder = store_beside(capture).directory
+    return JobContext(job=job_id, files={"c1": capture}, calibrations=folder, calibrator=calibrator)
 
 
 def store_beside(capture: Path) -> CalibrationStore:
@@ -97,6 +105,13 @@ def test_what_cannot_be_calibrated_stores_nothing(capture: Path) -> None:
     with pytest.raises(MeasurementError):
         run(capture, without_result)
     assert list(store_beside(capture).directory.glob("*")) == []
+
+
+def test_an_attempt_after_one_that_had_stored_it_stores_nothing_more(capture: Path) -> None:
+    first = run(capture)
+    assert run(capture, without_result) == first, "it does not calibrate again"
+    with pytest.raises(Conflict):
+        run(capture, job_id="job-2")
 
 
 def test_an_id_that_is_taken_is_refused_and_what_is_there_stays(capture: Path) -> None:

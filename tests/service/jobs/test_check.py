@@ -7,12 +7,12 @@ from typing import Any
 import pytest
 from running import running, sealed
 
+from grabberd.documents.states import JobState
 from grabberd.errors import NotFound, NotReady
 from grabberd.service.calibrations.calibration_frames import calibration_frame_document
 from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.jobs.check import check_file
 from grabberd.service.jobs.check_job import CheckJob
-from grabberd.service.jobs.runner import JobState
 from grabberd.service.service import Service
 
 FRAME_IN_VIEW = {"scene": "calibration_frame"}
@@ -20,7 +20,7 @@ PATIENCE_S = 60.0
 
 
 def check(service: Service, **wanted: Any) -> CheckJob:
-    return CheckJob.start(service.capture_control, service.archive, service.instrument(None), **wanted)
+    return CheckJob.start(service.capture_control, service.instrument(None), **wanted)
 
 
 def test_the_daemon_captures_and_checks_and_says_what_to_do(tmp_path: Path) -> None:

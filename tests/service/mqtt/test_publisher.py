@@ -18,6 +18,7 @@ from brokers import broker, needs_mosquitto, receiver
 from running import PATIENCE_S, configuration, sealed, wait_until_it_accepts
 
 from grabberd.config import MqttConfig, MqttTlsConfig, default_config_file, shipped_configs
+from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.state import MqttDocument
 from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.service import Service
@@ -95,6 +96,23 @@ def test_states_are_retained_and_captures_are_summed_up(tmp_path: Path) -> None:
                 f"{START}/devices/simulated/state",
             }
             assert all(retained for _, _, retained in later.heard)
+
+
+@needs_mosquitto
+def test_the_latest_analysis_of_a_device_is_retained(tmp_path: Path) -> None:
+    with broker(tmp_path) as known, receiver(known.port) as heard:
+        with publishing(tmp_path / "state", known.port) as service:
+            capture_id = capture(service)
+            problem = JobProblem(message="the wall does not pulsate", hint="start the pulsator")
+            service.jobs.refuse(capture_id, problem)
+            service.capture_analyses.note(capture_id)
+            heard.until(lambda: heard.latest("/simulated/analysis") is not None)
+        with receiver(known.port, "later") as later:
+            later.until(lambda: later.latest("/simulated/analysis") is not None)
+            message = later.latest(f"{START}/devices/simulated/analysis")
+            assert message is not None
+            assert (message["capture_id"], message["state"]) == (capture_id, "failed")
+            assert (message["problem"], message["quantities"]) == (problem.message, {})
 
 
 @needs_mosquitto

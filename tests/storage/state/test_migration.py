@@ -139,7 +139,7 @@ def test_a_migration_that_fails_changes_nothing(tmp_path, monkeypatch):
     StateStore(path).open()
     StateStore(path).put({"threshold": 60})
     broken = (*MIGRATIONS, ("CREATE TABLE other (key TEXT)", "CREATE TABLE settings (key TEXT)"))
-    monkeypatch.setattr("grabberd.storage.state.state_database.MIGRATIONS", broken)
+    monkeypatch.setattr(StateStore, "migrations", broken)
     with pytest.raises(Exception, match="already exists"):
         StateStore(path).open()
     monkeypatch.undo()

@@ -37,6 +37,7 @@ LEAST_ROLE: Mapping[str, Role | None] = {
     "GET /api/v1/devices/{name}/pulsation": Role.VIEWER,
     "POST /api/v1/devices/{name}/check": Role.OPERATOR,
     "GET /api/v1/captures": Role.VIEWER,
+    "GET /api/v1/captures.csv": Role.VIEWER,
     "POST /api/v1/captures": Role.OPERATOR,
     "GET /api/v1/captures/{capture_id}": Role.VIEWER,
     "PATCH /api/v1/captures/{capture_id}": Role.OPERATOR,

@@ -49,19 +49,17 @@ def analyse_capture(
     points: a job, whose result has the number of the analysis. A cancelled job leaves nothing behind.
     """
     new = wanted or AnalysisRequest()
-    job = service.jobs.submit(
-        AnalysisJob(
-            subject=capture_id,
-            path=service.archive.sealed_path(capture_id),
-            inputs=new.inputs,
-            store=service.analyses.directory,
-            bursts=[service.archive.sealed_path(burst) for burst in new.bursts],
-            run_number=new.run,
-            vacuum_log=new.vacuum_log,
-            profiles=_found(service, capture_id) if new.profiles else None,
-        )
+    spec = AnalysisJob(
+        subject=capture_id,
+        inputs=new.inputs,
+        bursts=tuple(new.bursts),
+        run_number=new.run,
+        vacuum_log=new.vacuum_log,
+        profiles=_found(service, capture_id) if new.profiles else None,
     )
-    return accepted(job, request, response)
+    for capture in spec.captures:
+        service.archive.sealed_path(capture)
+    return accepted(service.jobs.submit(spec), request, response)
 
 
 @router.get("/{capture_id}/analyses", summary="List a capture's analyses")

@@ -71,9 +71,9 @@ def identify_capture(
     """Identify the targets in a sealed capture of the calibration frame before calibrating: a job, whose
     result lists what each view shows (found, missing, other), and a problem if the assignment is ambiguous.
     """
-    path = service.archive.sealed_path(capture_id)
+    service.archive.sealed_path(capture_id)
     document = calibration_frame_document(wanted.calibration_frame if wanted else None)
-    job = service.jobs.submit(IdentificationJob(subject=capture_id, path=path, calibration_frame=document))
+    job = service.jobs.submit(IdentificationJob(subject=capture_id, calibration_frame=document))
     return accepted(job, request, response)
 
 
@@ -97,17 +97,14 @@ def make_calibration(
         response.headers["Location"] = str(request.url_for("get_calibration", calibration_id=calibration_id))
         return service.active.row(calibration_id)
     capture_id = new.capture or ""
-    path = service.archive.sealed_path(capture_id)
+    service.archive.sealed_path(capture_id)
     device = new.device or service.archive.document(capture_id).device
     job = service.jobs.submit(
         CalibrationJob(
             subject=capture_id,
-            path=path,
             calibration_frame=calibration_frame_document(new.calibration_frame),
             options=new.options or CalibrationOptions(),
-            store=service.calibrations.store.directory,
             device=service.instrument(device).name,
-            calibrator=service.calibrator,
             note=new.note,
             previous=service.instrument(device).setup.documents.get("calibration"),
         )

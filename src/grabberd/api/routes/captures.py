@@ -1,9 +1,10 @@
 """Captures: start, arm, trigger, stop, list, look up, annotate, delete, re-measure."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response, status
+from fastapi import APIRouter, Depends, Query, Request, Response, status
 from pydantic import AfterValidator
 
 from grabberd.acquisition.clock import iso_utc
@@ -15,8 +16,9 @@ from grabberd.documents.captures import CaptureDocument, CaptureList
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.named_types import Labels
 from grabberd.documents.requests import CaptureOptions, CapturePatch, MeasurementRequest, NewCapture
-from grabberd.service.archive.capture_list import CaptureQuery, Position
+from grabberd.service.archive.capture_list import CaptureQuery, Position, whole_list
 from grabberd.service.archive.capture_list import list_captures as page_of_captures
+from grabberd.service.archive.capture_table import captures_csv
 from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.jobs.measurement import MeasurementJob
 from grabberd.service.setup import INCLUDE_DAMAGED
@@ -32,6 +34,7 @@ def _in_utc(moment: datetime) -> datetime:
         raise ValueError("in UTC, this time is outside the years 1 to 9999") from None
 
 
+TableLimit = Annotated[int, Query(ge=1, le=10_000, description="Maximum number of rows.")]
 Moment = Annotated[datetime, AfterValidator(_in_utc)]
 
 
@@ -50,12 +53,7 @@ def start_capture(
     return capture
 
 
-@router.get("", summary="List captures")
-@reads
-def list_captures(
-    service: ServiceOf,
-    limit: Limit = 100,
-    cursor: Cursor = None,
+async def _filter(
     device: Annotated[str | None, Query(max_length=200, description="Only captures of this device.")] = None,
     since: Annotated[Moment | None, Query(description="Only captures that started then or later.")] = None,
     until: Annotated[Moment | None, Query(description="Only captures that started before.")] = None,
@@ -63,12 +61,41 @@ def list_captures(
         str | None, Query(max_length=200, description="Only captures with this text in id, note or labels.")
     ] = None,
     pinned: Annotated[bool | None, Query(description="Only pinned captures, or only unpinned ones.")] = None,
+) -> CaptureQuery:
+    # Async though it waits for nothing: FastAPI calls other dependencies in threads.
+    return CaptureQuery(
+        device=device, since_utc=_utc(since), until_utc=_utc(until), search=search, pinned=pinned
+    )
+
+
+Filter = Annotated[CaptureQuery, Depends(_filter)]
+
+
+@router.get("", summary="List captures")
+@reads
+def list_captures(
+    service: ServiceOf, matching: Filter, limit: Limit = 100, cursor: Cursor = None
 ) -> CaptureList:
     """Captures, newest first, page by page. Captures that come or go meanwhile do not shift the pages."""
     after = None if cursor is None else Position(*position_of(cursor))
-    query = CaptureQuery(limit, after, device, _utc(since), _utc(until), search, pinned)
-    documents, last = page_of_captures(service.archive, query)
+    documents, last = page_of_captures(service.archive, replace(matching, limit=limit, after=after))
     return CaptureList(captures=documents, next=None if last is None else cursor_of(*last))
+
+
+@router.get(
+    ".csv",
+    response_class=Response,
+    summary="List captures as CSV",
+    responses={200: {"content": {"text/csv": {}}}},
+)
+@reads
+def list_captures_as_csv(service: ServiceOf, matching: Filter, limit: TableLimit = 1000) -> Response:
+    """Captures, newest first, a row each: verdicts, labels, and the main quantities of the latest analysis
+    with their standard deviations.
+    """
+    text = captures_csv(whole_list(service.archive, replace(matching, limit=limit)))
+    headers = {"Content-Disposition": 'attachment; filename="captures.csv"'}
+    return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
 
 
 @router.get("/{capture_id}", summary="Look up a capture")
@@ -137,12 +164,12 @@ def measure_capture(
 
     Damaged fields are left out unless they are asked for, fields without a signal always.
     """
-    path = service.archive.sealed_path(capture_id)
+    service.archive.sealed_path(capture_id)
     setup = service.instrument(service.archive.document(capture_id).device).setup
     made_with = dict(setup.made_with)
     if options is not None and options.include_damaged:
         made_with["settings"] = {**made_with["settings"], INCLUDE_DAMAGED: True}
-    job = service.jobs.submit(MeasurementJob(subject=capture_id, path=path, made_with=made_with))
+    job = service.jobs.submit(MeasurementJob(subject=capture_id, made_with=made_with))
     return accepted(job, request, response)
 
 

@@ -106,7 +106,6 @@ def check_device(
     job = service.jobs.submit(
         CheckJob.start(
             service.capture_control,
-            service.archive,
             service.instrument(name),
             options.calibration_frame,
             in_place=options.in_place,

@@ -16,14 +16,16 @@ JobId = Annotated[str, Path(pattern=r"^job-[0-9]{1,12}$", description="Id of the
 
 @router.get("", summary="List jobs")
 def list_jobs(service: ServiceOf, limit: Limit = 100, cursor: Cursor = None) -> JobList:
-    """The jobs since the daemon started, newest first, page by page."""
-    page, following = page_of(service.jobs.list(), _position, limit, cursor)
+    """The jobs that wait or run and those that have ended in the last month, newest first, page by page. They
+    outlive the daemon: what waited or ran when it ended is done after its next start.
+    """
+    page, following = page_of(service.jobs.list(), _by_number, limit, cursor)
     return JobList(jobs=page, next=following)
 
 
 @router.get("/{job_id}", summary="Look up a job")
 def get_job(job_id: JobId, service: ServiceOf) -> JobDocument:
-    """State and progress of a job."""
+    """State, position in the queue and progress of a job."""
     return service.jobs.get(job_id)
 
 
@@ -33,6 +35,6 @@ def cancel_job(job_id: JobId, service: ServiceOf) -> JobDocument:
     return service.jobs.cancel(job_id)
 
 
-def _position(job: JobDocument) -> tuple[str, str]:
-    """Position by number, because two jobs may be submitted in the same millisecond."""
+def _by_number(job: JobDocument) -> tuple[str, str]:
+    """Place in the list by number, because two jobs may be submitted in the same millisecond."""
     return job.id.removeprefix("job-").zfill(12), job.id

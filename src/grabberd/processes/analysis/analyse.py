@@ -50,6 +50,9 @@ Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 
+_NOT_TRACKED = "the object's targets are other points of the wall in every field"
+
+
 class FieldPoints(NamedTuple):
     """The points of one field; `time_s` from the capture's first field."""
 
@@ -117,6 +120,8 @@ def analyse(
     progress: Progress | None = None,
     rig: Rig | None = None,
     light: FoundLight | None = None,
+    *,
+    pulsating: bool = False,
 ) -> Analysis:
     """Analyses a capture.
 
@@ -127,9 +132,11 @@ def analyse(
         progress: called with the number of finished states and the total.
         rig: whose views saw the points; None if targets that one view alone sees are of no use.
         light: that relates the clocks of camera and logger, for `vacuum.offset: light`.
+        pulsating: True to refuse, before the long work, a capture whose wall does not pulsate.
 
     Raises:
-        AnalysisError: no field determines a surface, or the reference state does not.
+        AnalysisError: no field determines a surface, or the reference state does not; or the wall does not
+            pulsate and has to.
         InputError: an input cannot be used with this capture.
     """
     if not captures or not any(len(field.timed.points) for field in captures[0]):
@@ -137,7 +144,7 @@ def analyse(
             "the capture has no points", "measure it first; its fields have to show the object"
         )
     work = _Work(captures, grid, inputs, progress or (lambda done, of: None), rig, light)
-    return work.whole()
+    return work.whole(pulsating=pulsating)
 
 
 class _Work:
@@ -160,7 +167,7 @@ class _Work:
         self._problems = Problems([field.n for field in self._fields])
         self._reference_state = inputs.reference
 
-    def whole(self) -> Analysis:
+    def whole(self, *, pulsating: bool) -> Analysis:
         """Run every step, each after those whose results it needs."""
         # Movement, cycle and vacuum compare the same material point between fields: without homologous
         # targets only the surface itself is left to analyse.
@@ -171,6 +178,11 @@ class _Work:
             if movements and not self._inputs.empty
             else None
         )
+        if pulsating and pulsation is None:
+            raise AnalysisError(
+                f"the wall does not pulsate: {self._problems.latest if homologous else _NOT_TRACKED}",
+                "capture while the pulsator runs, two cycles at least; or analyse the capture by hand",
+            )
         average = self._average(pulsation)
         if homologous:
             self._reference_state = self._existing(self._inputs.reference, average)

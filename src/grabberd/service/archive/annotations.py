@@ -23,6 +23,10 @@ class Jobs(Protocol):
         """Raises Conflict if an unfinished job works on a capture."""
         ...
 
+    def forget_capture(self, capture_id: str) -> None:
+        """Forgets what is known of a capture that is deleted."""
+        ...
+
 
 class CaptureAnnotations:
     """Annotates and deletes captures.
@@ -98,6 +102,7 @@ class CaptureAnnotations:
         self._archive.remove(capture_id)
         self._analyses.remove(capture_id)
         self._annotations.remove(capture_id)
+        self._jobs.forget_capture(capture_id)
 
 
 def _merged(document: CaptureDocument, labels: Mapping[str, str | None]) -> dict[str, str]:

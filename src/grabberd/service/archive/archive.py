@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from grabberd.documents.capture_analyses import CaptureAnalysis
 from grabberd.documents.captures import CaptureDocument
 from grabberd.errors import (
     CaptureFileError,
@@ -64,6 +65,7 @@ class Archive:
         folder: See above.
         index: Index of the captures that have ended.
         keeper: Rebuilds the index.
+        analysis: Returns the latest analysis of a capture by its id; set by who knows of analyses.
     """
 
     def __init__(
@@ -88,6 +90,7 @@ class Archive:
         self._recordings = recordings
         self._armed = armed
         self._annotation = annotation
+        self.analysis: Callable[[str], CaptureAnalysis | None] = lambda _: None
         self.annotations = annotations
         self._descriptions = Descriptions(describe)
 
@@ -192,7 +195,7 @@ class Archive:
         Raises:
             NotFound: No capture has that id.
         """
-        return _annotated(self._document(capture_id), self._annotation(capture_id))
+        return self._annotated(self._document(capture_id), self._annotation(capture_id))
 
     def listed(self, entry: IndexEntry, annotation: Annotation) -> CaptureDocument:
         """Returns the document of a capture that has ended, by what is known of it.
@@ -200,7 +203,7 @@ class Archive:
         Raises:
             NotFound: It was deleted since its entry was read.
         """
-        return _annotated(self._sealed_document(entry), annotation)
+        return self._annotated(self._sealed_document(entry), annotation)
 
     def current(self) -> list[CaptureDocument]:
         """Returns the documents of the captures that are armed or running."""
@@ -230,6 +233,16 @@ class Archive:
         shown = [self.document(capture_id) for capture_id in running]
         sealed = [self._sealed_document(entry) for entry in self.index.list() if entry.id not in running]
         return sorted(shown + sealed, key=lambda document: document.created_utc, reverse=True)
+
+    def _annotated(self, document: CaptureDocument, annotation: Annotation) -> CaptureDocument:
+        """A document with what is known of its capture beside the file."""
+        changes = {
+            "pinned": annotation.pinned,
+            "note": document.note if annotation.note is None else annotation.note,
+            "labels": document.labels if annotation.labels is None else dict(annotation.labels),
+            "analysis": self.analysis(document.id),
+        }
+        return document.model_copy(update=changes)
 
     def _waiting(self, capture_id: str) -> ArmedCapture | None:
         return next((one for one in self._armed() if one.id == capture_id), None)
@@ -287,12 +300,3 @@ def _recovered(part: Path) -> bool:
         log.error("%s stays unsealed: %s; %s", part.name, error.message, error.hint)
         return False
     return True
-
-
-def _annotated(document: CaptureDocument, annotation: Annotation) -> CaptureDocument:
-    changes = {
-        "pinned": annotation.pinned,
-        "note": document.note if annotation.note is None else annotation.note,
-        "labels": document.labels if annotation.labels is None else dict(annotation.labels),
-    }
-    return document.model_copy(update=changes)

@@ -87,6 +87,11 @@ def list_captures(archive: Archive, query: CaptureQuery) -> tuple[list[CaptureDo
     return shown, position_of(shown[-1]) if len(found) > query.limit else None
 
 
+def whole_list(archive: Archive, query: CaptureQuery) -> list[CaptureDocument]:
+    """Returns the captures, newest first, up to the query's limit."""
+    return list(islice(filter(query.matches, _newest(archive, query)), query.limit))
+
+
 def position_of(document: CaptureDocument) -> Position:
     """Returns the position of a capture in the list."""
     return Position(document.created_utc, document.id)

@@ -4,6 +4,7 @@ loggers.
 
 import logging
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 
 from grabberd.errors import StorageError
@@ -26,15 +27,22 @@ class Upkeep:
         unsealed: Captures that could not be sealed.
         state_keeper: The state database.
         loggers: The data loggers.
+        look_further: What else is looked after in every round.
     """
 
     def __init__(
-        self, archive: Archive, unsealed: UnsealedCaptures, state_keeper: StateKeeper, loggers: Loggers
+        self,
+        archive: Archive,
+        unsealed: UnsealedCaptures,
+        state_keeper: StateKeeper,
+        loggers: Loggers,
+        look_further: Callable[[], None] = lambda: None,
     ) -> None:
         self._archive = archive
         self._unsealed = unsealed
         self._state_keeper = state_keeper
         self._loggers = loggers
+        self._look_further = look_further
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._failure: str | None = None
@@ -58,6 +66,7 @@ class Upkeep:
         self._loggers.look()
         if rounds % STATE_EVERY == 0:
             self._state_keeper.look()
+        self._look_further()
 
     def _run(self) -> None:
         rounds = 0

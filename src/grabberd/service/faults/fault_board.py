@@ -16,6 +16,7 @@ OWN_CAUSES = (
     *(Cause.CAPTURE_CHANGED, Cause.INDEX_REBUILDING, Cause.INDEX_FAILED),
     *(Cause.LOGGER_FAILED, Cause.LOGGER_DOUBTFUL),
     *(Cause.SETTINGS_RESTORED, Cause.SETTINGS_LOST, Cause.SETTINGS_UNREADABLE),
+    *(Cause.JOBS_LOST, Cause.JOBS_UNWRITABLE),
 )
 """The causes that are the daemon's own."""
 

@@ -3,21 +3,25 @@
 What computes and draws is imported where it is used: the daemon declares the job, but never analyses.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from pydantic import Field
 
 from grabberd import __version__
 from grabberd.acquisition.clock import SystemClock, iso_utc
-from grabberd.documents.analyses import AnalysisRecord
+from grabberd.documents.analyses import AnalysisRecord, QuantityDocument
 from grabberd.documents.named_types import JsonObject
 from grabberd.documents.pressure_method import PRESSURE_METHOD
 from grabberd.documents.profiles import ProfileUse
+from grabberd.documents.requests import CaptureName
 from grabberd.documents.results import AnalysisResult
 from grabberd.errors import ExtraMissing, InputError
+from grabberd.service.jobs.job_spec import JobContext, JobSpec
 from grabberd.service.jobs.progress import Progress, portion
-from grabberd.service.jobs.runner import JobSpec
 from grabberd.service.profiles.profile_text import plain_name
 from grabberd.service.profiles.profiles import FoundProfiles
 from grabberd.storage.state.analysis_store import DOCUMENT, PAGE, RECORD, AnalysisStore
@@ -44,43 +48,51 @@ class AnalysisOutput:
     about: JsonObject
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class AnalysisJob(JobSpec):
     """Analyses a capture and stores tables, maps and report as its next analysis, whole or not at all.
 
     Attributes:
-        path: Path of the capture; this and the others as `analyse_file` takes them.
-        store: Folder of the `AnalysisStore`.
+        bursts: Ids of the bursts; these and the others as `analyse_file` takes them.
+        source: Where the inputs come from, as the report shows it.
     """
 
     kind = "analyse"
-    path: Path
-    inputs: JsonObject
-    store: Path
-    bursts: Sequence[Path] = ()
+    inputs: JsonObject = Field(default_factory=dict)
+    bursts: tuple[CaptureName, ...] = ()
     run_number: int | None = None
     vacuum_log: str | None = None
     profiles: FoundProfiles | None = None
+    source: str = SOURCE
+    pulsating: bool = False
 
-    def run(self, progress: Progress) -> AnalysisResult:
+    @property
+    def captures(self) -> tuple[str, ...]:
+        """The capture and its bursts."""
+        return (self.subject, *self.bursts)
+
+    def run(self, progress: Progress, context: JobContext) -> AnalysisResult:
         """Analyses and stores.
 
         Raises:
             GrabberdError: As `analyse_file`.
         """
+        analyses = AnalysisStore(context.analyses)
+        if (number := analyses.made_by(self.subject, context.job)) is not None:
+            record = AnalysisRecord.model_validate(analyses.record(self.subject, number))
+            return AnalysisResult(analysis=number, **dict(record))
         made = analyse_file(
             portion(progress, 0.0, _ANALYSED),
-            path=self.path,
+            path=context.file(self.subject),
             inputs=self.inputs,
-            bursts=self.bursts,
+            bursts=[context.file(burst) for burst in self.bursts],
             run=self.run_number,
             vacuum_log=self.vacuum_log,
             profiles=self.profiles,
-            sources=dict.fromkeys([*self.inputs, *(["vacuum.log"] if self.vacuum_log else [])], SOURCE),
+            sources=dict.fromkeys([*self.inputs, *(["vacuum.log"] if self.vacuum_log else [])], self.source),
+            pulsating=self.pulsating,
         )
-        analyses = AnalysisStore(self.store)
         with analyses.scratch() as folder:
-            record = _write_all(folder, made)
+            record = _write_all(folder, made, context.job)
             return AnalysisResult(analysis=analyses.publish(self.subject, folder), **dict(record))
 
 
@@ -94,6 +106,7 @@ def analyse_file(
     vacuum_log: str | None = None,
     profiles: FoundProfiles | None = None,
     sources: Mapping[str, str] | None = None,
+    pulsating: bool = False,
 ) -> AnalysisOutput:
     """Analyses the points of a capture; nothing is written.
 
@@ -107,12 +120,14 @@ def analyse_file(
         profiles: Profiles that complete the inputs, and the capture's labels, by which they were found; None:
             none are used, and its labels are those in its file.
         sources: Where each of the inputs comes from, by its name.
+        pulsating: True to refuse a capture whose wall does not pulsate, but for a ramp with the empty liner.
 
     Raises:
         CaptureFileError, NotFound: A capture or run does not exist.
         NotReady: A capture was measured without an object model.
         InputError: An input or a profile does not suit this capture, or its object model cannot be read.
-        AnalysisError: The points make no surface, or the clocks are left to a light that is not found.
+        AnalysisError: The points make no surface, the clocks are left to a light that is not found, or the
+            wall does not pulsate and has to.
     """
     from grabberd.analysis import Grid
     from grabberd.processes.analysis.analyse import analyse
@@ -135,7 +150,13 @@ def analyse_file(
     of_reading = tuple(capture.problem for capture in captures if capture.problem)
     light = found_light(path, read.vacuum)
     analysis = analyse(
-        fields, grid, read, lambda done, of: progress(done / max(of, 1)), common_rig(captures), light
+        fields,
+        grid,
+        read,
+        lambda done, of: progress(done / max(of, 1)),
+        common_rig(captures),
+        light,
+        pulsating=pulsating and not read.empty,
     )
     analysis = replace(analysis, problems=of_reading + analysis.problems)
     about = {
@@ -223,7 +244,7 @@ def _with_log(inputs: JsonObject, vacuum_log: str | None) -> JsonObject:
     return {**inputs, "vacuum": {**vacuum, "log": vacuum_log}}
 
 
-def _write_all(folder: Path, made: AnalysisOutput) -> AnalysisRecord:
+def _write_all(folder: Path, made: AnalysisOutput, job: str) -> AnalysisRecord:
     """Writes every file of a stored analysis; returns its record."""
     from grabberd.processes.analysis.maps import map_units, target_maps
     from grabberd.storage.export.analysis_export import write_csv
@@ -236,6 +257,7 @@ def _write_all(folder: Path, made: AnalysisOutput) -> AnalysisRecord:
     record = AnalysisRecord(
         created_utc=document["created_utc"],
         version=document["version"],
+        job=job,
         pressure_method=document["pressure_method"],
         device=made.about["device"],
         run=made.about["run"],
@@ -245,11 +267,29 @@ def _write_all(folder: Path, made: AnalysisOutput) -> AnalysisRecord:
         lacks=document["inputs"]["lacks"],
         problems=document["problems"],
         summary={one["name"]: one["values"][0] for one in document["tables"]["summary"]["columns"]},
+        quantities=_quantities(made.tables),
         missing_extra=missing_extra,
         page_problem=page_problem,
     )
     _write(folder / RECORD, record.model_dump_json())
     return record
+
+
+def _quantities(made: "AnalysisTables") -> list[QuantityDocument]:
+    """Rows of the table `quantities`, without definition and source."""
+    table = made["quantities"]
+    names = ("name", "unit", "value", "sigma_value", "verdict", "reason")
+    rows = zip(*(table.column(name).tolist() for name in names), strict=True)
+    return [
+        QuantityDocument(
+            name=name, unit=unit, value=_known(value), sigma=_known(sigma), verdict=verdict, reason=reason
+        )
+        for name, unit, value, sigma, verdict, reason in rows
+    ]
+
+
+def _known(value: Any) -> float | None:
+    return float(value) if math.isfinite(value) else None
 
 
 def _drawn(folder: Path, document: JsonObject) -> tuple[str | None, str | None]:

@@ -1,92 +1,61 @@
 """The job that calibrates from a capture of the calibration frame, and stores what it has made."""
 
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from dataclasses import replace
 
 from grabberd.acquisition.clock import SystemClock, iso_utc
 from grabberd.documents.named_types import JsonObject
 from grabberd.documents.requests import CalibrationOptions
 from grabberd.documents.results import CalibrationResult
 from grabberd.errors import ExtraMissing
+from grabberd.service.jobs.calibrator import calibrate_capture
+from grabberd.service.jobs.job_spec import JobContext, JobSpec
 from grabberd.service.jobs.progress import Progress
-from grabberd.service.jobs.runner import JobSpec
 from grabberd.storage.state.calibration_store import CalibrationRecord, CalibrationStore
 
-if TYPE_CHECKING:  # what calibrates is imported where a job runs: the daemon does without its memory
-    from grabberd.service.jobs.calibration import CalibrationOutput
 
-
-class Calibrator(Protocol):
-    """A function at module level that calibrates from a capture, such as `calibrate_capture`."""
-
-    def __call__(
-        self,
-        progress: Progress,
-        *,
-        path: Path,
-        calibration_frame: JsonObject,
-        options: CalibrationOptions,
-        note: str | None,
-        previous: JsonObject | None,
-    ) -> "CalibrationOutput":
-        """Calibrates; nothing is written."""
-        ...
-
-
-def calibrate_capture(progress: Progress, **given: Any) -> "CalibrationOutput":
-    """Calibrates as `calibrate_file` does, which takes whatever is given."""
-    from grabberd.service.jobs.calibration import calibrate_file  # noqa: PLC0415
-
-    return calibrate_file(progress, **given)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationJob(JobSpec):
     """Calibrates from a capture, draws the report and stores all of it at once, or nothing.
 
     Attributes:
-        path: Path of the capture; this, the calibration frame and the options as `calibrate_file` takes them.
-        store: Folder of the `CalibrationStore`.
+        calibration_frame: Document of the calibration frame, as `calibrate_file` takes it and the options.
         device: Name of the device the calibration will belong to.
         note: Free text, kept with the calibration.
-        calibrator: Function that calibrates.
         previous: Document of the calibration that the device measures with; None if it has none.
     """
 
     kind = "calibrate"
-    path: Path
     calibration_frame: JsonObject
     options: CalibrationOptions
-    store: Path
     device: str
-    calibrator: Calibrator
     note: str = ""
     previous: JsonObject | None = None
 
-    def run(self, progress: Progress) -> CalibrationResult:
+    def run(self, progress: Progress, context: JobContext) -> CalibrationResult:
         """Calibrates and stores.
 
         Raises:
             Conflict: The id is taken.
             GrabberdError: The calibrator refuses the capture.
         """
-        made = self.calibrator(
+        store = CalibrationStore(context.calibrations)
+        if (stored := store.made_by(context.job)) is not None:
+            return CalibrationResult(calibration=stored)
+        made = (context.calibrator or calibrate_capture)(
             progress,
-            path=self.path,
+            path=context.file(self.subject),
             calibration_frame=self.calibration_frame,
             options=self.options,
             note=self.note or None,
             previous=self.previous,
         )
         report = made.report.model_dump(mode="json", by_alias=True)
-        page, record = _drawn(
-            report, CalibrationRecord(self.device, "capture", note=self.note, capture=self.subject)
+        record = CalibrationRecord(
+            self.device, "capture", note=self.note, capture=self.subject, job=context.job
         )
+        page, record = _drawn(report, record)
         record = replace(record, stored_utc=iso_utc(SystemClock().utc_now()))
-        store = CalibrationStore(self.store)
-        stored = store.add(made.calibration.to_document(), record, report=report, page=page)
-        return CalibrationResult(calibration=stored.id)
+        added = store.add(made.calibration.to_document(), record, report=report, page=page)
+        return CalibrationResult(calibration=added.id)
 
 
 def _drawn(report: JsonObject, record: CalibrationRecord) -> tuple[str | None, CalibrationRecord]:

@@ -1,7 +1,6 @@
 """The job that checks a calibration: captures the calibration frame, and compares."""
 
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,12 +10,11 @@ from grabberd.documents.results import CheckResult
 from grabberd.errors import NotReady
 from grabberd.service.calibrations.calibration_frames import calibration_frame_document
 from grabberd.service.capture.capture_request import CaptureRequest
+from grabberd.service.jobs.job_spec import JobContext, JobSpec
 from grabberd.service.jobs.progress import Progress, portion
-from grabberd.service.jobs.runner import JobSpec
 from grabberd.storage.capture.schema import SUFFIX
 
 if TYPE_CHECKING:  # the job process carries values, not the daemon's own objects
-    from grabberd.service.archive.archive import Archive
     from grabberd.service.capture.capture_control import CaptureControl
     from grabberd.service.instrument import Instrument
 
@@ -28,12 +26,10 @@ _CAPTURED = 0.5
 NOTE = "check of the calibration"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class CheckJob(JobSpec):
     """Checks a calibration as soon as a capture is sealed; see `check_file` for the result.
 
     Attributes:
-        path: The capture, under the name it gets when it is sealed.
         seconds: Length of the capture.
         calibration_frame: Document of the calibration frame.
         calibration: Document of the calibration to check.
@@ -41,17 +37,20 @@ class CheckJob(JobSpec):
     """
 
     kind = "check"
-    path: Path
     seconds: float
     calibration_frame: JsonObject
     calibration: JsonObject
     in_place: bool
 
+    @property
+    def captures(self) -> tuple[str, ...]:
+        """None: it may still be recorded."""
+        return ()
+
     @classmethod
     def start(
         cls,
         captures: "CaptureControl",
-        archive: "Archive",
         instrument: "Instrument",
         calibration_frame: str | JsonObject | None = None,
         *,
@@ -84,14 +83,13 @@ class CheckJob(JobSpec):
         capture_id = captures.start(instrument.name, request).id
         return cls(
             subject=capture_id,
-            path=archive.directory / f"{capture_id}{SUFFIX}",
             seconds=seconds,
             calibration_frame=document,
             calibration=calibration,
             in_place=in_place,
         )
 
-    def run(self, progress: Progress) -> CheckResult:
+    def run(self, progress: Progress, context: JobContext) -> CheckResult:
         """Waits until the capture has its final name, then runs `check_file`.
 
         Raises:
@@ -99,19 +97,20 @@ class CheckJob(JobSpec):
         """
         from grabberd.service.jobs.check import check_file  # noqa: PLC0415 - the daemon does without it
 
-        self._wait_until_sealed(portion(progress, 0.0, _CAPTURED))
+        path = context.captures / f"{self.subject}{SUFFIX}"
+        self._wait_until_sealed(path, portion(progress, 0.0, _CAPTURED))
         return check_file(
             portion(progress, _CAPTURED, 1.0),
-            path=self.path,
+            path=path,
             calibration_frame=self.calibration_frame,
             calibration=self.calibration,
             in_place=self.in_place,
         )
 
-    def _wait_until_sealed(self, progress: Progress) -> None:
+    def _wait_until_sealed(self, path: Path, progress: Progress) -> None:
         # The job process knows nothing of the daemon's captures; the file's name tells it all it needs.
         began_s = time.monotonic()
-        while not self.path.exists():
+        while not path.exists():
             waited_s = time.monotonic() - began_s
             if waited_s > self.seconds + SEALING_S:
                 raise NotReady(

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.calibration import MeanImages
+from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.named_types import JsonObject
-from grabberd.documents.problems import JobProblem
 from grabberd.documents.results import (
     IdentificationResult,
     IdentifiedTarget,

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from grabberd import __version__
@@ -17,24 +16,44 @@ from grabberd.reconstruction.accuracy.field_order import FieldOrderCheck
 from grabberd.reconstruction.coverage.document import coverage_document
 from grabberd.reconstruction.points import Points
 from grabberd.service.capture.coverage_documents import whole_coverage
+from grabberd.service.jobs.job_spec import JobContext, JobSpec
 from grabberd.service.jobs.progress import Progress, counted
-from grabberd.service.jobs.runner import JobSpec
 from grabberd.service.setup import INCLUDE_DAMAGED, measure_setup
 from grabberd.storage import CaptureReader, append_run
 from grabberd.storage.capture.digests import Damage, left_out_in_words
 
+JOB = "job"
+"""Setting of a run: id of the job that measured it."""
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+
 class MeasurementJob(JobSpec):
-    """Re-measures a capture; fields and result are those of `measure_file`."""
+    """Re-measures a capture; result and `made_with` are those of `measure_file`."""
 
     kind = "measure"
-    path: Path
     made_with: JsonObject
 
-    def run(self, progress: Progress) -> MeasurementResult:
-        """Runs `measure_file`."""
-        return measure_file(progress, path=self.path, made_with=self.made_with)
+    def run(self, progress: Progress, context: JobContext) -> MeasurementResult:
+        """Runs `measure_file`, unless an earlier attempt has added the run already."""
+        path = context.file(self.subject)
+        if (result := _made_before(path, context.job)) is not None:
+            return result
+        settings = {**(self.made_with.get("settings") or {}), JOB: context.job}
+        return measure_file(progress, path=path, made_with={**self.made_with, "settings": settings})
+
+
+def _made_before(path: Path, job: str) -> MeasurementResult | None:
+    """Result of an attempt that had added its run before it could say so, as far as the file has it."""
+    with CaptureReader(path) as reader:
+        for run in reader.runs:
+            if (run.made_with.get("settings") or {}).get(JOB) == job:
+                covered = whole_coverage(run.coverage)
+                return MeasurementResult(
+                    run=run.run,
+                    fields=covered.fields if covered else 0,
+                    points=reader.point_count(run.run),
+                    coverage=covered,
+                )
+    return None
 
 
 def measure_file(progress: Progress, *, path: Path, made_with: JsonObject) -> MeasurementResult:

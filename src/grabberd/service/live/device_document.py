@@ -3,6 +3,7 @@
 from dataclasses import asdict
 
 from grabberd.acquisition import LossCause, Outcome, Rebase
+from grabberd.documents.capture_analyses import DeviceAnalysis
 from grabberd.documents.devices import (
     ComputerDocument,
     DeviceDocument,
@@ -19,7 +20,9 @@ from grabberd.service.live.live_document import live_document
 from grabberd.service.readiness import lacks_of
 
 
-def device_document(instrument: Instrument, active: ActiveCalibrations) -> DeviceDocument:
+def device_document(
+    instrument: Instrument, active: ActiveCalibrations, latest_analysis: DeviceAnalysis | None = None
+) -> DeviceDocument:
     """A device at this moment."""
     status, rate_hz = instrument.board.now, instrument.board.rate_hz
     # Read once: a capture may end, or begin, while the document is built.
@@ -58,6 +61,7 @@ def device_document(instrument: Instrument, active: ActiveCalibrations) -> Devic
         group_id=capture.group.id if capture is not None and capture.group is not None else None,
         rig=instrument.worker.rig.document,
         field_order=instrument.worker.field_order.document,
+        latest_analysis=latest_analysis,
         live=live_document(instrument),
     )
 

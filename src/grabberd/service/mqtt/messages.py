@@ -5,10 +5,17 @@ from typing import NamedTuple
 from urllib.parse import quote
 
 from grabberd.acquisition import Outcome
+from grabberd.documents.capture_analyses import DeviceAnalysis
 from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.devices import DeviceDocument
 from grabberd.documents.document import Document
-from grabberd.documents.mqtt import CaptureSummary, DeviceStateMessage, LedgerSummary
+from grabberd.documents.mqtt import (
+    AnalysisMessage,
+    CaptureSummary,
+    DeviceStateMessage,
+    LedgerSummary,
+    MeasuredValue,
+)
 from grabberd.documents.named_types import JsonObject
 from grabberd.documents.state import StorageDocument
 
@@ -26,8 +33,11 @@ class Topic(NamedTuple):
 
 ONLINE = Topic("online", True, "whether the daemon is connected; `false` is its last will")
 STATE = Topic("devices/{device}/state", True, "the state of a device")
+ANALYSIS = Topic(
+    "devices/{device}/analysis", True, "the analysis of one of the device's captures that ended last"
+)
 CAPTURE = Topic("captures", False, "the summary of a capture that has ended")
-TOPICS = (ONLINE, STATE, CAPTURE)
+TOPICS = (ONLINE, STATE, ANALYSIS, CAPTURE)
 
 
 class Message(NamedTuple):
@@ -89,6 +99,23 @@ def device_state(device: DeviceDocument, storage: StorageDocument) -> DeviceStat
         rig=device.rig.verdict if device.rig else None,
         capture_id=device.capture_id,
         disk_minutes_left=_two_digits(storage.minutes_left),
+    )
+
+
+def device_analysis(device: str, latest: DeviceAnalysis) -> AnalysisMessage:
+    """The latest analysis of a device: its main quantities by name, or why there are none."""
+    return AnalysisMessage(
+        device=device,
+        capture_id=latest.capture,
+        state=latest.state,
+        analysis=latest.analysis,
+        created_utc=latest.created_utc,
+        quantities={
+            one.name: MeasuredValue(value=one.value, sigma=one.sigma, unit=one.unit)
+            for one in latest.quantities
+        },
+        problem=latest.problem.message if latest.problem else None,
+        hint=latest.problem.hint if latest.problem else None,
     )
 
 

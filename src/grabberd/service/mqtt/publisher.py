@@ -17,7 +17,16 @@ from grabberd.documents.mqtt import OnlineMessage
 from grabberd.documents.state import MqttDocument, StateDocument
 from grabberd.errors import GrabberdError, NotReady, StorageError
 from grabberd.service.mqtt.broker import Broker, Connection
-from grabberd.service.mqtt.messages import CAPTURE, ONLINE, STATE, Message, Topics, device_state
+from grabberd.service.mqtt.messages import (
+    ANALYSIS,
+    CAPTURE,
+    ONLINE,
+    STATE,
+    Message,
+    Topics,
+    device_analysis,
+    device_state,
+)
 from grabberd.service.mqtt.summary_queue import SummaryQueue
 
 log = logging.getLogger(__name__)
@@ -168,10 +177,14 @@ class Publisher:
     async def _publish_states(self, connection: Connection, published: dict[str, Message]) -> None:
         state = self._state()
         for name, device in state.devices.items():
-            message = self._topics.message(STATE, device_state(device, state.storage), device=name)
-            if published.get(name) != message:
-                await connection.publish(self._dated(message))
-                published[name] = message
+            messages = [self._topics.message(STATE, device_state(device, state.storage), device=name)]
+            if device.latest_analysis is not None:
+                analysis = device_analysis(name, device.latest_analysis)
+                messages.append(self._topics.message(ANALYSIS, analysis, device=name))
+            for message in messages:
+                if published.get(message.topic) != message:
+                    await connection.publish(self._dated(message))
+                    published[message.topic] = message
 
     async def _publish_summaries(self, connection: Connection) -> None:
         # Removed only once acknowledged: a connection that breaks may repeat a summary, but loses none.

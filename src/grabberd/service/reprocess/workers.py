@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from grabberd import __version__
 from grabberd.errors import ExtraMissing, InputError, NotReady
-from grabberd.service.jobs.runner import NICENESS
+from grabberd.service.jobs.job_process import NICENESS
 from grabberd.service.memory import keep_freed_memory
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.errors import NotFound
-from grabberd.storage.disk import clear_scratch, scratch_folder, storage_errors
+from grabberd.storage.disk import clear_scratch, scratch_folder, storage_errors, sync_directory
 
 RECORD, DOCUMENT, PAGE = "record.json", "report.json", "report.html"
 
@@ -59,6 +59,8 @@ class AnalysisStore:
             home.mkdir(exist_ok=True)
             number = max(self.numbers(capture_id), default=0) + 1
             made.rename(home / str(number))
+            for folder in (home, self.directory):
+                sync_directory(folder)
         return number
 
     def captures(self) -> list[str]:
@@ -73,6 +75,20 @@ class AnalysisStore:
     def records(self, capture_id: str) -> list[dict[str, Any]]:
         """Records of a capture's analyses, newest first; of a damaged one its number and problem."""
         return [self._record(capture_id, number) for number in reversed(self.numbers(capture_id))]
+
+    def record(self, capture_id: str, number: int) -> dict[str, Any]:
+        """Record of an analysis as it was stored.
+
+        Raises:
+            ValueError: It is damaged.
+            OSError: It cannot be read.
+        """
+        return dict(json.loads((self.directory / capture_id / str(number) / RECORD).read_bytes()))
+
+    def made_by(self, capture_id: str, job: str) -> int | None:
+        """Number of the analysis that a job has stored; None if it has stored none."""
+        found = (one for one in self.records(capture_id) if one.get("job") == job)
+        return next((int(one["analysis"]) for one in found), None)
 
     def file(self, capture_id: str, number: int, name: str) -> Path:
         """A file of an analysis.
@@ -102,7 +118,6 @@ class AnalysisStore:
 
     def _record(self, capture_id: str, number: int) -> dict[str, Any]:
         try:
-            content = (self.directory / capture_id / str(number) / RECORD).read_bytes()
-            return {**json.loads(content), "analysis": number}
+            return {**self.record(capture_id, number), "analysis": number}
         except (OSError, ValueError, TypeError) as error:
             return {"analysis": number, "problem": f"{RECORD} cannot be read: {error}"}

@@ -53,6 +53,7 @@ class CalibrationRecord:
         missing_extra: Optional part that was not installed when the report was drawn, or None.
         page_problem: Other reason why the report could not be drawn, or None.
         sha256: SHA-256 of the document, in hexadecimal.
+        job: Id of the job that made it, or None.
     """
 
     device: str = ""
@@ -63,6 +64,7 @@ class CalibrationRecord:
     missing_extra: str | None = None
     page_problem: str | None = None
     sha256: str = ""
+    job: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,6 +164,10 @@ class CalibrationStore:
                 "restore its folder from a backup, or calibrate again",
             )
         return entry
+
+    def made_by(self, job: str) -> str | None:
+        """Id of the calibration that a job has stored; None if it has stored none."""
+        return next((entry.id for entry in self.list() if entry.record.job == job), None)
 
     def content(self, calibration_id: str) -> bytes:
         """The document as it was stored, byte for byte.

@@ -4,12 +4,13 @@ import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from grabberd.errors import StorageError
 from grabberd.storage.disk import OWNER_ONLY, is_damaged
 
-MIGRATIONS: tuple[tuple[str, ...], ...] = (
+Migrations = tuple[tuple[str, ...], ...]
+MIGRATIONS: Migrations = (
     ("CREATE TABLE IF NOT EXISTS settings (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID",),
     (
         """CREATE TABLE tokens (
@@ -45,29 +46,34 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
 TIMEOUT_S = 10.0
 
 
-def tables_of(version: int) -> str:
+def tables_of(version: int, migrations: Migrations = MIGRATIONS) -> str:
     """The statements that make the tables of a version.
 
     Raises:
         ValueError: No program of this name has written that version.
     """
-    if version not in range(1, len(MIGRATIONS) + 1):
+    if version not in range(1, len(migrations) + 1):
         raise ValueError(f"its version is {version}")
-    return ";".join(statement for statements in MIGRATIONS[:version] for statement in statements)
+    return ";".join(statement for statements in migrations[:version] for statement in statements)
 
 
 class StateDatabase:
     """Access from any thread, and from other programs beside the daemon: each call has its own connection.
 
-    The stores in `state.sqlite` are its subclasses.
+    The stores in `state.sqlite` are its subclasses; one in a file of its own has other migrations.
 
     Args:
         path: The file.
         heal: Recovers a file that seems to be damaged or gone, with the reason; None: that is an error.
 
+    Attributes:
+        migrations: The file's schema, version by version.
+
     Raises:
         StorageError: From any method of theirs: the file cannot be read or written.
     """
+
+    migrations: ClassVar[Migrations] = MIGRATIONS
 
     def __init__(self, path: Path, heal: Callable[[str], None] | None = None) -> None:
         self.path = path
@@ -86,7 +92,7 @@ class StateDatabase:
             # Before SQLite creates it with the umask's permissions: it holds the tokens' hashes.
             self.path.touch(OWNER_ONLY)
         with self.errors(), closing(self._connect()) as connection, connection:
-            _migrate(connection, self.path)
+            _migrate(connection, self.path, self.migrations)
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
@@ -159,14 +165,14 @@ class _Empty(sqlite3.DatabaseError):
     """The file has no content: it is not the one that was opened at the start."""
 
 
-def _migrate(connection: sqlite3.Connection, path: Path) -> None:
+def _migrate(connection: sqlite3.Connection, path: Path, migrations: Migrations) -> None:
     # The write lock comes before the version is read: another program may be migrating at this moment.
     connection.execute("BEGIN IMMEDIATE")
     version = connection.execute("PRAGMA user_version").fetchone()[0]
-    if version > len(MIGRATIONS):
-        known = f"this program knows up to {len(MIGRATIONS)}"
+    if version > len(migrations):
+        known = f"this program knows up to {len(migrations)}"
         raise StorageError(f"{path.name} is of version {version}, {known}", "use a newer grabberd")
-    for statements in MIGRATIONS[version:]:
+    for statements in migrations[version:]:
         for statement in statements:
             connection.execute(statement)
-    connection.execute(f"PRAGMA user_version = {len(MIGRATIONS):d}")
+    connection.execute(f"PRAGMA user_version = {len(migrations):d}")

@@ -24,6 +24,8 @@ export type LedgerEntry = Ledger["entries"][number];
 export type LedgerEvent = Ledger["events"][number];
 export type Run = Capture["runs"][number];
 /** How well a run was measured. */
+export type CaptureAnalysis = NonNullable<Capture["analysis"]>;
+export type Quantity = NonNullable<CaptureAnalysis["quantities"]>[number];
 export type Coverage = NonNullable<Capture["coverage"]>;
 type Points = Answer<"get", "/captures/{}/points">;
 export type FieldPoints = Points["fields"][number];

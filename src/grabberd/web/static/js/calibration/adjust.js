@@ -32,7 +32,7 @@ export function createAdjust(context, id) {
     if (before && !ended) offer(before.id);
   }
 
-  /** After a restart of the daemon its jobs are forgotten, but not what they made. @param {string} calibration */
+  /** Jobs are forgotten after a month, but not what they made. @param {string} calibration */
   function offer(calibration) {
     fill(made, note("good", el("p", {}, t("calibration.adjust.made")), way(addressOf("review", calibration), t("calibration.adjust.read"), "primary")));
   }

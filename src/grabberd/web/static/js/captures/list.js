@@ -76,6 +76,7 @@ export function createList(context, search) {
 
   const ends = [
     store.subscribe((known) => currentOf(known), () => load()),
+    store.subscribe((known) => analysedOf(known), () => load()),
     store.subscribe((known) => known.connection.online, (online) => online && load()),
   ];
   return {
@@ -97,6 +98,12 @@ export function createList(context, search) {
 function currentOf(known) {
   const devices = Object.values(known.state?.devices ?? {});
   return devices.map((device) => `${device.capture_id} ${device.armed_capture_id}`).join();
+}
+
+/** The analyses that have ended last, as one text. @param {Known} known */
+function analysedOf(known) {
+  const devices = Object.values(known.state?.devices ?? {});
+  return devices.map(({ latest_analysis: one }) => `${one?.capture} ${one?.state} ${one?.analysis}`).join();
 }
 
 /** @param {(key: string) => string} t */

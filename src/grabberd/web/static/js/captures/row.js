@@ -1,6 +1,6 @@
 // One capture in the list: a row on a tablet, a card on a phone.
 import { el, fill, symbol } from "../core/dom.js";
-import { badge, channelsBadge, labelsIn, ledgerIn, lengthIn, measuredBadge } from "./words.js";
+import { analysisBadge, analysisIn, badge, channelsBadge, labelsIn, ledgerIn, lengthIn, measuredBadge } from "./words.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { Capture } from "types/documents" */
@@ -17,7 +17,11 @@ export function createRow(context, capture) {
     const text = JSON.stringify(now);
     if (text === shown) return;
     shown = text;
-    fill(link, when(now), what(now), el("span", { class: "capture-length number" }, now.state === "armed" ? "" : lengthIn(context, now)), said(now), symbol("next"));
+    const found = analysisIn(context, now.analysis);
+    fill(
+      link, when(now), what(now), el("span", { class: "capture-length number" }, now.state === "armed" ? "" : lengthIn(context, now)), said(now), symbol("next"),
+      found && el("span", { class: "capture-found muted small" }, found),
+    );
   }
 
   /** @param {Capture} now */
@@ -35,7 +39,11 @@ export function createRow(context, capture) {
   /** @param {Capture} now */
   function said(now) {
     const whole = now.state !== "armed" && !now.ledger.complete;
-    return el("span", { class: "capture-said" }, badge(context, now), measuredBadge(context, now.coverage), channelsBadge(context, now.channels), whole && el("span", { class: "small" }, ledgerIn(context, now)));
+    return el(
+      "span", { class: "capture-said" },
+      badge(context, now), measuredBadge(context, now.coverage), channelsBadge(context, now.channels), whole && el("span", { class: "small" }, ledgerIn(context, now)),
+      analysisBadge(context, now.analysis),
+    );
   }
 
   show(capture);

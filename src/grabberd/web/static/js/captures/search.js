@@ -1,21 +1,23 @@
 // Search for captures: by text, by day.
-import { el } from "../core/dom.js";
+import { el, symbol } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */
 
 const PAUSE_MS = 300;
 
 /** @param {Context} context @param {() => void} changed */
-export function createSearch({ t }, changed) {
+export function createSearch({ t, api }, changed) {
   let timer = 0;
   const text = el("input", { class: "input", type: "search", maxlength: 200, autocomplete: "off", on: { input: soon } });
   const day = el("input", { class: "input", type: "date", on: { change: changed } });
   const all = el("button", { class: "button", type: "button", on: { click: clear } }, t("captures.all"));
+  const table = el("a", { class: "button", download: "captures.csv" }, symbol("download"), t("captures.table"));
   const element = el(
     "form", { class: "capture-search", role: "search", on: { submit: (event) => event.preventDefault() } },
     el("label", { class: "field grow" }, el("span", { class: "field-label" }, t("captures.search")), text),
     el("label", { class: "field" }, el("span", { class: "field-label" }, t("captures.day")), day),
     all,
+    table,
   );
 
   function soon() {
@@ -34,6 +36,7 @@ export function createSearch({ t }, changed) {
     const parts = new URLSearchParams();
     if (text.value.trim()) parts.set("search", text.value.trim());
     if (day.value) for (const [name, utc] of Object.entries(boundsOf(day.value))) parts.set(name, utc);
+    table.href = api.url(`/captures.csv?${parts}`);
     return parts;
   }
   const isNarrow = () => Boolean(text.value.trim() || day.value);

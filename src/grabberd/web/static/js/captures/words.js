@@ -2,7 +2,7 @@
 import { el, symbol } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { Capture, Coverage, LedgerEntry, LedgerEvent } from "types/documents" */
+/** @import { Capture, CaptureAnalysis, Coverage, LedgerEntry, LedgerEvent, Quantity } from "types/documents" */
 
 /** Nominal time from one field to the next, which a ledger counts by. */
 export const FIELD_S = 0.02;
@@ -45,6 +45,30 @@ export function channelsBadge({ t }, channels) {
   if (!channels?.verdict) return null;
   const whole = channels.verdict === "complete";
   return el("span", { class: `badge is-${whole ? "good" : "warn"}`, title: channels.in_words, data: { channels: channels.verdict } }, symbol(whole ? "ok" : "warn"), t(`captures.channels.${whole ? "whole" : "gaps"}`));
+}
+
+/** Level and symbol. @type {Record<CaptureAnalysis["state"], [string, string]>} */
+const ANALYSED = { queued: ["idle", "wait"], running: ["busy", "wait"], done: ["good", "ok"], failed: ["warn", "warn"], cancelled: ["idle", "close"] };
+
+/** Its latest analysis; nothing where none was asked for. @param {Context} context @param {CaptureAnalysis | null | undefined} analysis */
+export function analysisBadge({ t }, analysis) {
+  if (!analysis) return null;
+  const [level, sign] = ANALYSED[analysis.state];
+  return el("span", { class: `badge is-${level}`, data: { analysis: analysis.state } }, symbol(sign), t(`captures.analysis.${analysis.state}`));
+}
+
+/** What was found, "compression 11.8 ± 1.1 kPa · 60.2 a minute", or why nothing was. @param {Context} context @param {CaptureAnalysis | null | undefined} analysis */
+export function analysisIn(context, analysis) {
+  if (!analysis) return "";
+  if (analysis.problem) return analysis.problem.message;
+  return (analysis.quantities ?? []).map((one) => quantityIn(context, one)).join(" · ");
+}
+
+/** @param {Context} context @param {Quantity} quantity */
+function quantityIn({ t, format }, { name, value, sigma }) {
+  const digits = sigma ? Math.max(0, 1 - Math.floor(Math.log10(sigma))) : 2;
+  const measured = `${format.number(value ?? null, digits)}${sigma ? ` ± ${format.number(sigma, digits)}` : ""}`;
+  return t(`captures.analysis.${name}`, { value: measured });
 }
 
 /** A finding as a sentence. @param {Context} context @param {Coverage["findings"][number]} finding */

@@ -19,7 +19,7 @@ const ENDED = new Set(["done", "failed", "cancelled"]);
 
 /** @template Result @param {Context} context @param {Hooks<Result>} hooks */
 export function createJob(context, hooks) {
-  const { t, api, format } = context;
+  const { t, tn, api, format } = context;
   const bar = el("span");
   const meter = el("div", { class: "meter is-busy", role: "progressbar", "aria-label": hooks.title, "aria-valuemin": 0, "aria-valuemax": 100 }, bar);
   const words = el("p", { role: "status" });
@@ -45,9 +45,12 @@ export function createJob(context, hooks) {
     const percent = Math.round(100 * job.progress);
     bar.style.inlineSize = `${percent}%`;
     meter.setAttribute("aria-valuenow", String(percent));
-    setText(words, job.state === "queued" ? t("jobs.queued") : t("jobs.running", { title: hooks.title, percent: format.number(percent) }));
+    setText(words, job.state === "queued" ? queued(job) : t("jobs.running", { title: hooks.title, percent: format.number(percent) }));
     timer = setTimeout(look, EVERY_MS);
   }
+
+  /** @param {Job} job */
+  const queued = ({ position }) => (position ? tn("jobs.queued", position) : t("jobs.next"));
 
   async function look() {
     const mine = turn;

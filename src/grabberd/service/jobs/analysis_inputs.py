@@ -1,0 +1,52 @@
+"""The inputs with which a sealed capture is analysed by itself."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from grabberd.documents.job_problem import JobProblem
+from grabberd.documents.named_types import JsonObject
+from grabberd.errors import ConfigError, GrabberdError, Problem
+from grabberd.service.setup import DeviceSetup
+
+
+def inputs_of(labels: Mapping[str, str], device: DeviceSetup) -> JsonObject | JobProblem:
+    """The inputs of a capture's analysis, or why there are none.
+
+    Args:
+        labels: Labels of the capture, such as that of its liner.
+        device: The device that captured it.
+    """
+    if device.analysis_inputs is None:
+        return JobProblem(
+            message=f"device {device.name} names no inputs for the analysis of its captures",
+            hint=f"name a file in the configuration: devices.{device.name}.analysis.inputs",
+        )
+    return device.analysis_inputs
+
+
+def check_analysis_inputs(setups: Mapping[str, DeviceSetup], file: Path) -> None:
+    """Checks that captures can be analysed with their devices' inputs, as far as that is known beforehand.
+
+    Raises:
+        ConfigError: Some cannot; it lists all problems.
+    """
+    if problems := [problem for setup in setups.values() for problem in _problems(setup, file)]:
+        raise ConfigError(problems)
+
+
+def _problems(setup: DeviceSetup, file: Path) -> Iterator[Problem]:
+    key = f"devices.{setup.name}.analysis"
+    if setup.config.analysis.when_sealed and not setup.documents.get("object"):
+        words = "captures without an object model have no points: name one"
+        yield Problem(str(file), f"{key}.when_sealed", words)
+    if setup.analysis_inputs is None or not setup.documents.get("object"):
+        return
+    # Not at the head: the daemon reads inputs, but never analyses.
+    from grabberd.analysis import Grid  # noqa: PLC0415
+    from grabberd.processes.analysis.inputs import read_inputs  # noqa: PLC0415
+    from grabberd.reconstruction import ObjectModel  # noqa: PLC0415
+
+    try:
+        read_inputs(setup.analysis_inputs, Grid.of(ObjectModel.from_document(setup.documents["object"])))
+    except GrabberdError as error:
+        yield Problem(str(file), f"{key}.inputs", f"{error.message}; {error.hint}")

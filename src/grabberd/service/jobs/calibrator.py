@@ -1,0 +1,35 @@
+"""Function that a calibration job runs: the program's own, or another one."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from grabberd.documents.named_types import JsonObject
+from grabberd.documents.requests import CalibrationOptions
+from grabberd.service.jobs.progress import Progress
+
+if TYPE_CHECKING:  # what calibrates is imported where a job runs: the daemon does without its memory
+    from grabberd.service.jobs.calibration import CalibrationOutput
+
+
+class Calibrator(Protocol):
+    """A function at module level that calibrates from a capture, such as `calibrate_capture`."""
+
+    def __call__(
+        self,
+        progress: Progress,
+        *,
+        path: Path,
+        calibration_frame: JsonObject,
+        options: CalibrationOptions,
+        note: str | None,
+        previous: JsonObject | None,
+    ) -> "CalibrationOutput":
+        """Calibrates; nothing is written."""
+        ...
+
+
+def calibrate_capture(progress: Progress, **given: Any) -> "CalibrationOutput":
+    """Calibrates as `calibrate_file` does, which takes whatever is given."""
+    from grabberd.service.jobs.calibration import calibrate_file  # noqa: PLC0415
+
+    return calibrate_file(progress, **given)

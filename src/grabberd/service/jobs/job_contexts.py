@@ -1,0 +1,43 @@
+"""Surroundings of jobs in a running daemon."""
+
+from dataclasses import dataclass
+
+from grabberd.service.archive.archive import Archive
+from grabberd.service.jobs.calibrator import Calibrator
+from grabberd.service.jobs.job_spec import JobContext, JobSpec
+from grabberd.storage.state.analysis_store import AnalysisStore
+from grabberd.storage.state.calibration_store import CalibrationStore
+
+
+@dataclass(frozen=True, slots=True)
+class JobContexts:
+    """Tells a job that begins where its captures are now, and where its results belong.
+
+    Attributes:
+        archive: The captures.
+        analyses: The analyses.
+        calibrations: The calibrations.
+        calibrator: Function that calibrates.
+    """
+
+    archive: Archive
+    analyses: AnalysisStore
+    calibrations: CalibrationStore
+    calibrator: Calibrator
+
+    def of(self, job_id: str, spec: JobSpec) -> JobContext:
+        """The surroundings of a job.
+
+        Raises:
+            NotFound: One of its captures was deleted since it was queued.
+            Conflict: One of its captures is running, or armed.
+            StorageError: The folder of captures is gone.
+        """
+        return JobContext(
+            job=job_id,
+            files={capture: self.archive.sealed_path(capture) for capture in spec.captures},
+            captures=self.archive.directory,
+            analyses=self.analyses.directory,
+            calibrations=self.calibrations.directory,
+            calibrator=self.calibrator,
+        )

@@ -1,0 +1,289 @@
+"""Captures that are sealed are queued for analysis: each once, whatever happens between seal and queue."""
+
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from queued_jobs import Jobs, jobs_in
+from running import configuration
+from slots import ManualClock
+
+from grabberd.config import AnalysisConfig, default_config_file
+from grabberd.documents.capture_analyses import CaptureAnalysis
+from grabberd.documents.job_problem import JobProblem
+from grabberd.documents.named_types import JsonObject
+from grabberd.documents.states import JobState
+from grabberd.errors import ConfigError, StorageError
+from grabberd.service.archive.archive import Archive
+from grabberd.service.archive.capture_analyses import CaptureAnalyses
+from grabberd.service.jobs import job_queue
+from grabberd.service.jobs.analysis import AnalysisJob
+from grabberd.service.jobs.analysis_inputs import check_analysis_inputs, inputs_of
+from grabberd.service.jobs.check_job import NOTE as CHECK
+from grabberd.service.jobs.sealed_analyses import AGAIN_S, SealedAnalyses
+from grabberd.service.setup import DeviceSetup, set_up
+from grabberd.storage.state.analysis_store import AnalysisStore
+from grabberd.storage.state.state_store import StateStore
+from processes.milking import still
+from storage.captures import slots, write
+from storage.milkings import milking
+
+DEVICE = "simulated"
+SHAPE = {"heights_mm": [0]}
+
+
+def setups_of(folder: Path, inputs: JsonObject | None = None, **analysis: Any) -> dict[str, DeviceSetup]:
+    """The simulated device, whose captures are analysed when sealed unless something else is said."""
+    file = folder / "inputs.yaml"
+    file.write_text(yaml.safe_dump(SHAPE if inputs is None else inputs))
+    config = AnalysisConfig(**{"when_sealed": True, "inputs": file, **analysis})
+    return set_up(configuration({}, analysis=config), default_config_file())
+
+
+class Barn:
+    """A state directory with what looks after its captures, as one start of a daemon has it."""
+
+    def __init__(
+        self, folder: Path, clock: ManualClock, setups: dict[str, DeviceSetup] | None = None
+    ) -> None:
+        self.seconds = 0.0
+        self.clock = clock
+        self.captures = folder / "captures"
+        self.captures.mkdir(exist_ok=True)
+        self.jobs: Jobs = jobs_in(folder, clock=clock)
+        self.archive = Archive(self.captures, list)
+        self.archive.index.rebuild()
+        self.store = AnalysisStore(folder / "analyses")
+        self.store.open()
+        self.analyses = CaptureAnalyses(self.store, self.jobs.queue, self.archive.index)
+        self.archive.analysis = self.analyses.of
+        settings = StateStore(folder / "state.sqlite")
+        settings.open()
+        self.sealing = SealedAnalyses(
+            self.jobs.queue,
+            self.archive,
+            self.analyses,
+            settings,
+            setups_of(folder) if setups is None else setups,
+            clock,
+            lambda: self.seconds,
+        )
+        self.sealing.open()
+
+    def seal(self, name: str, *, told: bool = True, **changes: Any) -> None:
+        """A capture with points comes into being."""
+        created = changes.pop("created_utc", f"{self.clock.utc_now():%FT%TZ}")
+        path = milking(self.captures, still(2), name, created_utc=created, device={"name": DEVICE}, **changes)
+        self.archive.index.add(path)
+        if told:
+            self.sealing.sealed(name, DEVICE)
+
+    @property
+    def queued(self) -> list[str]:
+        """Captures that wait, in order."""
+        return [job.subject for job in reversed(self.jobs.queue.list()) if job.state is JobState.QUEUED]
+
+
+@pytest.fixture
+def clock() -> ManualClock:
+    return ManualClock()
+
+
+@pytest.fixture
+def barn(tmp_path: Path, clock: ManualClock) -> Barn:
+    made = Barn(tmp_path, clock)
+    made.sealing.look()
+    return made
+
+
+def test_a_capture_that_is_sealed_is_queued_with_the_inputs_of_its_device(barn: Barn) -> None:
+    barn.seal("c1")
+    assert barn.queued == [], "nobody waits for it"
+    barn.sealing.look()
+    entry = barn.jobs.queue.first(lambda: False)
+    assert entry is not None
+    spec = entry.spec
+    assert isinstance(spec, AnalysisJob)
+    assert (spec.subject, spec.inputs, spec.pulsating) == ("c1", SHAPE, True)
+    assert spec.source.endswith("inputs.yaml")
+    assert entry.job.automatic
+    assert barn.archive.document("c1").analysis == CaptureAnalysis(state="queued", job=entry.job.id)
+
+
+def test_it_is_queued_once(barn: Barn, tmp_path: Path, clock: ManualClock) -> None:
+    barn.seal("c1")
+    for _ in range(3):
+        barn.sealing.look()
+        barn.sealing.sealed("c1", DEVICE)
+    assert barn.queued == ["c1"]
+    after = Barn(tmp_path, clock)
+    after.sealing.look()
+    assert after.queued == ["c1"]
+
+
+def test_one_that_a_crash_kept_from_the_queue_is_found_at_the_next_start(
+    barn: Barn, tmp_path: Path, clock: ManualClock
+) -> None:
+    clock.advance(60)
+    for name in ("c1", "c2"):
+        barn.seal(name, told=False)
+    after = Barn(tmp_path, clock)
+    after.sealing.look()
+    assert sorted(after.queued) == ["c1", "c2"]
+
+
+def test_captures_from_before_the_option_was_set_are_left_alone(tmp_path: Path, clock: ManualClock) -> None:
+    before = Barn(tmp_path, clock, {})
+    for name in ("old", "older"):
+        before.seal(name)
+    before.sealing.look()
+    clock.advance(60)
+    barn = Barn(tmp_path, clock)
+    barn.sealing.look()
+    assert before.queued == barn.queued == []
+    clock.advance(60)
+    barn.seal("new")
+    barn.sealing.look()
+    assert barn.queued == ["new"]
+
+
+def test_an_option_that_is_taken_out_and_set_again_counts_from_then_on(
+    barn: Barn, tmp_path: Path, clock: ManualClock
+) -> None:
+    clock.advance(60)
+    Barn(tmp_path, clock, setups_of(tmp_path, when_sealed=False)).seal("meanwhile")
+    clock.advance(60)
+    again = Barn(tmp_path, clock)
+    again.sealing.look()
+    assert again.queued == []
+
+
+def test_more_captures_than_are_read_at_once_are_all_found(
+    barn: Barn, tmp_path: Path, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("grabberd.service.jobs.sealed_analyses.AT_ONCE", 2)
+    for n in range(5):
+        clock.advance(1)
+        barn.seal(f"c{n}", told=False)
+    after = Barn(tmp_path, clock)
+    after.sealing.look()
+    assert sorted(after.queued) == [f"c{n}" for n in range(5)]
+
+
+def test_one_that_has_an_analysis_or_failed_or_was_cancelled_is_left(
+    barn: Barn, tmp_path: Path, clock: ManualClock
+) -> None:
+    for name in ("analysed", "failed", "cancelled", "waits"):
+        barn.seal(name, told=False)
+    (tmp_path / "analyses" / "analysed" / "1").mkdir(parents=True)
+    queue = barn.jobs.queue
+    failed, cancelled, _ = (
+        queue.submit(AnalysisJob(subject=one)) for one in ("failed", "cancelled", "waits")
+    )
+    queue.cancel(cancelled.id)
+    queue.end(int(failed.id[4:]), JobState.FAILED, problem=JobProblem(message="m", hint="h"))
+    after = Barn(tmp_path, clock)
+    after.sealing.look()
+    assert after.queued == ["waits"]
+
+
+def test_a_capture_without_points_says_so_and_is_not_tried_again(
+    barn: Barn, tmp_path: Path, clock: ManualClock
+) -> None:
+    path = write(barn.captures, slots(2), name="empty", id="empty", device={"name": DEVICE})
+    barn.archive.index.add(path)
+    barn.sealing.sealed("empty", DEVICE)
+    barn.sealing.look()
+    analysis = barn.archive.document("empty").analysis
+    assert analysis is not None
+    assert analysis.state == "failed"
+    assert analysis.problem
+    assert "was not measured" in analysis.problem.message
+    assert barn.analyses.latest[DEVICE].capture == "empty"
+    assert Barn(tmp_path, clock).archive.document("empty").analysis == analysis
+    assert barn.jobs.queue.list() == []
+
+
+def test_captures_of_a_check_and_of_other_devices_are_left(barn: Barn) -> None:
+    barn.seal("check", labels={"purpose": CHECK})
+    barn.sealing.sealed("elsewhere", "another")
+    barn.sealing.look()
+    assert barn.queued == []
+    assert barn.archive.document("check").analysis is None
+
+
+def test_one_that_was_deleted_meanwhile_is_forgotten(barn: Barn) -> None:
+    barn.sealing.sealed("gone", DEVICE)
+    barn.seal("c1")
+    barn.sealing.look()
+    assert barn.queued == ["c1"]
+
+
+def test_what_cannot_be_queued_now_is_found_again(barn: Barn, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise StorageError("queue.sqlite cannot be used: full", "make room")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(barn.jobs.store, "put", full)
+        barn.seal("c1")
+        barn.sealing.look()
+    barn.sealing.look()
+    assert barn.queued == [], "not at once"
+    barn.seconds += AGAIN_S
+    barn.sealing.look()
+    assert barn.queued == ["c1"]
+
+
+def test_a_full_queue_is_waited_for(barn: Barn, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(job_queue, "MOST_WAITING", 1)
+    for name in ("c1", "c2"):
+        barn.seal(name)
+    barn.sealing.look()
+    assert barn.queued == ["c1"]
+    barn.jobs.queue.cancel(barn.jobs.queue.list()[0].id)
+    barn.seconds += AGAIN_S
+    barn.sealing.look()
+    assert barn.queued == ["c2"]
+
+
+# --- inputs ---
+
+
+def test_a_device_without_inputs_says_which_key_is_missing() -> None:
+    setup = set_up(configuration({}), default_config_file())[DEVICE]
+    problem = inputs_of({"liner": "A"}, setup)
+    assert isinstance(problem, JobProblem)
+    assert "devices.simulated.analysis.inputs" in problem.hint
+
+
+def test_when_sealed_without_inputs_is_refused() -> None:
+    with pytest.raises(ValueError, match="when_sealed needs 'inputs'"):
+        AnalysisConfig(when_sealed=True)
+
+
+def test_inputs_that_are_no_document_are_a_problem_of_the_configuration(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"devices\.simulated\.analysis\.inputs: .*has no keys"):
+        setups_of(tmp_path, inputs=[1, 2])  # type: ignore[arg-type]
+
+
+def test_inputs_that_no_analysis_takes_are_found_by_a_check(tmp_path: Path) -> None:
+    check_analysis_inputs(setups_of(tmp_path), tmp_path / "grabberd.yaml")
+    wrong = setups_of(tmp_path, inputs={"colour": "red", "phases": 1})
+    with pytest.raises(ConfigError) as found:
+        check_analysis_inputs(wrong, tmp_path / "grabberd.yaml")
+    assert "colour" in str(found.value)
+    assert "phases" in str(found.value)
+
+
+def test_times_are_kept_when_the_settings_are_recovered(
+    barn: Barn, tmp_path: Path, clock: ManualClock
+) -> None:
+    settings = StateStore(tmp_path / "state.sqlite")
+    known = settings.get("analysed_when_sealed_since")
+    assert list(known) == [DEVICE]
+    clock.advance(timedelta(days=3) / timedelta(seconds=1))
+    settings.remove("analysed_when_sealed_since")
+    barn.sealing.keep()
+    assert settings.get("analysed_when_sealed_since") == known
