@@ -50,7 +50,7 @@ def analyse(
     ] = None,
     run: Annotated[int | None, typer.Option(min=1, help="Run to analyse; default: the latest.")] = None,
     formats: Annotated[
-        str, typer.Option(help="Comma-separated list of csv, parquet, hdf5, vtu, ply.")
+        str, typer.Option(help="Comma-separated list of csv, parquet, hdf5, vtu, ply, mat.")
     ] = "csv",
     json: JsonOption = False,
 ) -> None:
@@ -87,8 +87,9 @@ def analyse(
                 sources=sources,
             )
         with progress_bar("writing"):
-            written = write_analysis(out, made.tables, made.analysis.grid, made.about, wanted)
-            written += _report(out, made)
+            # First the report: a table that a format has no room for must not cost it.
+            report = _report(out, made)
+            written = write_analysis(out, made.tables, made.analysis.grid, made.about, wanted) + report
     if json:
         print_json(_document(made, written))
     else:

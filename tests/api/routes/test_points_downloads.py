@@ -1,4 +1,4 @@
-"""Points are taken home as CSV, PLY and Parquet, of any run."""
+"""Points are taken home in several formats, of any run."""
 
 import csv
 import io
@@ -69,7 +69,7 @@ def test_parquet_has_the_rows_of_the_table(measured: tuple[TestClient, str], tmp
     assert url.endswith(json.loads(found.schema.metadata[b"grabberd"])["capture"])
 
 
-@pytest.mark.parametrize("kind", ["csv", "ply", "parquet"])
+@pytest.mark.parametrize("kind", ["csv", "ply", "parquet", "mat", "c3d"])
 def test_a_run_or_capture_that_there_is_not_is_a_problem(measured: tuple[TestClient, str], kind: str) -> None:
     client, url = measured
     for asked in (f"{url}/points.{kind}?run=7", f"{CAPTURES}/none/points.{kind}"):
@@ -100,6 +100,6 @@ def test_the_daemon_itself_never_imports_it(
 
 def test_the_head_is_answered_without_making_the_file(measured: tuple[TestClient, str]) -> None:
     client, url = measured
-    for kind in ("csv", "ply"):
+    for kind in ("csv", "ply", "mat", "c3d"):
         answer = client.head(f"{url}/points.{kind}")
         assert (answer.status_code, answer.content) == (200, b"")

@@ -12,7 +12,7 @@ import pytest
 
 from grabberd.errors import CaptureFileError, ExtraMissing, NotFound, StorageError
 from grabberd.storage import export_csv, export_parquet, export_ply, points_csv, points_ply
-from grabberd.storage.export.parquet_stream import parquet_stream
+from grabberd.storage.export.child_stream import parquet_stream
 from grabberd.storage.export.points_columns import POINT_COLUMNS
 from storage.captures import META, meta, points, slots, write
 

@@ -54,6 +54,8 @@ LEAST_ROLE: Mapping[str, Role | None] = {
     "GET /api/v1/captures/{capture_id}/points.csv": Role.VIEWER,
     "GET /api/v1/captures/{capture_id}/points.ply": Role.VIEWER,
     "GET /api/v1/captures/{capture_id}/points.parquet": Role.VIEWER,
+    "GET /api/v1/captures/{capture_id}/points.mat": Role.VIEWER,
+    "GET /api/v1/captures/{capture_id}/points.c3d": Role.VIEWER,
     "GET /api/v1/captures/{capture_id}/fields/{n}.png": Role.VIEWER,
     "POST /api/v1/captures/{capture_id}/analysis": Role.OPERATOR,
     "GET /api/v1/captures/{capture_id}/analyses": Role.VIEWER,

@@ -7,6 +7,9 @@ from contextlib import AbstractContextManager, closing, suppress
 from pathlib import Path
 from typing import Self
 
+import numpy as np
+from numpy.typing import NDArray
+
 from grabberd.acquisition import Ledger, Outcome
 from grabberd.errors import CaptureFileError, NotFound
 from grabberd.field import NumberedField
@@ -219,6 +222,19 @@ class CaptureReader:
         A capture that is being written gets no more points below that number.
         """
         return self.content.point_span(run, first_n, end_n)
+
+    def field_times(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Numbers and times of all fields in the file, in order."""
+        with reading_errors(self.path):
+            rows = self._connection.execute("SELECT n, time_ns FROM fields ORDER BY n").fetchall()
+        check_patience(self.path.name)
+        n, time_ns = np.array(rows, np.int64).reshape(-1, 2).T
+        return n, time_ns
+
+    @property
+    def first_n(self) -> int | None:
+        """Number of the first field; None if there is none."""
+        return self._number("SELECT n FROM fields ORDER BY n LIMIT 1")
 
     @property
     def first_time_ns(self) -> int | None:

@@ -1,6 +1,6 @@
 """The columns of exported points and of data sets, and how a field's points fill them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
@@ -46,6 +46,31 @@ _IMAGES = tuple(
 )
 
 POINT_COLUMNS = (_NUMBER, _UTC, *_POSITION, *_QUALITY, *_IMAGES)
+GRID_ARRAYS: Mapping[str, tuple[str, ...]] = {
+    "xyz_mm": ("x_mm", "y_mm", "z_mm"),
+    "sigma_mm": ("sigma_x_mm", "sigma_y_mm", "sigma_z_mm"),
+    "calibration_sigma_mm": ("calibration_sigma_x_mm", "calibration_sigma_y_mm", "calibration_sigma_z_mm"),
+    "residual_px": ("residual_px",),
+    "left_px": ("left_x_px", "left_y_px"),
+    "right_px": ("right_x_px", "right_y_px"),
+}
+"""Arrays over fields and targets, for formats that have such, and the columns side by side in each."""
+
+
+def _array(name: str, columns: tuple[str, ...]) -> Column:
+    of = [one for one in POINT_COLUMNS if one.name in columns]
+    return of[0]._replace(name=name, meaning="; ".join(one.meaning for one in of))
+
+
+GRID_COLUMNS = (
+    _NUMBER,
+    Column("time_s", "s", "f8", "middle of its exposure, from the first field on; unknown for lost fields"),
+    Column("target", "", "i4", "id of the target: all of the object model, found or not"),
+    Column("row", "", "i4", "its row on the target grid"),
+    Column("column", "", "i4", "its column on the target grid"),
+    Column("nominal_mm", "mm", "f8", "its nominal X, Y and Z in the object model"),
+    *(_array(name, columns) for name, columns in GRID_ARRAYS.items()),
+)
 CLOUD_COLUMNS = (_NUMBER, *_POSITION, *_QUALITY)
 """Columns of a point cloud, for programs that know neither the time of day nor pictures."""
 DATASET_COLUMNS = (
@@ -85,11 +110,11 @@ def _timed_rows(
     first_ns: int,
 ) -> Rows:
     times_s = (times_ns - first_ns) / 1e9
-    moments = np.repeat(_moments(times_ns, meta), counts)
-    return _rows(np.repeat(n, counts), moments, np.repeat(times_s, counts), points)
+    utc = np.repeat(moments(times_ns, meta), counts)
+    return _rows(np.repeat(n, counts), utc, np.repeat(times_s, counts), points)
 
 
-def _moments(times_ns: NDArray[np.int64], meta: CaptureMeta) -> NDArray[np.datetime64]:
+def moments(times_ns: NDArray[np.int64], meta: CaptureMeta) -> NDArray[np.datetime64]:
     """Times of day in UTC; not known for a recording played again, whose clock has passed."""
     if not meta.device.get("stream", {}).get("live", True):
         return np.full(len(times_ns), np.datetime64("NaT", "ms"))
