@@ -99,7 +99,7 @@ verdict.
 The **residual** is the σ of the position from pointing and line jitter, √(σx² + σy² + σz²), in steps of
 `POINT:SCALE`, 255 at most and never 0, which would say that the point was interpolated. As the standard has
 it, the fourth word of a point is the number 256 · cameras + residual in single precision; py-c3d reads it
-like that. ezc3d reads its halves as integers: take positions and missing markers from it, but no residuals.
+like that. ezc3d takes the two for each other: its residuals are the cameras, three times the scale.
 
 What is not in it: digits of X, Y, Z beyond single precision (.00001 mm), the σ of each axis and of the
 calibration, images, true times of fields (they follow the nominal rate within the clock's drift), the
