@@ -83,9 +83,9 @@ a capture has no more of them: MATLAB would calculate with integers in integers.
     imagesc(p.n, p.target, isnan(p.xyz_mm(:, :, 1))')           % what was not found
 
 What is not in it: the time of day of each field (`about.first_field_utc` plus `time_s`), and correlations
-between the axes. MATLAB reads variables of this version up to 2 GB, and memory must hold them twice: more
-is refused, with its size; so is a download over 600 MB, which about twenty minutes at 108 targets are, since
-the process that makes it shares the daemon's memory.
+between the axes. MATLAB reads variables of this version up to 2 GB, an hour and a half at 108 targets: more
+is refused, with its size. Writing takes half as much memory again. So a download over 600 MB, half an hour,
+is refused as well, since the process that makes it shares the daemon's memory.
 
 ## C3D
 

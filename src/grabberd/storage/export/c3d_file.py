@@ -33,7 +33,7 @@ _HINT = "csv, parquet and mat have room for it"
 
 
 class Markers(NamedTuple):
-    """What a file says of its markers before the first frame.
+    """Description of the markers, before the first frame.
 
     Attributes:
         labels: A label for each.

@@ -111,8 +111,9 @@ class PointGrid:
         """Points of some fields at a time: indices of their fields, of their targets, and their rows."""
         end_n = self.first_n + self.fields
         for rows in rows_by_group(self.reader, self.run.run, self.first_n, end_n):
-            places = np.searchsorted(self.targets.target, rows["target"]).astype(np.int64)
-            yield rows["n"].astype(np.int64) - self.first_n, places, rows
+            fields = np.asarray(rows["n"], np.int64) - self.first_n
+            places = np.asarray(np.searchsorted(self.targets.target, rows["target"]), np.int64)
+            yield fields, places, rows
 
 
 def position_sigma_mm(rows: Rows) -> NDArray[np.float64]:

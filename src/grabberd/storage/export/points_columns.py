@@ -57,9 +57,10 @@ GRID_ARRAYS: Mapping[str, tuple[str, ...]] = {
 """Arrays over fields and targets, for formats that have such, and the columns side by side in each."""
 
 
-def _array(name: str, columns: tuple[str, ...]) -> Column:
-    of = [one for one in POINT_COLUMNS if one.name in columns]
-    return of[0]._replace(name=name, meaning="; ".join(one.meaning for one in of))
+def _array(name: str, meaning: str) -> Column:
+    """An array with the unit and type of its columns."""
+    first = next(one for one in POINT_COLUMNS if one.name == GRID_ARRAYS[name][0])
+    return first._replace(name=name, meaning=meaning)
 
 
 GRID_COLUMNS = (
@@ -69,7 +70,12 @@ GRID_COLUMNS = (
     Column("row", "", "i4", "its row on the target grid"),
     Column("column", "", "i4", "its column on the target grid"),
     Column("nominal_mm", "mm", "f8", "its nominal X, Y and Z in the object model"),
-    *(_array(name, columns) for name, columns in GRID_ARRAYS.items()),
+    _array("xyz_mm", "X, Y and Z in the object's frame"),
+    _array("sigma_mm", "σ of X, Y and Z from pointing and line jitter"),
+    _array("calibration_sigma_mm", f"σ of X, Y and Z {_FROM_CALIBRATION}"),
+    _array("residual_px", "root mean square of what the intersection leaves in the images"),
+    _array("left_px", "x and y of its image in the left view, in frame pixels"),
+    _array("right_px", "x and y of its image in the right view, in frame pixels"),
 )
 CLOUD_COLUMNS = (_NUMBER, *_POSITION, *_QUALITY)
 """Columns of a point cloud, for programs that know neither the time of day nor pictures."""
