@@ -148,6 +148,15 @@ def test_a_format_that_is_not_installed_is_refused_before_any_work(
     assert not (tmp_path / "out").exists()
 
 
+def test_a_table_that_a_format_has_no_room_for_costs_no_other_result(
+    resting: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("grabberd.storage.export.mat_file.MOST_BYTES", 1_000)
+    error = refusal(InputError, resting, "--formats", "mat,csv", "--out", tmp_path / "out")
+    assert "of a MAT-file" in error.message
+    assert written(tmp_path / "out") >= CSV | {"report.json"}
+
+
 def test_a_folder_with_something_in_it_is_left_as_it_is(resting: Path, tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("mine")
     assert "not empty" in refusal(StorageError, resting, "--out", tmp_path).message

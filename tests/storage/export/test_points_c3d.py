@@ -184,6 +184,27 @@ def test_a_long_gap_is_made_of_empty_frames(tmp_path):
     assert max(map(len, parts)) < 200_000
 
 
+def test_a_gap_of_years_is_refused(tmp_path):
+    path = write(tmp_path, [slot(0), slot(MOST_FRAMES, lost=MOST_FRAMES - 1)], measured=[0, MOST_FRAMES])
+    with pytest.raises(InputError, match=f"{MOST_FRAMES + 1} frames"):
+        points_c3d(path)
+
+
+def test_of_a_capture_that_is_being_recorded_there_is_what_is_measured(writer, part, tmp_path):
+    writer.append(slots(5))
+    for n in (0, 1, 2):
+        writer.append_points(1, n, points(n))
+    writer.commit()
+    parts = points_c3d(part)
+    head = next(parts)
+    for n in (3, 4):
+        writer.append_points(1, n, points(n))
+    writer.commit()
+    found, _ = by_ezc3d(head + b"".join(parts), tmp_path)
+    assert len(found) == 3
+    assert (~np.isnan(found)).all(axis=2).sum(axis=1).tolist() == [5, 5, 5]
+
+
 # --- files ---
 
 

@@ -122,6 +122,12 @@ def test_more_than_a_variable_holds_is_refused_with_numbers(capture, tmp_path, m
     assert not (tmp_path / "out").exists()
 
 
+def test_a_gap_of_years_is_refused_before_memory_is_taken_for_it(tmp_path):
+    path = write(tmp_path, [slot(0), slot(1 << 24, lost=(1 << 24) - 1)], measured=[0, 1 << 24])
+    with pytest.raises(InputError, match="`points` would take"):
+        export_mat(path, tmp_path / "out")
+
+
 def test_a_download_is_refused_before_it_takes_the_daemons_memory(tmp_path, monkeypatch):
     path = write(tmp_path, slots(2), measured=[0], made_with={**MADE_WITH, "object": object_document()})
     monkeypatch.setattr(module, "STREAM_BYTES", 999)

@@ -95,7 +95,7 @@ class PointGrid:
             if left_out is not None:
                 del left_out[missing:]  # damaged ones come again
             info = reader.run(number)
-            targets = GridTargets.of(_model(info), survey.seen)
+            targets = GridTargets.of(known_model(info), survey.seen)
         except Exception:
             reader.close()
             raise
@@ -140,7 +140,7 @@ def _survey(reader: CaptureReader, run: int, first_n: int, end_n: int) -> _Surve
     return _Survey(seen, points, reach_mm, sigma_mm)
 
 
-def _model(info: RunInfo) -> ObjectModel | None:
+def known_model(info: RunInfo) -> ObjectModel | None:
     """The object model of a run; points need none, so a run without one has targets without a place in it."""
     try:
         return ObjectModel.from_document(info.made_with["object"] or {})

@@ -20,7 +20,7 @@ from grabberd.storage.export.mat_file import (
     mat_value,
     write_mat,
 )
-from grabberd.storage.export.point_grid import PointGrid
+from grabberd.storage.export.point_grid import PointGrid, known_model
 from grabberd.storage.export.points_columns import GRID_ARRAYS, GRID_COLUMNS, POINT_COLUMNS, moments
 from grabberd.storage.export.points_export import points_about, points_file
 
@@ -66,7 +66,8 @@ def check_stream_size(reader: CaptureReader, run: int) -> None:
     Raises:
         InputError: They are too many.
     """
-    targets = len((reader.run(run).made_with["object"] or {}).get("targets", ()))
+    model = known_model(reader.run(run))
+    targets = 0 if model is None else len(model)
     check_size("points", reader.field_span * targets * CELL_BYTES, STREAM_BYTES, _REMOTE_HINT)
 
 
