@@ -102,7 +102,8 @@ def change_cells(random: Random, capture: Path) -> None:
         for _ in range(random.choice((1, 1, 2, 5))):
             table = random.choice(TABLES)
             columns = [row[1] for row in connection.execute(f"PRAGMA table_info({table})")]
-            rows = connection.execute(f"SELECT * FROM {table}").fetchall()
+            # A table that the file's format does not have has no columns.
+            rows = connection.execute(f"SELECT * FROM {table}").fetchall() if columns else []
             if not rows:
                 continue
             row, column = random.choice(rows), random.choice(columns)

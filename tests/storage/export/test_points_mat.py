@@ -1,6 +1,8 @@
 """Points as a MAT-file, opened by the MATIO library, which shares nothing with the one that writes them."""
 
 import math
+import sqlite3
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -55,6 +57,16 @@ def test_lost_and_unmeasured_fields_are_unknown_and_keep_their_places(read):
     assert np.isnan(found["time_s"].ravel()[[3, 4, 5]]).all(), "nobody knows the time of a lost field"
     np.testing.assert_allclose(found["time_s"].ravel()[[0, 2, 6, 8]], [0, 0.04, 0.12, 0.16], atol=1e-6)
     assert found["time_s"].ravel()[6] == (6 * PERIOD_NS + 6) / 1e9
+
+
+@pytest.mark.parametrize("value", ["'received'", "1e300", "-1"])
+def test_a_time_that_none_can_be_is_unknown(capture, tmp_path, value):
+    with closing(sqlite3.connect(capture)) as connection, connection:
+        connection.execute("PRAGMA ignore_check_constraints = ON")
+        connection.execute(f"UPDATE fields SET time_ns = {value} WHERE n = 8")
+    export_mat(capture, tmp_path / "out", left_out=[])
+    time_s = by_matio(tmp_path / "out" / "points.mat")["points"]["time_s"].ravel()
+    assert np.flatnonzero(np.isnan(time_s)).tolist() == [3, 4, 5, 8]
 
 
 def test_standard_deviations_residuals_and_images_stand_beside_them(read):
