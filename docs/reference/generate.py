@@ -55,9 +55,9 @@ common start; so is, to a millisecond, `time_utc` minus the group's `start_utc` 
 grabbers](../howto/several.md)).
 
 **Parquet** has every column; the metadata of each are `unit` and `description`. The file's own metadata
-`grabberd` are a JSON document: capture, run, calibration, version, and site, labels and note as they were
-recorded. It is written by pyarrow, which is optional: `pip install 'grabberd[parquet]'`; without it the API
-answers 501. The daemon leaves the work to a niced child process. In Python:
+`grabberd` are a JSON document: capture, run, calibration, version, verdict, and site, labels and note as they
+were recorded. It is written by pyarrow, which is optional: `pip install 'grabberd[parquet]'`; without it the
+API answers 501. The daemon leaves the work to a niced child process. In Python:
 `pyarrow.parquet.read_table(file)`, `pandas.read_parquet(file)`.
 """
 MAT = """

@@ -33,17 +33,21 @@ export function createDownloads(context) {
     return el("li", {}, link, el("span", { class: "small muted" }, t(`capture.download.what.${kind}`), size && ` · ${size}`));
   }
 
-  /** The request is tried first, because a browser would save the refusal as the file. @param {Event} event @param {HTMLAnchorElement} link @param {string} path */
+  /** The request is tried first, because a browser would save the refusal as the file; its head costs nothing. @param {Event} event @param {HTMLAnchorElement} link @param {string} path */
   async function tryFirst(event, link, path) {
     if (link.dataset.tried) return;
     event.preventDefault();
-    const stop = new AbortController();
-    const answer = await fetch(api.url(path), { signal: stop.signal }).catch(() => null);
+    const answer = await fetch(api.url(path), { method: "HEAD" }).catch(() => null);
     if (!answer) return context.refused(new ApiProblem(0, {}));
-    if (!answer.ok) return refused(await answer.json().catch(() => ({ detail: answer.statusText })));
-    stop.abort();
+    if (!answer.ok) return refused(await reason(path));
     link.dataset.tried = "yes";
     link.click();
+  }
+
+  /** A head has no body, so what is refused is asked for once more. @param {string} path @returns {Promise<Partial<Problem>>} */
+  async function reason(path) {
+    const answer = await fetch(api.url(path));
+    return answer.json().catch(() => ({ detail: answer.statusText }));
   }
 
   /** @param {Partial<Problem>} problem */
