@@ -13,12 +13,18 @@ from grabberd.api import create_app
 from grabberd.config import Config, default_config_file, load_config
 from grabberd.documents.profiles import CowProfile, CupProfile, LinerProfile, PulsatorProfile
 from grabberd.processes.analysis.columns import TABLES
-from grabberd.processes.columns import LABELS, WORD, TableSpec
+from grabberd.processes.columns import LABELS, WORD, Column, TableSpec
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage.export.channel_columns import CHANNEL_COLUMNS
 from grabberd.storage.export.ply_file import PLY_NAMES, PLY_TYPES
-from grabberd.storage.export.points_columns import CLOUD_COLUMNS, DATASET_COLUMNS, POINT_COLUMNS
+from grabberd.storage.export.points_columns import (
+    CLOUD_COLUMNS,
+    DATASET_COLUMNS,
+    GRID_ARRAYS,
+    GRID_COLUMNS,
+    POINT_COLUMNS,
+)
 
 HERE = Path(__file__).parent
 TYPES = {
@@ -32,9 +38,9 @@ TYPES = {
     LABELS: "map of strings to strings",
 }
 POINTS_BEFORE = """\
-The points of one run of a capture, written by `grabberd export --format csv|ply|parquet`, or downloaded from
-`/api/v1/captures/{capture_id}/points.csv`, `.ply` and `.parquet`, with `?run=`. A row is one target in one
-field.
+The points of one run of a capture, written by `grabberd export --format csv|ply|parquet|mat|c3d`, or
+downloaded from `/api/v1/captures/{capture_id}/points.csv`, `.ply`, `.parquet`, `.mat` and `.c3d`, with
+`?run=`. In the first three a row is one target in one field:
 """
 POINTS_AFTER = """
 **CSV** has every column. Coordinates have all their digits, so they read back bit for bit. In all CSV files,
@@ -51,11 +57,60 @@ common start; so is, to a millisecond, `time_utc` minus the group's `start_utc` 
 grabbers](../howto/several.md)).
 
 **Parquet** has every column; the metadata of each are `unit` and `description`. The file's own metadata
-`grabberd` are a JSON document: capture, run, calibration, version, and site, labels and note as they were
-recorded. It is written by pyarrow, which is optional: `pip install 'grabberd[parquet]'`; without it the API
-answers 501. The daemon leaves the work to a niced child process. In Python:
+`grabberd` are a JSON document: capture, run, calibration, version, verdict, and site, labels and note as they
+were recorded. It is written by pyarrow, which is optional: `pip install 'grabberd[parquet]'`; without it the
+API answers 501. The daemon leaves the work to a niced child process. In Python:
 `pyarrow.parquet.read_table(file)`, `pandas.read_parquet(file)`.
+"""
+MAT = """
+## MAT
 
+`points.mat` (version 5) opens in MATLAB and Octave without a toolbox, in Python with `scipy.io.loadmat`, in
+Julia and R. F fields by T targets, lost fields and targets that were not found included; NaN where there is
+no point:
+
+| array | size | unit | |
+|---|---|---|---|"""
+MAT_SIZES = {"n": "F × 1", "time_s": "F × 1", "nominal_mm": "T × 3", "residual_px": "F × T"}
+MAT_AFTER = """
+The struct `units` and the struct `meanings` have the last two columns of this table, e.g.
+`units.points.xyz_mm`. `ledger` has the columns of `ledger.csv`, `about` the capture's id, creation, run,
+calibration, version, verdict, site, labels, note, rate and the time of day of the first field. Labels are a
+cell array of names and values. All numbers are doubles but for σ, residuals and images, which are single, as
+a capture has no more of them: MATLAB would calculate with integers in integers.
+
+    S = load('points.mat');  p = S.points;
+    plot(p.time_s, p.xyz_mm(:, p.target == 27, 3))              % Z of a target
+    squeeze(p.xyz_mm(51, :, :))                                 % all targets in field 50
+    imagesc(p.n, p.target, isnan(p.xyz_mm(:, :, 1))')           % what was not found
+
+What is not in it: the time of day of each field (`about.first_field_utc` plus `time_s`), and correlations
+between the axes. MATLAB reads variables of this version up to 2 GB, an hour and a half at 108 targets: more
+is refused, with its size. Writing takes half as much memory again. So a download over 600 MB, half an hour,
+is refused as well, since the process that makes it shares the daemon's memory.
+
+## C3D
+
+`points.c3d` is for programs of motion analysis. Each target is a marker, called by its id, row and column on
+the target grid: `T027_R04_C02`. Each field is a frame, lost ones included, so that frame k is field
+k − 1 + `GRABBERD:FIRST_N`, (k − 1) / `POINT:RATE` seconds after the first. A marker that was not found has
+the residual −1. Units are mm; the axes are those of the object's frame, `X_SCREEN` and `Y_SCREEN` those in
+which the left view shows it. The group `GRABBERD` has the capture, its creation, run, calibration and
+verdict.
+
+The **residual** is the σ of the position from pointing and line jitter, √(σx² + σy² + σz²), in steps of
+`POINT:SCALE`, 255 at most and never 0, which would say that the point was interpolated. As the standard has
+it, the fourth word of a point is the number 256 · cameras + residual in single precision; py-c3d reads it
+like that. ezc3d takes the two for each other: its residuals are the cameras, three times the scale.
+
+What is not in it: digits of X, Y, Z beyond single precision (.00001 mm), the σ of each axis and of the
+calibration, images, true times of fields (they follow the nominal rate within the clock's drift), the
+reasons for what is lost (`ledger.csv` beside it), and analog channels. More than 65 535 frames are counted
+in `POINT:LONG_FRAMES` and `TRIAL:ACTUAL_END_FIELD` (ezc3d reads on to the end of the last block instead),
+more than 255 markers are named in `POINT:LABELS2` and so on; more than 16 777 216 frames, or about 3000
+markers, are refused.
+"""
+DATASETS = """
 ## Data sets
 
 The files of a [data set](../howto/archive.md) are Parquet as well. They have all columns above, and:
@@ -80,14 +135,18 @@ The tables that `grabberd analyse` writes, or over HTTP
 Every measured column (marked ±) is followed by `sigma_NAME`, its σ in the same unit. σ covers the
 contributions of the points, the vacuum, the clocks and the material, as far as their σ were given; it does
 not cover the error of the calibration, which is the same in all fields. An unknown value is empty in CSV
-and NaN in Parquet, HDF5, VTU and PLY; nothing is filled in. A column of integers is float64 where a value
-is unknown. Coordinates are in the object's frame.
+and NaN in Parquet, HDF5, MAT, VTU and PLY; nothing is filled in. A column of integers is float64 where a
+value is unknown. Coordinates are in the object's frame.
 
 **CSV**: one file for each table, seven digits. **Parquet** (`pip install 'grabberd[parquet]'`): the same
 with all digits; the metadata of a column are `unit` and `description`, those of the file, `grabberd`, say
 what it was made from. **HDF5** (`pip install 'grabberd[hdf5]'`): `analysis.h5` with a group for each table
 and a plain array for each column, with the attributes `unit` and `meaning`; and the group `grid` with the
 targets' ids, rows, columns, nominal positions and triangles. It opens in MATLAB, Python, Julia and R.
+**MAT**: `analysis.mat` (version 5), for which MATLAB and Octave need nothing else: a struct for each table,
+whose columns `struct2table` takes as they are (all numbers are doubles), `grid`, whose triangles count from 1
+for `trisurf`, and `units`, `meanings` and `about`, e.g. `units.fields.mean_contact_kpa`. A table of more than
+2 GB is refused.
 
 **VTU** and **PLY**: a mesh for each field and phase. Its vertices are the targets on the smooth outer face,
 in mm, with every numeric column of `targets` or `phase_targets`; a target without a position is left out.
@@ -219,12 +278,22 @@ def _points() -> Iterator[str]:
     for one in POINT_COLUMNS:
         ply = f"`{PLY_NAMES.get(one.name, one.name)}` {PLY_TYPES[one.dtype]}" if one in CLOUD_COLUMNS else "–"
         yield f"| `{one.name}` | {one.unit or '–'} | {TYPES[one.dtype]} | {ply} | {one.meaning} |"
-    yield POINTS_AFTER
+    yield POINTS_AFTER.rstrip("\n")
+    yield MAT
+    for one in GRID_COLUMNS:
+        yield f"| `points.{one.name}` | {_mat_size(one)} | {one.unit or '–'} | {one.meaning} |"
+    yield MAT_AFTER.rstrip("\n")
+    yield DATASETS
     for one in DATASET_COLUMNS[len(POINT_COLUMNS) :]:
         yield f"| `{one.name}` | {TYPES[one.dtype]} | {one.meaning} |"
     yield CHANNELS_BEFORE
     for one in CHANNEL_COLUMNS:
         yield f"| `{one.name}` | {one.unit or '–'} | {TYPES[one.dtype]} | {one.meaning} |"
+
+
+def _mat_size(one: Column) -> str:
+    sides = GRID_ARRAYS.get(one.name)
+    return MAT_SIZES.get(one.name) or (f"F × T × {len(sides)}" if sides else "1 × T")
 
 
 def _analysis() -> Iterator[str]:

@@ -39,6 +39,22 @@ def test_from_start_to_a_downloaded_csv(daemon: Daemon, open_page: Open) -> None
     assert all(float(point["sigma_z_mm"]) > 0 for point in points)
 
 
+def test_points_for_other_programs_are_downloaded_and_a_refusal_is_shown_instead_of_saved(
+    daemon: Daemon, open_page: Open
+) -> None:
+    watched = open_page(f"{daemon.url}/#captures/{daemon.capture(5)}")
+    watched.expect_errors("422")
+    page = watched.page
+    for name, begins in (("Points as MAT", b"MATLAB 5.0 MAT-file"), ("Points as C3D", b"\x02\x50")):
+        with page.expect_download() as download:
+            page.get_by_role("link", name=name).click(timeout=PATIENCE_MS)
+        assert Path(download.value.path()).read_bytes().startswith(begins)
+    refusal = {"detail": "`points` would take 3.1 GB", "hint": "download the capture"}
+    page.route("**/points.parquet", lambda route: route.fulfill(status=422, json=refusal))
+    page.get_by_role("link", name="Points as Parquet").click()
+    expect(page.get_by_role("alert").filter(has_text="3.1 GB")).to_contain_text("download the capture")
+
+
 def test_a_running_capture_is_shown_as_it_grows_and_cannot_be_deleted(
     daemon: Daemon, open_page: Open
 ) -> None:

@@ -23,7 +23,14 @@ def run(*words: object) -> Result:
 
 
 @pytest.mark.parametrize(
-    ("format", "file"), [("csv", "points.csv"), ("ply", "points.ply"), ("parquet", "points.parquet")]
+    ("format", "file"),
+    [
+        ("csv", "points.csv"),
+        ("ply", "points.ply"),
+        ("parquet", "points.parquet"),
+        ("mat", "points.mat"),
+        ("c3d", "points.c3d"),
+    ],
 )
 def test_points_are_written_and_counted(capture: Path, tmp_path: Path, format: str, file: str) -> None:
     if format == "parquet":
@@ -39,7 +46,7 @@ def test_a_link_that_was_named_by_hand_is_followed(capture: Path, tmp_path: Path
     assert run(link, "--out", tmp_path / "out").exit_code == 0
 
 
-@pytest.mark.parametrize("format", ["csv", "ply", "parquet", "png"])
+@pytest.mark.parametrize("format", ["csv", "ply", "parquet", "mat", "c3d", "png"])
 def test_what_the_disk_has_changed_is_left_out_and_listed(capture: Path, tmp_path: Path, format: str) -> None:
     if format == "parquet":
         pytest.importorskip("pyarrow")
@@ -57,7 +64,7 @@ def test_what_the_disk_has_changed_is_left_out_and_listed(capture: Path, tmp_pat
         assert [row["n"] for row in csv.DictReader(file)] == [str(n)]
 
 
-@pytest.mark.parametrize("format", ["csv", "ply", "parquet"])
+@pytest.mark.parametrize("format", ["csv", "ply", "parquet", "mat", "c3d"])
 def test_points_that_are_gone_are_listed_too(capture: Path, tmp_path: Path, format: str) -> None:
     if format == "parquet":
         pytest.importorskip("pyarrow")
@@ -84,7 +91,7 @@ def test_one_field_can_be_chosen_for_a_cloud(capture: Path, tmp_path: Path) -> N
 
 
 def test_a_run_that_there_is_not_makes_no_folder(capture: Path, tmp_path: Path) -> None:
-    for format in ("csv", "ply"):
+    for format in ("csv", "ply", "mat", "c3d"):
         result = run(capture, "--format", format, "--run", 7, "--out", tmp_path / "out")
         assert isinstance(result.exception, NotFound)
     assert not (tmp_path / "out").exists()

@@ -103,7 +103,8 @@ def change_cells(random: Random, capture: Path) -> None:
             there = {name for (name,) in connection.execute("SELECT name FROM sqlite_schema")}
             table = random.choice([table for table in TABLES if table in there])
             columns = [row[1] for row in connection.execute(f"PRAGMA table_info({table})")]
-            rows = connection.execute(f"SELECT * FROM {table}").fetchall()
+            # A table that the file's format does not have has no columns.
+            rows = connection.execute(f"SELECT * FROM {table}").fetchall() if columns else []
             if not rows:
                 continue
             row, column = random.choice(rows), random.choice(columns)

@@ -169,6 +169,8 @@ COMMANDS: Mapping[str, Target] = {
     "export-png": Target("capture", _command("export", "CAPTURE", "--format", "png", "--out", "OUT")),
     "export-ply": Target("capture", _command("export", "CAPTURE", "--format", "ply", "--out", "OUT")),
     "export-parquet": Target("capture", _command("export", "CAPTURE", "--format", "parquet", "--out", "OUT")),
+    "export-mat": Target("capture", _command("export", "CAPTURE", "--format", "mat", "--out", "OUT")),
+    "export-c3d": Target("capture", _command("export", "CAPTURE", "--format", "c3d", "--out", "OUT")),
     "measure": Target(
         "capture", _command("measure", "CAPTURE", "--calibration", "CALIBRATION", "--object", "OBJECT")
     ),

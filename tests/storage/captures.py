@@ -94,11 +94,21 @@ def ledger_of(taken):
     return ledger
 
 
-def write(directory, taken, *, measured=(), name="liner", coverage=None, fields_a_commit=10**9, **changes):
+def write(
+    directory,
+    taken,
+    *,
+    measured=(),
+    name="liner",
+    coverage=None,
+    fields_a_commit=10**9,
+    made_with=MADE_WITH,
+    **changes,
+):
     """A sealed capture; what is committed together is a group."""
     writer = CaptureWriter.create(directory / f"{name}.grab.part", meta(**changes))
     if measured:
-        writer.begin_run(1, "live", META.created_utc, "0.1.0", MADE_WITH)
+        writer.begin_run(1, "live", META.created_utc, "0.1.0", made_with)
     measured = set(measured)
     for some in batches(taken, fields_a_commit):
         writer.append(some)

@@ -61,7 +61,7 @@ def analyse(  # noqa: PLR0913, PLR0917 - options of a command
     ] = None,
     run: Annotated[int | None, typer.Option(min=1, help="Run to analyse; default: the latest.")] = None,
     formats: Annotated[
-        str, typer.Option(help="Comma-separated list of csv, parquet, hdf5, vtu, ply.")
+        str, typer.Option(help="Comma-separated list of csv, parquet, hdf5, vtu, ply, mat.")
     ] = "csv",
     config: ConfigOption = None,
     json: JsonOption = False,
@@ -105,8 +105,9 @@ def analyse(  # noqa: PLR0913, PLR0917 - options of a command
                 sources=sources,
             )
         with progress_bar("writing"):
-            written = write_analysis(out, made.tables, made.analysis.grid, made.about, wanted)
-            written += _report(out, made)
+            # First the report: a table that a format has no room for must not cost it.
+            report = _report(out, made)
+            written = write_analysis(out, made.tables, made.analysis.grid, made.about, wanted) + report
     if json:
         print_json(_document(made, written))
     else:

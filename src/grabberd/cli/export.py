@@ -14,8 +14,11 @@ def export(
     capture: Annotated[Path, typer.Argument(help="Capture file, NAME.grab.", callback=follow_link)],
     out: Annotated[Path, typer.Option("--out", "-o", help="New or empty folder for the results.")],
     format: Annotated[
-        Literal["csv", "ply", "parquet", "png"],
-        typer.Option(help="csv, parquet: points; ply: point cloud; png: fields as pictures."),
+        Literal["csv", "ply", "parquet", "mat", "c3d", "png"],
+        typer.Option(
+            help="csv, parquet: points; mat: points for MATLAB; c3d: points for motion analysis; "
+            "ply: point cloud; png: fields as pictures."
+        ),
     ] = "csv",
     run: Annotated[int | None, typer.Option(min=1, help="Run to export; default: the latest.")] = None,
     field: Annotated[
@@ -25,6 +28,8 @@ def export(
     """Export the points or pictures of a capture to a folder.
 
     Example: grabberd export liner.grab --format csv --out liner-points
+
+    Example: grabberd export liner.grab --format mat --out liner-matlab
 
     Example: grabberd export liner.grab --format ply --field 25 --out open-liner
     """
@@ -41,6 +46,8 @@ def export(
         writers: dict[str, Callable[[Path, Path, int | None, list[Damage] | None], int]] = {
             "csv": storage.export_csv,
             "parquet": storage.export_parquet,
+            "mat": storage.export_mat,
+            "c3d": storage.export_c3d,
             "ply": partial(storage.export_ply, field=field),
         }
         points = writers[format](capture, out, run, left_out if field is None else None)

@@ -11,6 +11,7 @@ from grabberd.storage.capture.rows import RecordedField, RunInfo
 from grabberd.storage.capture.runs import append_run
 from grabberd.storage.capture.writer import CaptureWriter
 from grabberd.storage.export.field_pictures import export_png, field_png
+from grabberd.storage.export.points_c3d import export_c3d, points_c3d
 from grabberd.storage.export.points_export import (
     export_csv,
     export_parquet,
@@ -18,6 +19,7 @@ from grabberd.storage.export.points_export import (
     points_csv,
     points_ply,
 )
+from grabberd.storage.export.points_mat import export_mat
 from grabberd.storage.state.capture_index import CaptureIndex
 
 __all__ = [
@@ -28,11 +30,14 @@ __all__ = [
     "RecordedField",
     "RunInfo",
     "append_run",
+    "export_c3d",
     "export_csv",
+    "export_mat",
     "export_parquet",
     "export_ply",
     "export_png",
     "field_png",
+    "points_c3d",
     "points_csv",
     "points_ply",
     "recover",

@@ -21,6 +21,7 @@ from grabberd.storage.content_frames import HEAD, UNTIL, Answer, Frame, Question
 from grabberd.storage.export.channels_document import channels_json
 from grabberd.storage.export.channels_export import channels_csv
 from grabberd.storage.export.field_pictures import field_png
+from grabberd.storage.export.points_c3d import points_c3d
 from grabberd.storage.export.points_document import points_json
 from grabberd.storage.export.points_export import points_csv, points_ply
 from grabberd.storage.patience import Patience, check_patience, given_up, within
@@ -42,7 +43,7 @@ PROGRAM = f"{NICED}; from {__name__} import CONTENTS, main; main(CONTENTS)"
 _KEPT = KeptReaders()
 CONTENTS: dict[str, Callable[..., Any]] = {
     **{read.__name__: partial(read, opened=_KEPT.opened) for read in (points_json, field_png, channels_json)},
-    **{read.__name__: read for read in (points_csv, points_ply, channels_csv)},
+    **{read.__name__: read for read in (points_csv, points_ply, points_c3d, channels_csv)},
 }
 """What can be read, by name: as bytes, or as a generator of pieces."""
 Step = Callable[[], tuple[Answer, bytes | bytearray]]

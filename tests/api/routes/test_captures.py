@@ -132,7 +132,7 @@ def test_the_file_is_taken_home_whole(captured: tuple[TestClient, str], tmp_path
     connection.close()
 
 
-@pytest.mark.parametrize("format", ["csv", "ply", "parquet"])
+@pytest.mark.parametrize("format", ["csv", "ply", "parquet", "mat", "c3d"])
 def test_points_that_the_disk_has_changed_are_refused_before_the_first_is_sent(
     captured: tuple[TestClient, str], format: str
 ) -> None:

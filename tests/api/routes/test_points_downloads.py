@@ -1,18 +1,21 @@
-"""Points are taken home as CSV, PLY and Parquet, of any run."""
+"""Points are taken home in several formats, of any run."""
 
 import csv
 import io
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
 from api.conftest import sealed, service_in
 from grabberd.storage.export.ply_file import ply_vertex
 from grabberd.storage.export.points_columns import CLOUD_COLUMNS
+from storage.mat_files import by_matio
 
 CAPTURES = "/api/v1/captures"
 
@@ -69,7 +72,38 @@ def test_parquet_has_the_rows_of_the_table(measured: tuple[TestClient, str], tmp
     assert url.endswith(json.loads(found.schema.metadata[b"grabberd"])["capture"])
 
 
-@pytest.mark.parametrize("kind", ["csv", "ply", "parquet"])
+def test_mat_has_a_place_for_every_row_of_the_table(measured: tuple[TestClient, str], tmp_path: Path) -> None:
+    client, url = measured
+    answer = client.get(f"{url}/points.mat?run=1")
+    assert answer.headers["content-type"] == "application/x-matlab-data"
+    assert answer.headers["content-disposition"].endswith('-points.mat"')
+    (tmp_path / "points.mat").write_bytes(answer.content)
+    points = by_matio(tmp_path / "points.mat")["points"]
+    assert points["xyz_mm"].shape[0] == 20
+    z_mm = {
+        (int(points["n"][i, 0]), int(points["target"][0, k])): points["xyz_mm"][i, k, 2]
+        for i, k in np.argwhere(np.isfinite(points["residual_px"]))
+    }
+    assert z_mm == {(int(row["n"]), int(row["target"])): float(row["z_mm"]) for row in table(client, url)}
+
+
+def test_c3d_has_a_marker_for_every_row_of_the_table(
+    measured: tuple[TestClient, str], tmp_path: Path
+) -> None:
+    ezc3d = pytest.importorskip("ezc3d")
+    client, url = measured
+    answer = client.get(f"{url}/points.c3d?run=1")
+    assert answer.headers["content-disposition"].endswith('-points.c3d"')
+    (tmp_path / "points.c3d").write_bytes(answer.content)
+    read = ezc3d.c3d(str(tmp_path / "points.c3d"))
+    labels = [int(label[1:].partition("_")[0]) for label in read["parameters"]["POINT"]["LABELS"]["value"]]
+    z_mm = read["data"]["points"][2]
+    found = {(int(n), labels[k]): z_mm[k, n] for k, n in np.argwhere(np.isfinite(z_mm))}
+    rows = {(int(row["n"]), int(row["target"])): float(row["z_mm"]) for row in table(client, url)}
+    assert found == pytest.approx(rows, abs=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["csv", "ply", "parquet", "mat", "c3d"])
 def test_a_run_or_capture_that_there_is_not_is_a_problem(measured: tuple[TestClient, str], kind: str) -> None:
     client, url = measured
     for asked in (f"{url}/points.{kind}?run=7", f"{CAPTURES}/none/points.{kind}"):
@@ -92,14 +126,15 @@ def test_the_daemon_itself_never_imports_it(
     measured: tuple[TestClient, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     client, url = measured
-    for name in [name for name in sys.modules if name.partition(".")[0] == "pyarrow"]:
+    for name in [name for name in sys.modules if re.match(r"pyarrow\b|scipy\.io\b", name)]:
         monkeypatch.delitem(sys.modules, name)
-    assert client.get(f"{url}/points.parquet").status_code in (200, 501)
-    assert "pyarrow" not in sys.modules
+    for kind in ("parquet", "mat"):
+        assert client.get(f"{url}/points.{kind}").status_code in (200, 501)
+    assert not {"pyarrow", "scipy.io"} & sys.modules.keys()
 
 
 def test_the_head_is_answered_without_making_the_file(measured: tuple[TestClient, str]) -> None:
     client, url = measured
-    for kind in ("csv", "ply"):
+    for kind in ("csv", "ply", "mat", "c3d"):
         answer = client.head(f"{url}/points.{kind}")
         assert (answer.status_code, answer.content) == (200, b"")

@@ -39,14 +39,14 @@ def analysed(pulsating: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple
     vacuum_log = folder / "log.csv"
     vacuum_log.write_text("\ufeff" + log(1.6, start_s=-0.3))
     inputs = inputs_file(folder, {**INPUTS, "vacuum": LOGGED, "sought_kpa": 1.0})
-    more = ("--vacuum-log", vacuum_log, "--formats", "csv, hdf5,parquet,ply,vtu", "--json")
+    more = ("--vacuum-log", vacuum_log, "--formats", "csv, hdf5,parquet,ply,vtu,mat", "--json")
     return run(pulsating, "--inputs", inputs, *more, "--out", folder / "out"), folder / "out"
 
 
 def test_all_formats_and_the_report_are_written(analysed: tuple[Result, Path]) -> None:
     result, out = analysed
     assert result.exit_code == 0, result.output
-    others = {"analysis.h5", "ply", "vtu", "report.json", "report.html"}
+    others = {"analysis.h5", "analysis.mat", "ply", "vtu", "report.json", "report.html"}
     assert written(out) == CSV | {f"{name}.parquet" for name in TABLES} | others
     assert written(out / "ply") > {"field-00000000.ply", "phase-0.2500.ply"}
     assert (out / "report.html").read_text().startswith("<!DOCTYPE html>")
@@ -146,6 +146,15 @@ def test_a_format_that_is_not_installed_is_refused_before_any_work(
     error = refusal(ExtraMissing, resting, "--formats", "hdf5", "--out", tmp_path / "out")
     assert error.hint == "install it: pip install 'grabberd[hdf5]'"
     assert not (tmp_path / "out").exists()
+
+
+def test_a_table_that_a_format_has_no_room_for_costs_no_other_result(
+    resting: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("grabberd.storage.export.mat_file.MOST_BYTES", 1_000)
+    error = refusal(InputError, resting, "--formats", "mat,csv", "--out", tmp_path / "out")
+    assert "of a MAT-file" in error.message
+    assert written(tmp_path / "out") >= CSV | {"report.json"}
 
 
 def test_a_folder_with_something_in_it_is_left_as_it_is(resting: Path, tmp_path: Path) -> None:

@@ -9,8 +9,16 @@ import pytest
 from grabberd.errors import ExtraMissing, InputError, StorageError
 from grabberd.processes.analysis.columns import TABLES
 from grabberd.processes.analysis.tables import tables
-from grabberd.storage.export.analysis_export import HDF5_NAME, check_formats, write_analysis, write_csv
+from grabberd.storage.export.analysis_export import (
+    HDF5_NAME,
+    MAT_NAME,
+    check_formats,
+    write_analysis,
+    write_csv,
+)
+from grabberd.storage.export.mat_file import LONGEST_NAME
 from processes.milking import analysed, grid, still, whole
+from storage.mat_files import by_matio
 
 ABOUT = {"id": "milking", "run": 1, "site": {"barn": "Ås"}}
 
@@ -105,6 +113,60 @@ def test_hdf5_has_the_grid_and_says_what_it_was_made_from(hdf5):
     assert "counted from 0" in hdf5["grid"].attrs["meaning"]
 
 
+# --- MAT ---
+
+
+@pytest.fixture(scope="module")
+def mat(made, tmp_path_factory):
+    (path,) = write_analysis(tmp_path_factory.mktemp("mat"), made, grid(), ABOUT, ("mat",))
+    return by_matio(path)
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_mat_has_a_struct_of_columns_for_every_table(mat, made, name):
+    assert list(mat[name]) == [column.name for column in made[name].columns]
+    for column in made[name].columns:
+        stored = mat[name][column.name]
+        if column.dtype == "U":
+            assert [str(one) for one in stored] == made[name].column(column.name).tolist()
+        else:
+            assert stored.shape == (len(made[name]), 1), "struct2table takes columns alone"
+            assert stored.dtype == np.float64
+            np.testing.assert_array_equal(stored.ravel(), made[name].column(column.name))
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_mat_has_unit_and_meaning_of_every_column(mat, made, name):
+    assert mat["units"][name] == {column.name: column.unit for column in made[name].columns}
+    assert mat["meanings"][name] == {column.name: column.meaning for column in made[name].columns}
+    assert mat["meanings"]["tables"][name] == made[name].meaning
+
+
+def test_triangles_in_mat_count_from_one_as_matlab_does(mat):
+    np.testing.assert_array_equal(mat["grid"]["triangles"], grid().triangles + 1)
+    np.testing.assert_array_equal(mat["grid"]["target"].ravel(), grid().target)
+    assert "counted from 1" in mat["meanings"]["tables"]["grid"]
+
+
+def test_mat_says_what_it_was_made_from(mat):
+    assert (mat["about"]["id"], mat["about"]["run"], mat["about"]["site"]) == ("milking", 1, [["barn", "Ås"]])
+
+
+def test_every_name_is_one_that_matlab_takes(made):
+    names = [*made, *(column.name for table in made.values() for column in table.columns)]
+    assert all(name.isidentifier() and name.isascii() and not name.startswith("_") for name in names)
+    assert max(map(len, names)) <= LONGEST_NAME
+
+
+def test_a_table_that_mat_has_no_room_for_is_refused_by_name_and_leaves_no_file(tmp_path, made, monkeypatch):
+    monkeypatch.setattr("grabberd.storage.export.mat_file.MOST_BYTES", 100_000)
+    with pytest.raises(InputError, match=r"`\w+` would take .* GB") as refused:
+        write_analysis(tmp_path, made, grid(), ABOUT, ("csv", "mat"))
+    assert "hdf5" in refused.value.hint
+    assert not (tmp_path / MAT_NAME).exists()
+    assert (tmp_path / "fields.csv").exists()
+
+
 # --- Parquet ---
 
 
@@ -130,8 +192,8 @@ def test_an_analysis_of_the_shape_alone_is_written_in_every_format(tmp_path):
     for name in ("h5py", "pyarrow"):
         pytest.importorskip(name)
     made = tables(analysed(still(3)))
-    written = write_analysis(tmp_path, made, grid(), ABOUT, ("csv", "parquet", "hdf5", "vtu", "ply"))
-    assert len(written) == 2 * len(TABLES) + 3
+    written = write_analysis(tmp_path, made, grid(), ABOUT, ("csv", "parquet", "hdf5", "vtu", "ply", "mat"))
+    assert len(written) == 2 * len(TABLES) + 4
     assert all(path.exists() for path in written)
     assert (tmp_path / "phases.csv").read_text().count("\n") == 1
 

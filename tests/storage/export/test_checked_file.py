@@ -9,11 +9,15 @@ import pytest
 from grabberd.errors import StorageError
 from grabberd.processes.columns import Column, Table
 from grabberd.storage.checked_file import checked_file, write_checked
+from grabberd.storage.export.c3d_file import Markers, c3d_frames, c3d_head, c3d_padding
 from grabberd.storage.export.csv_file import csv_text
 from grabberd.storage.export.hdf5_file import write_hdf5
+from grabberd.storage.export.mat_check import mat_check
+from grabberd.storage.export.mat_file import table_struct, write_mat
 from grabberd.storage.export.parquet_file import write_parquet
 from grabberd.storage.export.ply_file import ply_head, ply_triangles, ply_vertices
 from grabberd.storage.export.read_back import (
+    c3d_check,
     csv_check,
     hdf5_check,
     parquet_check,
@@ -54,6 +58,24 @@ def ply():
     return ply_head(COLUMNS, 5, ["σ"], 1) + ply_vertices(COLUMNS, TABLE.rows) + ply_triangles(triangles)
 
 
+STRUCTS = {"points": table_struct(TABLE), "about": {"note": "σ", "units": {"x_mm": "mm"}}}
+
+
+def mat(path, structs=STRUCTS):
+    with path.open("wb") as file:
+        write_mat(file, structs)
+    return path.read_bytes()
+
+
+def c3d():
+    """Two markers in five frames, one of which lacks one."""
+    markers = Markers(["T001", "T002"], ["", ""], 5, 50.0, 0.01, {})
+    xyz_mm = np.ones((5, 2, 3))
+    xyz_mm[3, 1] = np.nan
+    frames = c3d_frames(xyz_mm, np.full((5, 2), 0.1), 0.01)
+    return c3d_head(markers) + frames.tobytes() + c3d_padding(markers)
+
+
 def png():
     return bytes(cv2.imencode(".png", PICTURE)[1])
 
@@ -63,6 +85,8 @@ KINDS = {
     "parquet": (parquet, parquet_check(NAMES, five)),
     "hdf5": (hdf5, hdf5_check([TABLE], ["grid"])),
     "ply": (lambda _: ply(), ply_check(five, 1)),
+    "mat": (mat, mat_check(STRUCTS)),
+    "c3d": (lambda _: c3d(), c3d_check(2, 5, 9)),
     "vtu": (lambda _: XML, xml_check({"Piece": 1, "DataArray": 2})),
     "png": (lambda _: png(), png_check(PICTURE)),
     "html": (lambda _: PAGE.encode(), text_check(PAGE)),
@@ -101,6 +125,9 @@ def test_a_file_that_reads_back_otherwise_is_named_and_leaves_nothing(kind, spoi
         (b"n,x_mm\r\n1\r\n", csv_check(NAMES, lambda: 1), "line 2 has 1 values of 2"),
         (ply(), ply_check(lambda: 4, 1), "5 rows, expected 4"),
         (ply(), ply_check(five, 2), "1 rows, expected 2"),
+        (c3d(), c3d_check(3, 5, 9), "2 markers, expected 3"),
+        (c3d(), c3d_check(2, 99, 9), "bytes, expected"),
+        (c3d(), c3d_check(2, 5, 10), "9 rows, expected 10"),
         (XML, xml_check({"DataArray": 3}), "expected {'DataArray': 3}"),
         (png(), png_check(PICTURE + 1), "another one"),
         (b"<!doctype html><p><b></p>", text_check("<!doctype html><p><b></p>"), "</p> closes nothing"),
@@ -113,6 +140,23 @@ def test_what_differs_is_said(content, check, said, tmp_path):
         write_checked(tmp_path / "out", [content], check)
     assert said in error.value.message
     assert error.value.hint
+
+
+@pytest.mark.parametrize(
+    ("expected", "said"),
+    [
+        ({"points": STRUCTS["points"]}, "its variables are points, about"),
+        (STRUCTS | {"about": {"note": "σ"}}, "the fields of about are note, units"),
+        (
+            STRUCTS | {"about": STRUCTS["about"] | {"note": "Å."}},
+            "about.note has the size (1, 1), expected (1, 2)",
+        ),
+    ],
+)
+def test_what_differs_in_a_mat_file_is_said(expected, said, tmp_path):
+    with pytest.raises(StorageError) as error:
+        write_checked(tmp_path / "out", [mat(tmp_path / "source")], mat_check(expected))
+    assert said in error.value.message
 
 
 def test_a_file_that_exists_stays_as_it_is(tmp_path):

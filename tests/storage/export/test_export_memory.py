@@ -7,7 +7,7 @@ from contextlib import closing
 
 import pytest
 
-from grabberd.storage import points_csv, points_ply
+from grabberd.storage import points_c3d, points_csv, points_ply
 from grabberd.storage.export.points_document import PointsQuery, points_json
 from storage.captures import slots
 from storage.first_format import write_first_format
@@ -56,6 +56,12 @@ def test_a_table_of_many_fields_is_written_field_by_field(long):
 def test_a_cloud_of_many_fields_is_written_field_by_field(long):
     size, peak = _peak(lambda: sum(len(part) for part in points_ply(long, None, None)))
     assert size > FIELDS * 5 * 20
+    assert peak < MOST
+
+
+def test_markers_of_many_fields_are_written_frame_by_frame(long):
+    size, peak = _peak(lambda: sum(len(part) for part in points_c3d(long, None)))
+    assert size > FIELDS * 5 * 16
     assert peak < MOST
 
 

@@ -5,14 +5,16 @@ import io
 import json
 import math
 import re
+import sqlite3
 import sys
+from contextlib import closing
 
 import numpy as np
 import pytest
 
 from grabberd.errors import CaptureFileError, ExtraMissing, NotFound, StorageError
 from grabberd.storage import export_csv, export_parquet, export_ply, points_csv, points_ply
-from grabberd.storage.export.parquet_stream import parquet_stream
+from grabberd.storage.export.child_stream import parquet_stream
 from grabberd.storage.export.points_columns import POINT_COLUMNS
 from storage.captures import META, meta, points, slots, write
 
@@ -102,6 +104,16 @@ def test_a_run_can_be_chosen_and_must_exist(tmp_path):
         points_csv(path, 2)
     with pytest.raises(CaptureFileError):
         points_csv(tmp_path / "gone.grab")
+
+
+@pytest.mark.parametrize("value", ["'received'", "1e300"])
+def test_times_cannot_be_counted_from_a_first_field_without_one(tmp_path, value):
+    path = write(tmp_path, slots(3), measured=[1])
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute("PRAGMA ignore_check_constraints = ON")
+        connection.execute(f"UPDATE fields SET time_ns = {value} WHERE n = 0")
+    with pytest.raises(CaptureFileError, match="no whole number"):
+        csv_rows(path)
 
 
 def test_the_table_is_given_in_pieces(tmp_path):

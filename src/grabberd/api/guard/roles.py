@@ -55,6 +55,8 @@ LEAST_ROLE: Mapping[str, Role | None] = {
     "GET /api/v1/captures/{capture_id}/points.csv": Role.VIEWER,
     "GET /api/v1/captures/{capture_id}/points.ply": Role.VIEWER,
     "GET /api/v1/captures/{capture_id}/points.parquet": Role.VIEWER,
+    "GET /api/v1/captures/{capture_id}/points.mat": Role.VIEWER,
+    "GET /api/v1/captures/{capture_id}/points.c3d": Role.VIEWER,
     "GET /api/v1/captures/{capture_id}/channels": Role.VIEWER,
     "GET /api/v1/captures/{capture_id}/channels.csv": Role.VIEWER,
     "GET /api/v1/captures/{capture_id}/fields/{n}.png": Role.VIEWER,

@@ -21,7 +21,8 @@ from grabberd.storage import field_png, points_csv, points_ply
 from grabberd.storage.capture.reader import stat_at_rest
 from grabberd.storage.export.channels_document import channels_json
 from grabberd.storage.export.channels_export import channels_csv
-from grabberd.storage.export.parquet_stream import parquet_stream
+from grabberd.storage.export.child_stream import mat_stream, parquet_stream
+from grabberd.storage.export.points_c3d import points_c3d
 from grabberd.storage.export.points_document import PointsQuery, points_json
 
 router = APIRouter(prefix="/captures", tags=["captures"], responses=OF_A_FILE, route_class=RenderedRoute)
@@ -31,6 +32,9 @@ FIELD_END = 2**53
 SQLITE = "application/vnd.sqlite3"
 PLY = "application/ply"
 PARQUET = "application/vnd.apache.parquet"
+MAT = "application/x-matlab-data"
+C3D = "application/octet-stream"
+"""Nobody has registered a type for it."""
 
 RunNumber = Annotated[
     int | None, Query(ge=1, le=2**53, description="Number of the run; default: the latest completed one.")
@@ -160,6 +164,36 @@ def get_points_parquet(capture_id: CaptureId, service: ServiceOf, run: RunNumber
     """
     parts = parquet_stream(service.archive.path(capture_id), run)
     return download(parts, PARQUET, f"{capture_id}-points.parquet")
+
+
+@router.get(
+    "/{capture_id}/points.mat",
+    response_class=StreamingResponse,
+    summary="Get points as a MAT-file",
+    responses={200: {"content": {MAT: {}}}},
+)
+@reads
+def get_points_mat(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> Download:
+    """The points as a MAT-file of version 5 for MATLAB and Octave: dense arrays over fields and targets, NaN
+    where there is no point, with units, meanings, ledger and origin. 422 if it would take more than 600 MB.
+    """
+    parts = mat_stream(service.archive.path(capture_id), run)
+    return download(parts, MAT, f"{capture_id}-points.mat")
+
+
+@router.get(
+    "/{capture_id}/points.c3d",
+    response_class=StreamingResponse,
+    summary="Get points as C3D",
+    responses={200: {"content": {C3D: {}}}},
+)
+@reads
+def get_points_c3d(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> Content:
+    """The points as C3D for programs of motion analysis: a marker for each target, and a frame for each
+    field, lost ones included.
+    """
+    arguments = service.archive.path(capture_id), run
+    return Content(points_c3d, arguments, media_type=C3D, name=f"{capture_id}-points.c3d")
 
 
 @router.get(

@@ -7,6 +7,9 @@ from contextlib import AbstractContextManager, closing, suppress
 from pathlib import Path
 from typing import Self
 
+import numpy as np
+from numpy.typing import NDArray
+
 from grabberd.acquisition import Ledger, Outcome
 from grabberd.errors import CaptureFileError, NotFound
 from grabberd.field import NumberedField
@@ -16,7 +19,14 @@ from grabberd.storage.capture.checked_rows import END
 from grabberd.storage.capture.content import Content, PointArrays
 from grabberd.storage.capture.digests import CHANGED, Damage, changed_parts
 from grabberd.storage.capture.groups.group_content import GroupContent
-from grabberd.storage.capture.meta import SEALED, CaptureMeta, coverage_key, read_coverage, read_meta
+from grabberd.storage.capture.meta import (
+    LARGEST_TIME_NS,
+    SEALED,
+    CaptureMeta,
+    coverage_key,
+    read_coverage,
+    read_meta,
+)
 from grabberd.storage.capture.rebases import rebases_in
 from grabberd.storage.capture.row_content import RowContent
 from grabberd.storage.capture.rows import RecordedField, RunInfo, ledger, run_info
@@ -224,6 +234,23 @@ class CaptureReader:
         """
         return self.content.point_span(run, first_n, end_n)
 
+    def field_times(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Numbers and times of the fields in the file, in order, but for those that have no valid time."""
+        query = (
+            "SELECT n, time_ns FROM fields"
+            " WHERE typeof(time_ns) = 'integer' AND time_ns BETWEEN 0 AND ? ORDER BY n"
+        )
+        with reading_errors(self.path):
+            rows = self._connection.execute(query, (LARGEST_TIME_NS,)).fetchall()
+            check_patience(self.path.name)
+            n, time_ns = np.array(rows, np.int64).reshape(-1, 2).T
+        return n, time_ns
+
+    @property
+    def first_n(self) -> int | None:
+        """Number of the first field; None if there is none."""
+        return self._number("SELECT n FROM fields ORDER BY n LIMIT 1")
+
     @property
     def first_time_ns(self) -> int | None:
         """Time of the first field; None if there is none."""
@@ -248,7 +275,11 @@ class CaptureReader:
         """The first cell of a query's first row; None if there is none."""
         with reading_errors(self.path):
             row = self._connection.execute(query, values).fetchone()
-            return None if row is None or row[0] is None else int(row[0])
+            if row is None or row[0] is None:
+                return None
+            if not isinstance(row[0], int):
+                raise ValueError(f"{row[0]!r} is no whole number")
+            return row[0]
 
 
 Opened = Callable[[Path], AbstractContextManager[CaptureReader]]

@@ -5,6 +5,8 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from grabberd import __version__
 from grabberd.analysis import Grid
 from grabberd.errors import InputError
@@ -14,15 +16,17 @@ from grabberd.storage.checked_file import checked_file, checked_path, write_chec
 from grabberd.storage.disk import storage_errors
 from grabberd.storage.export.csv_file import csv_text
 from grabberd.storage.export.hdf5_file import ArrayGroup, check_hdf5, write_hdf5
+from grabberd.storage.export.mat_check import mat_check
+from grabberd.storage.export.mat_file import Struct, described, mat_column, mat_value, table_struct, write_mat
 from grabberd.storage.export.meshes import Mesh, meshes
 from grabberd.storage.export.parquet_file import check_parquet, write_parquet
 from grabberd.storage.export.ply_file import ply_head, ply_triangles, ply_vertices
 from grabberd.storage.export.read_back import csv_check, hdf5_check, parquet_check, ply_check, xml_check
 from grabberd.storage.export.vtu_file import pvd, vtu
 
-HDF5_NAME = "analysis.h5"
+HDF5_NAME, MAT_NAME = "analysis.h5", "analysis.mat"
 _GRID = ("target", "row", "column", "nominal_mm", "u_mm", "v_mm", "triangles")
-_GRID_MEANING = "the targets; a triangle's corners are places in `target`, counted from 0"
+_GRID_MEANING = "the targets; a triangle's corners are places in `target`, counted from {}"
 
 
 class _Analysis(NamedTuple):
@@ -54,14 +58,14 @@ def write_analysis(
     """Writes an analysis into an existing folder; returns the files, and of meshes their folders.
 
     Args:
-        folder: Gets CSV, Parquet and HDF5 files, and meshes in the folders `vtu` and `ply`.
+        folder: Gets CSV, Parquet, HDF5 and MAT files, and meshes in the folders `vtu` and `ply`.
         tables: Tables of the analysis.
         grid: Its target grid.
         about: What it was made from, for the formats that have room for it.
         formats: Any of `ANALYSIS_FORMATS`.
 
     Raises:
-        InputError, ExtraMissing: See `check_formats`.
+        InputError, ExtraMissing: See `check_formats`; or a MAT-file has no room for a table.
         StorageError: A file cannot be written, or exists already.
     """
     check_formats(formats)
@@ -101,11 +105,41 @@ def _parquet(folder: Path, analysis: _Analysis) -> list[Path]:
 
 
 def _hdf5(folder: Path, analysis: _Analysis) -> list[Path]:
-    grid: ArrayGroup = (_GRID_MEANING, {name: getattr(analysis.grid, name) for name in _GRID})
+    grid: ArrayGroup = (_GRID_MEANING.format(0), {name: getattr(analysis.grid, name) for name in _GRID})
     tables, path = analysis.tables.values(), folder / HDF5_NAME
     with checked_path(path, hdf5_check(tables, ["grid"])) as part:
         write_hdf5(part, tables, analysis.about, {"grid": grid})
     return [path]
+
+
+def _mat(folder: Path, analysis: _Analysis) -> list[Path]:
+    """`analysis.mat` with a struct for each table, and those that say what they mean."""
+    variables, path = _mat_variables(analysis), folder / MAT_NAME
+    with checked_path(path, mat_check(variables)) as part, part.open("xb") as file:
+        write_mat(file, variables)
+    return [path]
+
+
+def _mat_variables(analysis: _Analysis) -> Mapping[str, Struct]:
+    tables = analysis.tables.values()
+    words = {table.name: described(table.columns) for table in tables}
+    return {
+        **{table.name: table_struct(table) for table in tables},
+        "grid": _mat_grid(analysis.grid),
+        "units": {name: units for name, (units, _) in words.items()},
+        "meanings": {
+            "tables": {table.name: table.meaning for table in tables} | {"grid": _GRID_MEANING.format(1)},
+            **{name: meanings for name, (_, meanings) in words.items()},
+        },
+        "about": {name: mat_value(value) for name, value in analysis.about.items()},
+    }
+
+
+def _mat_grid(grid: Grid) -> Struct:
+    arrays = {name: np.asarray(getattr(grid, name), np.float64) for name in _GRID}
+    # MATLAB counts from 1, so that trisurf takes them as they are.
+    arrays["triangles"] = arrays["triangles"] + 1
+    return {name: values if values.ndim > 1 else mat_column(values) for name, values in arrays.items()}
 
 
 def _vtu(folder: Path, analysis: _Analysis) -> list[Path]:
@@ -151,6 +185,7 @@ _WRITERS: Mapping[str, Callable[[Path, _Analysis], list[Path]]] = {
     "hdf5": _hdf5,
     "vtu": _vtu,
     "ply": _ply,
+    "mat": _mat,
 }
 ANALYSIS_FORMATS = tuple(_WRITERS)
 _CHECKS: Mapping[str, Callable[[], None]] = {"parquet": check_parquet, "hdf5": check_hdf5}

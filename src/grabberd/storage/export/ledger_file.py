@@ -26,7 +26,7 @@ def write_ledger_file(reader: CaptureReader, directory: Path) -> None:
         CaptureFileError: The capture is damaged.
         StorageError: The file cannot be written, or is there already.
     """
-    _write(directory / LEDGER, LEDGER_COLUMNS, sorted(_rows(reader.ledger)))
+    _write(directory / LEDGER, LEDGER_COLUMNS, ledger_rows(reader.ledger))
 
 
 def write_left_out_file(left_out: Sequence[Damage] | None, directory: Path) -> None:
@@ -47,6 +47,11 @@ def _write(path: Path, columns: Sequence[str], rows: Sequence[tuple[object, ...]
         table = csv.writer(file)
         table.writerow(columns)
         table.writerows(map(cells, rows))
+
+
+def ledger_rows(ledger: Ledger) -> list[tuple[int, int, str, str, str]]:
+    """Rows of `LEDGER_COLUMNS`: one for each entry and each rebase, in order."""
+    return sorted(_rows(ledger))
 
 
 def _rows(ledger: Ledger) -> Iterator[tuple[int, int, str, str, str]]:

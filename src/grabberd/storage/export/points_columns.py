@@ -1,6 +1,6 @@
 """The columns of exported points and of data sets, and how a field's points fill them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
@@ -46,6 +46,37 @@ _IMAGES = tuple(
 )
 
 POINT_COLUMNS = (_NUMBER, _UTC, *_POSITION, *_QUALITY, *_IMAGES)
+GRID_ARRAYS: Mapping[str, tuple[str, ...]] = {
+    "xyz_mm": ("x_mm", "y_mm", "z_mm"),
+    "sigma_mm": ("sigma_x_mm", "sigma_y_mm", "sigma_z_mm"),
+    "calibration_sigma_mm": ("calibration_sigma_x_mm", "calibration_sigma_y_mm", "calibration_sigma_z_mm"),
+    "residual_px": ("residual_px",),
+    "left_px": ("left_x_px", "left_y_px"),
+    "right_px": ("right_x_px", "right_y_px"),
+}
+"""Arrays over fields and targets, for formats that have such, and the columns side by side in each."""
+
+
+def _array(name: str, meaning: str) -> Column:
+    """An array with the unit and type of its columns."""
+    first = next(one for one in POINT_COLUMNS if one.name == GRID_ARRAYS[name][0])
+    return first._replace(name=name, meaning=meaning)
+
+
+GRID_COLUMNS = (
+    _NUMBER,
+    Column("time_s", "s", "f8", "middle of its exposure, from the first field on; unknown for lost fields"),
+    Column("target", "", "i4", "id of the target: all of the object model, found or not"),
+    Column("row", "", "i4", "its row on the target grid"),
+    Column("column", "", "i4", "its column on the target grid"),
+    Column("nominal_mm", "mm", "f8", "its nominal X, Y and Z in the object model"),
+    _array("xyz_mm", "X, Y and Z in the object's frame"),
+    _array("sigma_mm", "σ of X, Y and Z from pointing and line jitter"),
+    _array("calibration_sigma_mm", f"σ of X, Y and Z {_FROM_CALIBRATION}"),
+    _array("residual_px", "root mean square of what the intersection leaves in the images"),
+    _array("left_px", "x and y of its image in the left view, in frame pixels"),
+    _array("right_px", "x and y of its image in the right view, in frame pixels"),
+)
 CLOUD_COLUMNS = (_NUMBER, *_POSITION, *_QUALITY)
 """Columns of a point cloud, for programs that know neither the time of day nor pictures."""
 DATASET_COLUMNS = (

@@ -73,7 +73,7 @@ def points_parquet(path: Path, run: int | None, file: IO[bytes], left_out: list[
     reader, number = open_run(path, run, left_out)
     with reader:
         parts = (joined(POINT_COLUMNS, some) for some in _row_groups(rows_by_group(reader, number)))
-        metadata = {"grabberd": json.dumps(_about(reader, number), ensure_ascii=False)}
+        metadata = {"grabberd": json.dumps(points_about(reader, number), ensure_ascii=False)}
         return write_parquet(file, POINT_COLUMNS, parts, metadata)
 
 
@@ -150,7 +150,7 @@ def export_csv(
     text = points_csv(path, run, left_out)
     rows = -1
     check = csv_check([column.name for column in POINT_COLUMNS], lambda: rows)
-    with _new_file(path, directory, "points.csv", check, left_out) as file:
+    with points_file(path, directory, "points.csv", check, left_out) as file:
         for part in text:
             file.write(part.encode())
             rows += part.count("\n")
@@ -171,7 +171,7 @@ def export_ply(
         CaptureFileError, NotFound, StorageError: See `points_ply` and `export_csv`.
     """
     parts, points = points_ply(path, run, field, left_out), 0
-    with _new_file(path, directory, "points.ply", ply_check(lambda: points), left_out) as file:
+    with points_file(path, directory, "points.ply", ply_check(lambda: points), left_out) as file:
         file.write(next(parts))
         points = sum(file.write(part) for part in parts) // ply_vertex(CLOUD_COLUMNS).itemsize
     return points
@@ -191,7 +191,7 @@ def export_parquet(
     reader.close()
     points = 0
     check = parquet_check([column.name for column in POINT_COLUMNS], lambda: points)
-    with _new_file(path, directory, "points.parquet", check, left_out) as file:
+    with points_file(path, directory, "points.parquet", check, left_out) as file:
         points = points_parquet(path, number, file, left_out)
         export_channels(path, directory, "parquet", left_out)
     return points
@@ -215,7 +215,8 @@ def _ply(
             yield ply_vertices(CLOUD_COLUMNS, rows)
 
 
-def _about(reader: CaptureReader, run: int) -> dict[str, Any]:
+def points_about(reader: CaptureReader, run: int) -> dict[str, Any]:
+    """Origin of the points of a run, for the formats that have room for it."""
     meta, info = reader.meta, reader.run(run)
     return {
         "capture": meta.id,
@@ -227,11 +228,12 @@ def _about(reader: CaptureReader, run: int) -> dict[str, Any]:
         "site": meta.site,
         "labels": meta.labels,
         "note": meta.note,
+        "verdict": (info.coverage or {}).get("verdict"),
     }
 
 
 @contextmanager
-def _new_file(
+def points_file(
     capture: Path, directory: Path, name: str, check: Check, left_out: list[Damage] | None
 ) -> Iterator[IO[bytes]]:
     """A file in a new folder, beside the capture's ledger; it is read back by `check`."""

@@ -13,6 +13,9 @@ from grabberd.processes.columns import Table
 from grabberd.storage.checked_file import Check
 
 _PLY_BYTES = {"int": 4, "float": 4, "double": 8}
+_C3D_BLOCK = 512
+_C3D_WORDS = 1 << 20
+"""Markers that are read at a time."""
 _FACE_BYTES = 13
 """A triangle in PLY: the number of its corners in a byte, and three of four bytes."""
 
@@ -83,6 +86,31 @@ def ply_check(vertices: Callable[[], int], triangles: int = 0) -> Check:
             return wrong
         expected = vertices() * each + triangles * _FACE_BYTES
         return None if size == expected else f"it has {size} bytes of data, expected {expected}"
+
+    return check
+
+
+def c3d_check(markers: int, frames: int, points: int) -> Check:
+    """C3D with so many markers and frames, and as many valid markers in all frames together as points."""
+
+    def check(path: Path) -> str | None:
+        with path.open("rb") as file:
+            head = file.read(_C3D_BLOCK)
+            if head[:2] != b"\x02\x50":
+                return "it does not begin as C3D"
+            found, first_block = (int.from_bytes(head[at : at + 2], "little") for at in (2, 16))
+            if found != markers:
+                return f"it has {found} markers, expected {markers}"
+            data = (first_block - 1) * _C3D_BLOCK
+            size = data + -(-frames * markers * 16 // _C3D_BLOCK) * _C3D_BLOCK
+            if path.stat().st_size != size:
+                return f"it has {path.stat().st_size} bytes, expected {size}"
+            file.seek(data)
+            valid = 0
+            for first in range(0, frames * markers, _C3D_WORDS):
+                words = np.fromfile(file, "<f4", 4 * min(_C3D_WORDS, frames * markers - first))
+                valid += int((words[3::4] >= 0).sum())
+        return _counted(valid, points)
 
     return check
 

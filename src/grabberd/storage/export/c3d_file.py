@@ -1,0 +1,192 @@
+"""Points as C3D, the format of motion analysis: markers, frame by frame, in single precision.
+
+The format: https://www.c3d.org/HTML/default.htm
+"""
+
+import struct
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import InputError
+
+BLOCK = 512
+MOST_FRAMES = 1 << 24
+"""A longer file has a number of frames that LONG_FRAMES, in single precision, does not hold exactly."""
+LONGEST_COUNT = 0xFFFF
+"""Of frames in the head, and of markers."""
+BOTH_VIEWS = 0b11
+"""The mask of the cameras that see a marker."""
+
+_MOST_BLOCKS = 255
+_LABELS = 255
+"""Entries of an array of labels; those beyond go into LABELS2, LABELS3 and so on."""
+_LONGEST_TEXT = 255
+_GREATEST_RESIDUAL = 255
+_GREATEST_COORDINATE = 32_000
+"""Of points as integers, which a program may convert a file to."""
+_INTEL = 84
+_TEXT, _WORD, _REAL = -1, 2, 4
+_HINT = "csv, parquet and mat have room for it"
+
+
+class Markers(NamedTuple):
+    """Description of the markers, before the first frame.
+
+    Attributes:
+        labels: A label for each.
+        descriptions: A few words on each.
+        frames: Number of frames.
+        rate_hz: Frames a second.
+        scale_mm: Unit of residuals, and of coordinates if a program converts them to integers.
+        about: Texts of the file's own group of parameters, by name.
+    """
+
+    labels: Sequence[str]
+    descriptions: Sequence[str]
+    frames: int
+    rate_hz: float
+    scale_mm: float
+    about: Mapping[str, str]
+
+
+def c3d_scale_mm(reach_mm: float, sigma_mm: float) -> float:
+    """The unit in which the greatest coordinate fits into an integer, and the greatest σ into a residual."""
+    return max(reach_mm / _GREATEST_COORDINATE, sigma_mm / _GREATEST_RESIDUAL) or 1e-3
+
+
+def c3d_head(markers: Markers) -> bytes:
+    """The head of a file and its parameters.
+
+    Raises:
+        InputError: There are more frames or markers than the format has room for.
+    """
+    _check_room("frames", markers.frames, MOST_FRAMES)
+    _check_room("targets", len(markers.labels), LONGEST_COUNT)
+    size = len(_parameters(markers, 0)) + 6
+    blocks = -(-size // BLOCK)
+    if blocks > _MOST_BLOCKS:
+        raise InputError(f"C3D has no room for the labels of {len(markers.labels)} targets", _HINT)
+    first = 2 + blocks
+    head = struct.pack(
+        "<BBHHHHHfHHf",
+        *(2, 0x50, len(markers.labels), 0, 1, min(markers.frames, LONGEST_COUNT), 0),
+        *(-markers.scale_mm, first, 0, markers.rate_hz),
+    )
+    section = bytes((1, 0x50, blocks, _INTEL)) + _parameters(markers, first)
+    return head.ljust(BLOCK, b"\0") + section.ljust(blocks * BLOCK, b"\0")
+
+
+def c3d_frames(
+    xyz_mm: NDArray[np.float64], sigma_mm: NDArray[np.float64], scale_mm: float
+) -> NDArray[np.float32]:
+    """(K, T, 4) words of K frames from (K, T, 3) positions, NaN where there is none, and their (K, T) σ."""
+    found = np.isfinite(xyz_mm).all(axis=2)
+    words = np.zeros((*found.shape, 4), "<f4")
+    words[found, :3] = xyz_mm[found]
+    # A residual of 0 would say that the point was interpolated.
+    residual = np.clip(np.rint(sigma_mm[found] / scale_mm), 1, _GREATEST_RESIDUAL)
+    words[found, 3] = (BOTH_VIEWS << 8) + residual
+    words[~found, 3] = -1.0
+    return words
+
+
+def c3d_padding(markers: Markers) -> bytes:
+    """Zeros after the last frame, up to the end of its block."""
+    return bytes(-markers.frames * len(markers.labels) * 16 % BLOCK)
+
+
+def _check_room(what: str, count: int, most: int) -> None:
+    if count > most:
+        raise InputError(f"the points have {count} {what}, and C3D has room for {most}", _HINT)
+
+
+def _parameters(markers: Markers, first_block: int) -> bytes:
+    groups = {
+        "POINT": _point(markers, first_block),
+        "ANALOG": _analog(),
+        "TRIAL": _trial(markers),
+        "GRABBERD": [_text(name, [text]) for name, text in markers.about.items()],
+    }
+    return b"".join(
+        _entry(name, -number, bytes(1))
+        + b"".join(_entry(one, number, content) for one, content in parameters)
+        for number, (name, parameters) in enumerate(groups.items(), 1)
+    )
+
+
+_Parameter = tuple[str, bytes]
+"""Name of a parameter and its type, dimensions, values and description."""
+
+
+def _point(markers: Markers, first_block: int) -> list[_Parameter]:
+    count = markers.frames
+    parameters = [
+        _words("USED", len(markers.labels)),
+        _real("SCALE", -markers.scale_mm),
+        _real("RATE", markers.rate_hz),
+        _words("DATA_START", first_block),
+        _words("FRAMES", min(count, LONGEST_COUNT)),
+        _text("UNITS", ["mm"]),
+        # As the left view shows the object: +X runs down the picture, +Y to the right.
+        _text("X_SCREEN", ["+Y"]),
+        _text("Y_SCREEN", ["-X"]),
+    ]
+    if count > LONGEST_COUNT:
+        parameters.append(_real("LONG_FRAMES", count))
+    for name, texts in (("LABELS", markers.labels), ("DESCRIPTIONS", markers.descriptions)):
+        for number, first in enumerate(range(0, len(texts), _LABELS), 1):
+            some = texts[first : first + _LABELS]
+            parameters.append(_text(name if number == 1 else f"{name}{number}", some, is_array=True))
+    return parameters
+
+
+def _analog() -> list[_Parameter]:
+    """Programs look for the group even where there is no channel."""
+    empty = [_text(name, [], is_array=True) for name in ("LABELS", "DESCRIPTIONS", "UNITS")]
+    none = [("SCALE", _content(_REAL, [0], b"")), ("OFFSET", _content(_WORD, [0], b""))]
+    return [_words("USED", 0), *empty, _real("GEN_SCALE", 1.0), *none, _real("RATE", 0.0)]
+
+
+def _trial(markers: Markers) -> list[_Parameter]:
+    """First and last frame in two words each, the lower one first: the way of long files."""
+    return [
+        _words("ACTUAL_START_FIELD", 1, 0),
+        _words("ACTUAL_END_FIELD", markers.frames & 0xFFFF, markers.frames >> 16),
+        _real("CAMERA_RATE", markers.rate_hz),
+    ]
+
+
+def _entry(name: str, group: int, content: bytes) -> bytes:
+    """A group or parameter; the distance to the next one counts from its own place."""
+    return (
+        struct.pack("<bb", len(name), group) + name.encode() + struct.pack("<h", len(content) + 2) + content
+    )
+
+
+def _content(kind: int, dimensions: Sequence[int], values: bytes) -> bytes:
+    return struct.pack("<bB", kind, len(dimensions)) + bytes(dimensions) + values + bytes(1)
+
+
+def _words(name: str, *values: int) -> _Parameter:
+    dimensions = [len(values)] if len(values) > 1 else []
+    return name, _content(_WORD, dimensions, struct.pack(f"<{len(values)}H", *values))
+
+
+def _real(name: str, value: float) -> _Parameter:
+    return name, _content(_REAL, [], struct.pack("<f", value))
+
+
+def _text(name: str, texts: Iterable[str], is_array: bool = False) -> _Parameter:
+    """A text, or an array of texts filled up to the same length with spaces."""
+    encoded = [_encoded(text) for text in texts]
+    longest = max(map(len, encoded), default=0)
+    dimensions = [longest, len(encoded)] if is_array else [longest]
+    return name, _content(_TEXT, dimensions, b"".join(one.ljust(longest) for one in encoded))
+
+
+def _encoded(text: str) -> bytes:
+    """UTF-8, at most as long as a text can be, and without half a character at its end."""
+    return text.encode()[:_LONGEST_TEXT].decode(errors="ignore").encode()
