@@ -81,7 +81,7 @@ def analyse(  # noqa: PLR0913, PLR0917 - options of a command
 
     Example: grabberd analyse b1.grab --bursts b2.grab --bursts b3.grab --inputs liner.yaml --out out
     """
-    from grabberd.service.jobs.analysis import analyse_file  # noqa: PLC0415
+    from grabberd.service.jobs.analysis import analyse_file, with_log  # noqa: PLC0415
     from grabberd.service.setup import read_yaml  # noqa: PLC0415
     from grabberd.storage.disk import results_folder  # noqa: PLC0415
     from grabberd.storage.export.analysis_export import check_formats, write_analysis  # noqa: PLC0415
@@ -97,10 +97,9 @@ def analyse(  # noqa: PLR0913, PLR0917 - options of a command
             made = analyse_file(
                 progress,
                 path=capture,
-                inputs=given,
+                inputs=with_log(given, log),
                 bursts=bursts or [],
                 run=run,
-                vacuum_log=log,
                 profiles=found,
                 sources=sources,
             )

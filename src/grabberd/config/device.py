@@ -140,14 +140,10 @@ class AnalysisConfig(Section):
         "started with this",
     )
     inputs: ExistingFile | None = Field(
-        None, description="what is known besides the points, as for `grabberd analyse --inputs`"
+        None,
+        description="what is known besides the points, as for `grabberd analyse --inputs`; profiles that a "
+        "capture's labels name complete it",
     )
-
-    @model_validator(mode="after")
-    def _inputs_are_known(self) -> Self:
-        if self.when_sealed and self.inputs is None:
-            raise ValueError("when_sealed needs 'inputs', such as configs/analysis/liner.yaml")
-        return self
 
 
 class DeviceConfig(Section):

@@ -34,7 +34,6 @@ from grabberd.service.device.worker import FairLock
 from grabberd.service.faults.fault_board import FaultBoard
 from grabberd.service.faults.state_keeper import StateKeeper
 from grabberd.service.instrument import Instrument
-from grabberd.service.jobs.calibrator import Calibrator, calibrate_capture
 from grabberd.service.jobs.job_contexts import JobContexts
 from grabberd.service.jobs.job_queue import JobQueue
 from grabberd.service.jobs.kinds import KINDS
@@ -78,6 +77,7 @@ class Service:
         retention: Deletion of old captures, where it is configured.
         analyses: Analyses of the captures' points.
         profiles: Profiles of liners, pulsators, cups and cows.
+        job_contexts: Where a job finds its captures and leaves its results.
         capture_analyses: The latest of each capture, and of each device.
         sealed_analyses: Queues analyses of captures that are sealed.
         calibrations: The calibrations that there are.
@@ -153,13 +153,19 @@ class Service:
         self.analyses = AnalysisStore(directory / "analyses")
         job_store = JobStore(directory)
         self.jobs = JobQueue(self._clock, job_store, KINDS, self.faults)
-        contexts = JobContexts(self.archive, self.analyses, self.calibrations.store, calibrator)
-        self.job_runner = JobRunner(self.jobs, job_store, contexts.of, self.faults)
+        self.job_contexts = JobContexts(self.archive, self.analyses, self.calibrations.store)
+        self.job_runner = JobRunner(self.jobs, job_store, self.job_contexts.of, self.faults)
         self.capture_analyses = CaptureAnalyses(self.analyses, self.jobs, self.archive.index)
         self.archive.analysis = self.capture_analyses.of
         self.jobs.ended = self.capture_analyses.ended
         self.sealed_analyses = SealedAnalyses(
-            self.jobs, self.archive, self.capture_analyses, self._state_store, setups, self._clock
+            self.jobs,
+            self.archive,
+            self.capture_analyses,
+            self._state_store,
+            setups,
+            self.profiles,
+            self._clock,
         )
         self.annotations = CaptureAnnotations(self.archive, store, self.jobs, self.analyses)
         self.idempotency = IdempotencyStore(state, heal)

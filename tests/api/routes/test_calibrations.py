@@ -30,7 +30,7 @@ def client_of(folder: Path, pace: str, calibrator: Calibrator) -> Iterator[TestC
     """A client of a service that records and does not measure."""
     setups = set_up(configuration({"pace": pace}, object=None), default_config_file())
     service = Service(setups, folder)
-    service.calibrator = calibrator
+    service.job_contexts.calibrator = calibrator
     with TestClient(create_app(service), "http://localhost", raise_server_exceptions=False) as client:
         wait_until_it_accepts(service)
         yield client
@@ -348,7 +348,7 @@ def test_a_failed_one_is_refused_and_an_operator_cannot_overrule_that(calibratin
 def test_an_admin_can_use_a_failed_one(tmp_path: Path) -> None:
     setups = set_up(configuration({"pace": "free"}, object=None), default_config_file())
     service = Service(setups, tmp_path)
-    service.calibrator = exact
+    service.job_contexts.calibrator = exact
     service.access.open()
     secret = service.access.add("chief", Role.ADMIN)
     with TestClient(create_app(service), "http://localhost", raise_server_exceptions=False) as client:

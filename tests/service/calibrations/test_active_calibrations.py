@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from calibrators import SHIFT_MM, calibration, exact, failed
+from calibrators import SHIFT_MM, calibration, failed
 from running import PATIENCE_S, configuration, running, sealed, wait_until_it_accepts
 
 from grabberd.config import GlassConfig, default_config_file

@@ -10,7 +10,7 @@ from grabberd.acquisition import Outcome
 from grabberd.acquisition.ring import Slot
 from grabberd.documents.named_types import JsonObject
 from grabberd.errors import AnalysisError, InputError
-from grabberd.service.jobs.analysis import analyse_file
+from grabberd.service.jobs.analysis import analyse_file, with_log
 from grabberd.storage import CaptureWriter
 from processes.fake_scene import Scene, take_scene
 from storage.captures import ledger_of, meta
@@ -139,11 +139,11 @@ def test_a_light_is_sought_in_the_pictures_by_the_log(opened: Path) -> None:
     rows = [f"{k / 100 - 1:.2f},{42 * (k % 100 < 50)},42,{k // 9 % 3 % 2}" for k in range(1000)]
     text = "\n".join(["time_s,pulsation_vacuum_kpa,liner_vacuum_kpa,light", *rows])
     with pytest.raises(AnalysisError, match="no place in the picture goes on and off"):
-        analyse_file(lambda share: None, path=opened, inputs=BY_LIGHT, vacuum_log=text)
+        analyse_file(lambda share: None, path=opened, inputs=with_log(BY_LIGHT, text))
 
 
 def test_a_log_without_a_light_cannot_relate_the_clocks_by_one(opened: Path) -> None:
     rows = [f"{k / 100 - 1:.2f},{42 * (k % 100 < 50)},42" for k in range(1000)]
     text = "\n".join(["time_s,pulsation_vacuum_kpa,liner_vacuum_kpa", *rows])
     with pytest.raises(InputError, match="no column light"):
-        analyse_file(lambda share: None, path=opened, inputs=BY_LIGHT, vacuum_log=text)
+        analyse_file(lambda share: None, path=opened, inputs=with_log(BY_LIGHT, text))

@@ -23,6 +23,7 @@ from grabberd.service.jobs.analysis import AnalysisJob
 from grabberd.service.jobs.analysis_inputs import check_analysis_inputs, inputs_of
 from grabberd.service.jobs.check_job import NOTE as CHECK
 from grabberd.service.jobs.sealed_analyses import AGAIN_S, SealedAnalyses
+from grabberd.service.profiles.profiles import FoundProfiles, Profiles
 from grabberd.service.setup import DeviceSetup, set_up
 from grabberd.storage.state.analysis_store import AnalysisStore
 from grabberd.storage.state.state_store import StateStore
@@ -61,12 +62,15 @@ class Barn:
         self.archive.analysis = self.analyses.of
         settings = StateStore(folder / "state.sqlite")
         settings.open()
+        self.profiles = Profiles(folder / "state.sqlite", lambda document: [], clock)
+        self.profiles.open()
         self.sealing = SealedAnalyses(
             self.jobs.queue,
             self.archive,
             self.analyses,
             settings,
             setups_of(folder) if setups is None else setups,
+            self.profiles,
             clock,
             lambda: self.seconds,
         )
@@ -251,16 +255,37 @@ def test_a_full_queue_is_waited_for(barn: Barn, monkeypatch: pytest.MonkeyPatch)
 # --- inputs ---
 
 
-def test_a_device_without_inputs_says_which_key_is_missing() -> None:
+def test_a_device_without_inputs_and_a_label_without_a_profile_say_what_is_missing() -> None:
     setup = set_up(configuration({}), default_config_file())[DEVICE]
-    problem = inputs_of({"liner": "A"}, setup)
+    problem = inputs_of(FoundProfiles({"liner": "A"}, []), setup)
     assert isinstance(problem, JobProblem)
     assert "devices.simulated.analysis.inputs" in problem.hint
 
 
-def test_when_sealed_without_inputs_is_refused() -> None:
-    with pytest.raises(ValueError, match="when_sealed needs 'inputs'"):
-        AnalysisConfig(when_sealed=True)
+def test_the_profiles_that_a_captures_labels_name_complete_the_inputs(
+    tmp_path: Path, clock: ManualClock
+) -> None:
+    barn = Barn(tmp_path, clock, setups_of(tmp_path, inputs=None) | _without_inputs())
+    barn.sealing.look()
+    barn.profiles.put({"kind": "cow", "name": "112"})
+    barn.seal("c1", labels={"cow": "112"})
+    barn.seal("c2", labels={"cow": "113"})
+    barn.sealing.look()
+    entry = barn.jobs.queue.first(lambda: False)
+    assert entry is not None
+    assert isinstance(entry.spec, AnalysisJob)
+    assert entry.spec.profiles is not None
+    assert [one.name for one in entry.spec.profiles.profiles] == ["112"]
+    assert AnalysisJob.model_validate_json(entry.spec.model_dump_json()) == entry.spec
+    assert barn.queued == ["c1"]
+    refused = barn.archive.document("c2").analysis
+    assert refused is not None
+    assert refused.problem is not None
+    assert "name no profile" in refused.problem.message
+
+
+def _without_inputs() -> dict[str, DeviceSetup]:
+    return set_up(configuration({}, analysis=AnalysisConfig(when_sealed=True)), default_config_file())
 
 
 def test_inputs_that_are_no_document_are_a_problem_of_the_configuration(tmp_path: Path) -> None:

@@ -83,10 +83,9 @@ class AnalysisJob(JobSpec):
         made = analyse_file(
             portion(progress, 0.0, _ANALYSED),
             path=context.file(self.subject),
-            inputs=self.inputs,
+            inputs=with_log(self.inputs, self.vacuum_log),
             bursts=[context.file(burst) for burst in self.bursts],
             run=self.run_number,
-            vacuum_log=self.vacuum_log,
             profiles=self.profiles,
             sources=dict.fromkeys([*self.inputs, *(["vacuum.log"] if self.vacuum_log else [])], self.source),
             pulsating=self.pulsating,
@@ -103,7 +102,6 @@ def analyse_file(
     inputs: JsonObject,
     bursts: Sequence[Path] = (),
     run: int | None = None,
-    vacuum_log: str | None = None,
     profiles: FoundProfiles | None = None,
     sources: Mapping[str, str] | None = None,
     pulsating: bool = False,
@@ -116,7 +114,6 @@ def analyse_file(
         inputs: What is known besides the points; see `grabberd.processes.analysis.inputs`.
         bursts: Captures of the same liner that are combined with it by phase, each with its latest run.
         run: The run whose points are analysed; None for the latest.
-        vacuum_log: Text of a vacuum logger's file, in place of the one in the inputs.
         profiles: Profiles that complete the inputs, and the capture's labels, by which they were found; None:
             none are used, and its labels are those in its file.
         sources: Where each of the inputs comes from, by its name.
@@ -142,7 +139,7 @@ def analyse_file(
     check_same_model(captures)
     about = captures[0].about | ({} if profiles is None else {"labels": profiles.labels})
     grid = Grid.of(captures[0].model)
-    resolved = _resolved(_with_log(inputs, vacuum_log), profiles, about, grid)
+    resolved = _resolved(inputs, profiles, about, grid)
     channels = channel_curves(path, resolved.inputs)
     read = replace(read_inputs(resolved.inputs, grid, channels), unmet=tuple(resolved.lacks))
     progress(0.0)
@@ -232,7 +229,12 @@ def _write(path: Path, text: str) -> Path:
     return write_checked(path, [text.encode()], text_check(text))
 
 
-def _with_log(inputs: JsonObject, vacuum_log: str | None) -> JsonObject:
+def with_log(inputs: JsonObject, vacuum_log: str | None) -> JsonObject:
+    """Returns the inputs with the text of a vacuum logger's file, in place of the one that they may have.
+
+    Raises:
+        InputError: They have no vacuum that says what the log is for.
+    """
     if vacuum_log is None:
         return inputs
     vacuum = inputs.get("vacuum")

@@ -6,22 +6,25 @@ from pathlib import Path
 from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.named_types import JsonObject
 from grabberd.errors import ConfigError, GrabberdError, Problem
+from grabberd.service.profiles.profiles import FoundProfiles
 from grabberd.service.setup import DeviceSetup
 
 
-def inputs_of(labels: Mapping[str, str], device: DeviceSetup) -> JsonObject | JobProblem:
-    """The inputs of a capture's analysis, or why there are none.
+def inputs_of(found: FoundProfiles, device: DeviceSetup) -> JsonObject | JobProblem:
+    """The inputs of a capture's analysis, to be completed by its profiles, or why there are none.
 
     Args:
-        labels: Labels of the capture, such as that of its liner.
+        found: Profiles that the capture's labels name.
         device: The device that captured it.
     """
-    if device.analysis_inputs is None:
+    if device.analysis_inputs is None and not found.profiles:
         return JobProblem(
-            message=f"device {device.name} names no inputs for the analysis of its captures",
-            hint=f"name a file in the configuration: devices.{device.name}.analysis.inputs",
+            message=f"device {device.name} names no inputs for the analysis of its captures, and the labels"
+            " of this one name no profile",
+            hint=f"name a file in the configuration, devices.{device.name}.analysis.inputs, or label"
+            " captures with the name of a liner's profile",
         )
-    return device.analysis_inputs
+    return device.analysis_inputs or {}
 
 
 def check_analysis_inputs(setups: Mapping[str, DeviceSetup], file: Path) -> None:

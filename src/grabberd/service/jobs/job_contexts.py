@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 
 from grabberd.service.archive.archive import Archive
-from grabberd.service.jobs.calibrator import Calibrator
+from grabberd.service.jobs.calibrator import Calibrator, calibrate_capture
 from grabberd.service.jobs.job_spec import JobContext, JobSpec
 from grabberd.storage.state.analysis_store import AnalysisStore
 from grabberd.storage.state.calibration_store import CalibrationStore
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class JobContexts:
     """Tells a job that begins where its captures are now, and where its results belong.
 
@@ -23,7 +23,7 @@ class JobContexts:
     archive: Archive
     analyses: AnalysisStore
     calibrations: CalibrationStore
-    calibrator: Calibrator
+    calibrator: Calibrator = calibrate_capture
 
     def of(self, job_id: str, spec: JobSpec) -> JobContext:
         """The surroundings of a job.

@@ -17,6 +17,7 @@ from grabberd.service.jobs.analysis import AnalysisJob
 from grabberd.service.jobs.analysis_inputs import inputs_of
 from grabberd.service.jobs.check_job import NOTE as CHECK
 from grabberd.service.jobs.job_queue import JobQueue
+from grabberd.service.profiles.profiles import Profiles
 from grabberd.service.setup import DeviceSetup
 from grabberd.storage.state.index_entries import SEALED_ENTRY, IndexEntry
 from grabberd.storage.state.state_store import StateStore
@@ -44,6 +45,7 @@ class SealedAnalyses:
         analyses: What is known of each capture's analysis.
         settings: Where the time is kept from which on captures are analysed.
         setups: The devices.
+        profiles: Profiles that labels name.
         clock: Source of time.
         now_s: Source of monotonic time.
     """
@@ -55,6 +57,7 @@ class SealedAnalyses:
         analyses: CaptureAnalyses,
         settings: StateStore,
         setups: Mapping[str, DeviceSetup],
+        profiles: Profiles,
         clock: UtcClock,
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -63,6 +66,7 @@ class SealedAnalyses:
         self._analyses = analyses
         self._settings = settings
         self._setups = {name: one for name, one in setups.items() if one.config.analysis.when_sealed}
+        self._profiles = profiles
         self._clock = clock
         self._now_s = now_s
         self._since: dict[str, str] = {}
@@ -141,14 +145,16 @@ class SealedAnalyses:
             return
         if document.labels.get("purpose") == CHECK:
             return
-        wanted = _problem_of(document) or inputs_of(document.labels, setup)
+        found = self._profiles.of_labels(document.labels)
+        wanted = _problem_of(document) or inputs_of(found, setup)
         if isinstance(wanted, JobProblem):
             self._queue.refuse(capture_id, wanted)
             self._analyses.note(capture_id)
             log.warning("capture %s is not analysed: %s; %s", capture_id, wanted.message, wanted.hint)
             return
         source = f"the configuration's {setup.config.analysis.inputs}"
-        job = AnalysisJob(subject=capture_id, inputs=wanted, source=source, pulsating=True)
+        profiles = found if found.profiles else None
+        job = AnalysisJob(subject=capture_id, inputs=wanted, source=source, pulsating=True, profiles=profiles)
         queued = self._queue.submit(job, automatic=True)
         log.info("capture %s is queued for analysis: %s", capture_id, queued.id)
 

@@ -29,6 +29,27 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/captures.csv": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List captures as CSV
+         * @description Captures, newest first, a row each: verdicts, labels, and the main quantities of the latest analysis
+         *     with their standard deviations.
+         */
+        get: operations["list_captures_as_csv"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/captures/{capture_id}": {
         parameters: {
             query?: never;
@@ -318,6 +339,48 @@ export interface paths {
          *     that writes it is not installed.
          */
         get: operations["get_points_parquet"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/captures/{capture_id}/points.mat": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get points as a MAT-file
+         * @description The points as a MAT-file of version 5 for MATLAB and Octave: dense arrays over fields and targets, NaN
+         *     where there is no point, with units, meanings, ledger and origin. 422 if it would take more than 600 MB.
+         */
+        get: operations["get_points_mat"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/captures/{capture_id}/points.c3d": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get points as C3D
+         * @description The points as C3D for programs of motion analysis: a marker for each target, and a frame for each
+         *     field, lost ones included.
+         */
+        get: operations["get_points_c3d"];
         put?: never;
         post?: never;
         delete?: never;
@@ -679,6 +742,99 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/profiles": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List the profiles
+         * @description The newest version of each profile, the latest change first, page by page.
+         */
+        get: operations["list_profiles"];
+        put?: never;
+        /**
+         * Store a new profile
+         * @description Store the first version of a profile. 409 if there is one of its kind and name, even a retired one.
+         */
+        post: operations["add_profile"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/profiles/{kind}/{name}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get a profile
+         * @description The newest version of a profile, retired or not.
+         */
+        get: operations["get_profile"];
+        /**
+         * Store a profile's next version
+         * @description Store the next version of a profile, or the first (201), and bring a retired one back in use. The same
+         *     content again makes no version. 409 if the newest version is not `after`.
+         */
+        put: operations["put_profile"];
+        post?: never;
+        /**
+         * Retire a profile
+         * @description Take a profile out of use: no label finds it any longer. All of its versions stay readable.
+         */
+        delete: operations["retire_profile"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/profiles/{kind}/{name}/versions": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List a profile's versions
+         * @description All versions of a profile, the newest first.
+         */
+        get: operations["list_profile_versions"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/profiles/{kind}/{name}/versions/{version}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get a version of a profile
+         * @description One version of a profile; it never changes.
+         */
+        get: operations["get_profile_version"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/jobs": {
         parameters: {
             query?: never;
@@ -688,7 +844,8 @@ export interface paths {
         };
         /**
          * List jobs
-         * @description The jobs since the daemon started, newest first, page by page.
+         * @description The jobs that wait or run and those that have ended in the last month, newest first, page by page. They
+         *     outlive the daemon: what waited or ran when it ended is done after its next start.
          */
         get: operations["list_jobs"];
         put?: never;
@@ -708,7 +865,7 @@ export interface paths {
         };
         /**
          * Look up a job
-         * @description State and progress of a job.
+         * @description State, position in the queue and progress of a job.
          */
         get: operations["get_job"];
         put?: never;
@@ -1306,6 +1463,9 @@ export interface components {
          *         }
          *       }
          *     }
+         * @example {
+         *       "profiles": true
+         *     }
          */
         AnalysisRequest: {
             /** @description What is known in addition to the points, as in `grabberd analyse --inputs`: reference, material, vacuum, plane, heights_mm, phases, sought_kpa. */
@@ -1325,6 +1485,12 @@ export interface components {
              * @description Text of a vacuum logger's CSV file.
              */
             vacuum_log?: string | null;
+            /**
+             * Profiles
+             * @description Complete the inputs from the profiles that the capture's labels `liner`, `pulsator`, `cup` and `cow` name; what is in `inputs` wins.
+             * @default false
+             */
+            profiles?: boolean;
         };
         /**
          * AnalysisResult
@@ -1335,6 +1501,11 @@ export interface components {
             created_utc?: string | null;
             /** Version */
             version?: string | null;
+            /**
+             * Job
+             * @description Id of the job that made it; null in earlier ones.
+             */
+            job?: string | null;
             /**
              * Device
              * @description Name of the device that captured it.
@@ -1355,8 +1526,13 @@ export interface components {
              * @description Further captures that were merged with it by phase.
              */
             bursts?: string[];
-            /** @description Inputs as they were given. */
+            /** @description Inputs as they were given, and as profiles completed them. */
             inputs?: components["schemas"]["JsonObject"];
+            /**
+             * Profiles
+             * @description Versions of the profiles that inputs came from.
+             */
+            profiles?: components["schemas"]["ProfileUse"][];
             /**
              * Lacks
              * @description Missing inputs and their consequences.
@@ -1374,6 +1550,11 @@ export interface components {
             summary?: {
                 [key: string]: number | null;
             };
+            /**
+             * Quantities
+             * @description The table `quantities`; empty in earlier ones.
+             */
+            quantities?: components["schemas"]["QuantityDocument"][];
             /**
              * Missing Extra
              * @description Optional part that draws the report and was not installed.
@@ -1400,6 +1581,11 @@ export interface components {
             /** Version */
             version?: string | null;
             /**
+             * Job
+             * @description Id of the job that made it; null in earlier ones.
+             */
+            job?: string | null;
+            /**
              * Device
              * @description Name of the device that captured it.
              */
@@ -1419,8 +1605,13 @@ export interface components {
              * @description Further captures that were merged with it by phase.
              */
             bursts?: string[];
-            /** @description Inputs as they were given. */
+            /** @description Inputs as they were given, and as profiles completed them. */
             inputs?: components["schemas"]["JsonObject"];
+            /**
+             * Profiles
+             * @description Versions of the profiles that inputs came from.
+             */
+            profiles?: components["schemas"]["ProfileUse"][];
             /**
              * Lacks
              * @description Missing inputs and their consequences.
@@ -1438,6 +1629,11 @@ export interface components {
             summary?: {
                 [key: string]: number | null;
             };
+            /**
+             * Quantities
+             * @description The table `quantities`; empty in earlier ones.
+             */
+            quantities?: components["schemas"]["QuantityDocument"][];
             /**
              * Missing Extra
              * @description Optional part that draws the report and was not installed.
@@ -1465,6 +1661,8 @@ export interface components {
              */
             problem?: string | null;
         };
+        /** @enum {string} */
+        AnalysisState: "queued" | "running" | "done" | "failed" | "cancelled";
         /**
          * AxesDocument
          * @description One length for each axis, and one for all three combined.
@@ -1887,6 +2085,36 @@ export interface components {
             rejected: components["schemas"]["CalibrationRejection"] | null;
         };
         /**
+         * CaptureAnalysis
+         * @description The latest analysis of a capture: asked for, made, or come to nothing.
+         */
+        CaptureAnalysis: {
+            /** @description Of the analysis that was asked for last; `failed` also if the capture cannot be analysed, so that none was queued. */
+            state: components["schemas"]["AnalysisState"];
+            /**
+             * Job
+             * @description Id of its job, until that has ended.
+             */
+            job?: string | null;
+            /**
+             * Analysis
+             * @description Number of the newest analysis that there is.
+             */
+            analysis?: number | null;
+            /**
+             * Created Utc
+             * @description When that was made.
+             */
+            created_utc?: string | null;
+            /**
+             * Quantities
+             * @description Its main quantities with their standard deviations, those alone that were found: liner compression, overpressure, teat load, opening and closing time, pulsation rate and ratio; empty for an analysis of an earlier version.
+             */
+            quantities?: components["schemas"]["QuantityDocument"][];
+            /** @description Why the analysis came to nothing. */
+            problem?: components["schemas"]["JobProblem"] | null;
+        };
+        /**
          * CaptureChannelsDocument
          * @description The channels of a capture.
          */
@@ -1909,6 +2137,29 @@ export interface components {
          * CaptureDocument
          * @description A capture.
          * @example {
+         *       "analysis": {
+         *         "analysis": 1,
+         *         "created_utc": "2026-03-01T09:31:12.310Z",
+         *         "quantities": [
+         *           {
+         *             "name": "liner_compression_mean_kpa",
+         *             "reason": "",
+         *             "sigma": 1.1,
+         *             "unit": "kPa",
+         *             "value": 11.8,
+         *             "verdict": ""
+         *           },
+         *           {
+         *             "name": "rate_per_min",
+         *             "reason": "",
+         *             "sigma": 0.1,
+         *             "unit": "1/min",
+         *             "value": 60.2,
+         *             "verdict": ""
+         *           }
+         *         ],
+         *         "state": "done"
+         *       },
          *       "bits": 1,
          *       "coverage": {
          *         "fields": 62,
@@ -2048,6 +2299,8 @@ export interface components {
             coverage?: components["schemas"]["CoverageSummary"] | null;
             /** @description How well what was measured beside the picture was recorded, such as the vacuum; null where nothing was to be. */
             channels?: components["schemas"]["ChannelsSummary"] | null;
+            /** @description Its latest analysis; null if none was ever asked for, by whomever. */
+            analysis?: components["schemas"]["CaptureAnalysis"] | null;
             /** Labels */
             labels: {
                 [key: string]: string;
@@ -2069,6 +2322,29 @@ export interface components {
          * @example {
          *       "captures": [
          *         {
+         *           "analysis": {
+         *             "analysis": 1,
+         *             "created_utc": "2026-03-01T09:31:12.310Z",
+         *             "quantities": [
+         *               {
+         *                 "name": "liner_compression_mean_kpa",
+         *                 "reason": "",
+         *                 "sigma": 1.1,
+         *                 "unit": "kPa",
+         *                 "value": 11.8,
+         *                 "verdict": ""
+         *               },
+         *               {
+         *                 "name": "rate_per_min",
+         *                 "reason": "",
+         *                 "sigma": 0.1,
+         *                 "unit": "1/min",
+         *                 "value": 60.2,
+         *                 "verdict": ""
+         *               }
+         *             ],
+         *             "state": "done"
+         *           },
          *           "bits": 1,
          *           "coverage": {
          *             "fields": 62,
@@ -2169,6 +2445,29 @@ export interface components {
          *           "verdict": "incomplete"
          *         },
          *         {
+         *           "analysis": {
+         *             "analysis": 1,
+         *             "created_utc": "2026-03-01T09:31:12.310Z",
+         *             "quantities": [
+         *               {
+         *                 "name": "liner_compression_mean_kpa",
+         *                 "reason": "",
+         *                 "sigma": 1.1,
+         *                 "unit": "kPa",
+         *                 "value": 11.8,
+         *                 "verdict": ""
+         *               },
+         *               {
+         *                 "name": "rate_per_min",
+         *                 "reason": "",
+         *                 "sigma": 0.1,
+         *                 "unit": "1/min",
+         *                 "value": 60.2,
+         *                 "verdict": ""
+         *               }
+         *             ],
+         *             "state": "done"
+         *           },
          *           "bits": 1,
          *           "coverage": {
          *             "fields": 62,
@@ -2358,7 +2657,7 @@ export interface components {
          * @description Machine-readable code of the reason why an instrument cannot work; the page has a text for each.
          * @enum {string}
          */
-        Cause: "not_opened" | "driver_missing" | "device_absent" | "device_lost" | "stream_failed" | "device_busy" | "no_rights" | "no_bandwidth" | "wrong_standard" | "several_devices" | "device_refused" | "recording_ended" | "recording_damaged" | "fault" | "capture_stuck" | "computer_busy" | "program_stopped" | "driver_hung" | "no_signal" | "no_picture" | "no_calibration" | "no_object" | "calibration_misfit" | "disk_missing" | "disk_read_only" | "disk_failed" | "captures_missing" | "captures_replaced" | "index_rebuilding" | "index_failed" | "capture_unsealed" | "capture_changed" | "logger_failed" | "logger_doubtful" | "settings_restored" | "settings_lost" | "settings_unreadable";
+        Cause: "not_opened" | "driver_missing" | "device_absent" | "device_lost" | "stream_failed" | "device_busy" | "no_rights" | "no_bandwidth" | "wrong_standard" | "several_devices" | "device_refused" | "recording_ended" | "recording_damaged" | "fault" | "capture_stuck" | "computer_busy" | "program_stopped" | "driver_hung" | "no_signal" | "no_picture" | "no_calibration" | "no_object" | "calibration_misfit" | "disk_missing" | "disk_read_only" | "disk_failed" | "captures_missing" | "captures_replaced" | "index_rebuilding" | "index_failed" | "capture_unsealed" | "capture_changed" | "logger_failed" | "logger_doubtful" | "settings_restored" | "settings_lost" | "settings_unreadable" | "jobs_lost" | "jobs_unwritable";
         /**
          * CertifiedLength
          * @description A certified distance of two targets of the calibration frame, which the adjustment does not see.
@@ -2821,11 +3120,126 @@ export interface components {
          */
         CoverageVerdict: "measured_well" | "measured_with_gaps" | "not_measured";
         /**
+         * CowProfile
+         * @description A cow: her teats, and the pressure at which her milk just stops flowing.
+         */
+        CowProfile: {
+            /**
+             * Name
+             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
+             */
+            name: string;
+            /**
+             * Note
+             * @description Anything for people, such as where it is kept, or that it is an example.
+             * @default
+             */
+            note?: string;
+            /**
+             * @description `cow`. (enum property replaced by openapi-typescript)
+             * @enum {string}
+             */
+            kind: "cow";
+            /** Breed */
+            breed?: string | null;
+            /**
+             * Lactation
+             * @description Number of her lactation.
+             */
+            lactation?: number | null;
+            /**
+             * Teats
+             * @description Teats by the value of the label `teat`: size and shape of the end, for people.
+             */
+            teats?: {
+                [key: string]: components["schemas"]["TeatDocument"];
+            };
+            /** @description The `flow_stop` of an analysis' inputs. */
+            flow_stop?: components["schemas"]["FlowStopDocument"] | null;
+        };
+        /**
+         * CupProfile
+         * @description A cup with its targets: what it belongs to, and how well its vacuum gauge is known.
+         */
+        CupProfile: {
+            /**
+             * Name
+             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
+             */
+            name: string;
+            /**
+             * Note
+             * @description Anything for people, such as where it is kept, or that it is an example.
+             * @default
+             */
+            note?: string;
+            /**
+             * @description `cup`. (enum property replaced by openapi-typescript)
+             * @enum {string}
+             */
+            kind: "cup";
+            /**
+             * Device
+             * @description Device whose camera looks into it.
+             */
+            device?: string | null;
+            /**
+             * Object Model
+             * @description Name of the object model of its targets.
+             */
+            object_model?: string | null;
+            /**
+             * Gauge
+             * @description The gauge on it, and when it was calibrated.
+             */
+            gauge?: string | null;
+            /**
+             * Gauge Sigma Kpa
+             * @description σ of the gauge's zero: `vacuum.gauge_sigma_kpa`.
+             */
+            gauge_sigma_kpa?: number | null;
+        };
+        /**
          * Dating
          * @description Source of the times of readings.
          * @enum {string}
          */
         Dating: "arrival" | "own_clock" | "monotonic";
+        /**
+         * DeviceAnalysis
+         * @description The analysis that ended last of those of a device's captures.
+         */
+        DeviceAnalysis: {
+            /** @description Of the analysis that was asked for last; `failed` also if the capture cannot be analysed, so that none was queued. */
+            state: components["schemas"]["AnalysisState"];
+            /**
+             * Job
+             * @description Id of its job, until that has ended.
+             */
+            job?: string | null;
+            /**
+             * Analysis
+             * @description Number of the newest analysis that there is.
+             */
+            analysis?: number | null;
+            /**
+             * Created Utc
+             * @description When that was made.
+             */
+            created_utc?: string | null;
+            /**
+             * Quantities
+             * @description Its main quantities with their standard deviations, those alone that were found: liner compression, overpressure, teat load, opening and closing time, pulsation rate and ratio; empty for an analysis of an earlier version.
+             */
+            quantities?: components["schemas"]["QuantityDocument"][];
+            /** @description Why the analysis came to nothing. */
+            problem?: components["schemas"]["JobProblem"] | null;
+            /**
+             * Capture
+             * @description Id of the capture.
+             */
+            capture: string;
+        };
         /**
          * DeviceDocument
          * @description Present state of a device.
@@ -2928,6 +3342,8 @@ export interface components {
             rig: components["schemas"]["RigDocument"] | null;
             /** @description Sequence of the fields in time, by the latest movement; null before the first seconds. */
             field_order: components["schemas"]["FieldOrderDocument"] | null;
+            /** @description Null until one has ended; those of the last month are known after a restart. */
+            latest_analysis?: components["schemas"]["DeviceAnalysis"] | null;
             live: components["schemas"]["LiveDocument"] | null;
         };
         /**
@@ -3095,6 +3511,22 @@ export interface components {
             miss: components["schemas"]["MissReason"] | null;
             /** In Words */
             in_words: string;
+        };
+        /**
+         * FlowStopDocument
+         * @description Pressure on the teat's end at which milk just stops flowing.
+         */
+        FlowStopDocument: {
+            /**
+             * Kpa
+             * @description The pressure.
+             */
+            kpa: number;
+            /**
+             * Sigma Kpa
+             * @description Its σ.
+             */
+            sigma_kpa: number;
         };
         /**
          * FrameIdentification
@@ -3332,6 +3764,8 @@ export interface components {
          * JobDocument
          * @description A task that takes long and runs in the background.
          * @example {
+         *       "attempts": 1,
+         *       "automatic": false,
          *       "created_utc": "2026-03-01T10:02:11.480Z",
          *       "id": "job-1764000003",
          *       "kind": "measure",
@@ -3353,12 +3787,34 @@ export interface components {
              * @description Id of the capture that it works on.
              */
             subject: string;
+            /**
+             * Automatic
+             * @description True if the daemon queued it by itself, as it does when a capture is sealed.
+             * @default false
+             */
+            automatic?: boolean;
             state: components["schemas"]["JobState"];
+            /**
+             * Position
+             * @description Position among the jobs that wait, from 1; null once it runs or has ended.
+             */
+            position?: number | null;
+            /**
+             * Attempts
+             * @description How often it was begun: it begins again if the daemon or its process is killed, and fails after the third time.
+             * @default 0
+             */
+            attempts?: number;
             /** Created Utc */
             created_utc: string;
             /**
+             * Ended Utc
+             * @description Null until it has ended.
+             */
+            ended_utc?: string | null;
+            /**
              * Progress
-             * @description Share of the work that is done, from 0 to 1.
+             * @description Share of the present attempt's work that is done, from 0 to 1; 0 while it waits.
              */
             progress: number;
             /**
@@ -3371,7 +3827,7 @@ export interface components {
         };
         /**
          * JobList
-         * @description A page of the jobs since the daemon started, newest first.
+         * @description A page of the jobs, newest first: those that wait or run, and those that ended in the last month.
          */
         JobList: {
             /** Jobs */
@@ -3424,6 +3880,27 @@ export interface components {
         };
         /** @enum {string} */
         LackKind: "device" | "signal" | "calibration";
+        /**
+         * LagDocument
+         * @description Delay from the vacuum's half height to half of the wall's stroke; negative: the wall is first.
+         */
+        LagDocument: {
+            /**
+             * Opening S
+             * @description In opening.
+             */
+            opening_s: number;
+            /**
+             * Closing S
+             * @description In closing.
+             */
+            closing_s: number;
+            /**
+             * Sigma S
+             * @description σ of each.
+             */
+            sigma_s: number;
+        };
         Latency: {
             [key: string]: number;
         };
@@ -3485,6 +3962,58 @@ export interface components {
             views: {
                 [key: string]: components["schemas"]["ViewLightDocument"];
             };
+        };
+        /**
+         * LinerProfile
+         * @description A liner as it is mounted: its maker, its age, and the wall that pressure and tension need.
+         */
+        LinerProfile: {
+            /**
+             * Name
+             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
+             */
+            name: string;
+            /**
+             * Note
+             * @description Anything for people, such as where it is kept, or that it is an example.
+             * @default
+             */
+            note?: string;
+            /**
+             * @description `liner`. (enum property replaced by openapi-typescript)
+             * @enum {string}
+             */
+            kind: "liner";
+            /** Maker */
+            maker?: string | null;
+            /**
+             * Type
+             * @description The maker's name of this type of liner.
+             */
+            type?: string | null;
+            /**
+             * Lot
+             * @description The maker's lot.
+             */
+            lot?: string | null;
+            /**
+             * Age Milkings
+             * @description Milkings that it has done.
+             */
+            age_milkings?: number | null;
+            /** @description The `material` of an analysis' inputs, whole or by `zones`; here σ of E, thickness and force are required. */
+            material?: components["schemas"]["JsonObject"] | null;
+            /**
+             * Obtained
+             * @description How each value of the material was obtained, by its key; required for `E_mpa`, `wall_mm`, `radius_mm` and `F0_n`.
+             */
+            obtained?: {
+                [key: string]: string;
+            };
+            /** @description The wall's lag, by which a pulsator's settings are dated; without `near_s`. */
+            lag?: components["schemas"]["LagDocument"] | null;
+            /** @description How captures of this liner are analysed unless the inputs say otherwise: `reference`, `plane`, `heights_mm`, `phases`, `sought_kpa`, `unseen`. */
+            analysis?: components["schemas"]["JsonObject"] | null;
         };
         /** @enum {string} */
         LinesKind: "doubled" | "field";
@@ -4252,6 +4781,194 @@ export interface components {
             /** Hint */
             hint: string;
         };
+        ProfileContent: components["schemas"]["LinerProfile"] | components["schemas"]["PulsatorProfile"] | components["schemas"]["CupProfile"] | components["schemas"]["CowProfile"];
+        /**
+         * ProfileDocument
+         * @description A version of a profile with its content.
+         */
+        ProfileDocument: {
+            kind: components["schemas"]["ProfileKind"];
+            /** Name */
+            name: string;
+            /**
+             * Version
+             * @description Number of the version, from 1; a version never changes.
+             */
+            version: number;
+            /**
+             * Newest
+             * @description Number of the profile's newest version.
+             */
+            newest: number;
+            /** Created Utc */
+            created_utc: string;
+            /**
+             * Retired Utc
+             * @description Time when the profile was retired: no label finds it any longer, its versions stay.
+             */
+            retired_utc: string | null;
+            /**
+             * Sha256
+             * @description SHA-256 of its content.
+             */
+            sha256: string;
+            /**
+             * Note
+             * @description Its note.
+             */
+            note: string;
+            /**
+             * Problem
+             * @description Why it cannot be used: it is no longer what was stored.
+             */
+            problem: string | null;
+            /**
+             * Profile
+             * @description The content.
+             */
+            profile: components["schemas"]["ProfileContent"];
+            /**
+             * Yaml
+             * @description The content as YAML text, as it is exported.
+             */
+            yaml: string;
+        };
+        /** @enum {string} */
+        ProfileKind: "liner" | "pulsator" | "cup" | "cow";
+        /**
+         * ProfileList
+         * @description A page of the profiles, each by its newest version, the newest first.
+         */
+        ProfileList: {
+            /** Profiles */
+            profiles: components["schemas"]["ProfileRow"][];
+            /**
+             * Next
+             * @description `cursor` of the next page; null after the last one.
+             */
+            next?: string | null;
+        };
+        /**
+         * ProfileRequest
+         * @description A profile to store: its document, or the same as YAML text.
+         * @example {
+         *       "profile": {
+         *         "age_milkings": 1200,
+         *         "kind": "liner",
+         *         "maker": "Example",
+         *         "material": {
+         *           "E_mpa": 3,
+         *           "E_sigma_mpa": 0.1,
+         *           "F0_n": 60,
+         *           "F0_sigma_n": 3,
+         *           "first_end_mm": -65,
+         *           "last_end_mm": 65,
+         *           "law": "neo_hookean",
+         *           "poisson": 0.5,
+         *           "radius_mm": 12.5,
+         *           "target_mm": 0,
+         *           "wall_mm": 2.5,
+         *           "wall_sigma_mm": 0.05
+         *         },
+         *         "name": "A",
+         *         "note": "first cluster, since March",
+         *         "obtained": {
+         *           "E_mpa": "ramp of 2026-03-01",
+         *           "F0_n": "spring balance",
+         *           "radius_mm": "drawing",
+         *           "wall_mm": "calliper, six points at three heights"
+         *         },
+         *         "type": "R24"
+         *       }
+         *     }
+         * @example {
+         *       "after": 0,
+         *       "yaml": "kind: cow\nname: '112'\n"
+         *     }
+         */
+        ProfileRequest: {
+            /**
+             * Profile
+             * @description The profile's document.
+             */
+            profile?: components["schemas"]["ProfileContent"] | null;
+            /**
+             * Yaml
+             * @description The same as YAML text, in place of `profile`.
+             */
+            yaml?: string | null;
+            /**
+             * After
+             * @description Version that the change was made on, 0 for none: 409 if there is a newer one. Without it the profile follows whatever version there is.
+             */
+            after?: number | null;
+        };
+        /**
+         * ProfileRow
+         * @description A version of a profile in a list.
+         */
+        ProfileRow: {
+            kind: components["schemas"]["ProfileKind"];
+            /** Name */
+            name: string;
+            /**
+             * Version
+             * @description Number of the version, from 1; a version never changes.
+             */
+            version: number;
+            /**
+             * Newest
+             * @description Number of the profile's newest version.
+             */
+            newest: number;
+            /** Created Utc */
+            created_utc: string;
+            /**
+             * Retired Utc
+             * @description Time when the profile was retired: no label finds it any longer, its versions stay.
+             */
+            retired_utc: string | null;
+            /**
+             * Sha256
+             * @description SHA-256 of its content.
+             */
+            sha256: string;
+            /**
+             * Note
+             * @description Its note.
+             */
+            note: string;
+            /**
+             * Problem
+             * @description Why it cannot be used: it is no longer what was stored.
+             */
+            problem: string | null;
+        };
+        /**
+         * ProfileUse
+         * @description A version of a profile that inputs of an analysis came from.
+         */
+        ProfileUse: {
+            /** Kind */
+            kind: string;
+            /** Name */
+            name: string;
+            /** Version */
+            version: number;
+            /**
+             * Sha256
+             * @description SHA-256 of its content: tells it from another of the same number.
+             */
+            sha256: string;
+        };
+        /**
+         * ProfileVersions
+         * @description All versions of a profile, the newest first.
+         */
+        ProfileVersions: {
+            /** Versions */
+            versions: components["schemas"]["ProfileRow"][];
+        };
         /**
          * PulsationDocument
          * @description Latest known pulsation rate of the liner before a device; all null where it is not known.
@@ -4274,11 +4991,81 @@ export interface components {
             analysis: number | null;
         };
         /**
+         * PulsatorProfile
+         * @description A pulsator by its settings, and the vacuum of the milking system.
+         */
+        PulsatorProfile: {
+            /**
+             * Name
+             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
+             */
+            name: string;
+            /**
+             * Note
+             * @description Anything for people, such as where it is kept, or that it is an example.
+             * @default
+             */
+            note?: string;
+            /**
+             * @description `pulsator`. (enum property replaced by openapi-typescript)
+             * @enum {string}
+             */
+            kind: "pulsator";
+            /** Maker */
+            maker?: string | null;
+            /**
+             * Type
+             * @description The maker's name of this type of pulsator.
+             */
+            type?: string | null;
+            /**
+             * Tested
+             * @description Date and tester of the test report.
+             */
+            tested?: string | null;
+            /** @description The `vacuum.pulsation` of an analysis' inputs: `rate_per_min`, `ratio`, `a_s`, `c_s`, `system_kpa`, `sigma_kpa`. */
+            pulsation?: components["schemas"]["JsonObject"] | null;
+            /** @description The `vacuum.liner` of an analysis' inputs: `kpa`, `sigma_kpa`. */
+            liner?: components["schemas"]["JsonObject"] | null;
+        };
+        /**
          * Quantity
          * @description Quantity that a channel measures, each in kPa below atmosphere.
          * @enum {string}
          */
         Quantity: "pulsation" | "liner" | "mouthpiece" | "milk_line";
+        /**
+         * QuantityDocument
+         * @description One of the field's own quantities, as in the table `quantities`, whose rows have its definition.
+         */
+        QuantityDocument: {
+            /** Name */
+            name: string;
+            /** Unit */
+            unit: string;
+            /**
+             * Value
+             * @description Null if nothing was found.
+             */
+            value: number | null;
+            /**
+             * Sigma
+             * @description Its standard deviation, in the same unit.
+             */
+            sigma: number | null;
+            /**
+             * Verdict
+             * @description By the limit that a standard sets; empty if there is none.
+             * @default
+             */
+            verdict?: string;
+            /**
+             * Reason
+             * @description Why nothing was found.
+             * @default
+             */
+            reason?: string;
+        };
         /**
          * ReadyDocument
          * @description Every device can measure.
@@ -4777,6 +5564,26 @@ export interface components {
             targets: components["schemas"]["TableDocument"];
         };
         /**
+         * TeatDocument
+         * @description Size and shape of a teat.
+         */
+        TeatDocument: {
+            /**
+             * Length Mm
+             * @description Its length.
+             */
+            length_mm?: number | null;
+            /**
+             * Diameter Mm
+             * @description Its diameter in the middle.
+             */
+            diameter_mm?: number | null;
+            /** @description Shape of its end. */
+            shape?: components["schemas"]["TeatShape"] | null;
+        };
+        /** @enum {string} */
+        TeatShape: "round" | "blunt" | "pointed" | "funnel" | "pocket" | "plate";
+        /**
          * ThresholdConfig
          * @description Choice of the grey value that separates targets from the background.
          */
@@ -5167,6 +5974,51 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["CaptureDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    list_captures_as_csv: {
+        parameters: {
+            query?: {
+                /** @description Maximum number of rows. */
+                limit?: number;
+                /** @description Only captures of this device. */
+                device?: string | null;
+                /** @description Only captures that started then or later. */
+                since?: string | null;
+                /** @description Only captures that started before. */
+                until?: string | null;
+                /** @description Only captures with this text in id, note or labels. */
+                search?: string | null;
+                /** @description Only pinned captures, or only unpinned ones. */
+                pinned?: boolean | null;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/csv": string;
                 };
             };
             401: components["responses"]["Problem401"];
@@ -5819,6 +6671,84 @@ export interface operations {
             429: components["responses"]["Problem429"];
             500: components["responses"]["Problem500"];
             501: components["responses"]["Problem501"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    get_points_mat: {
+        parameters: {
+            query?: {
+                /** @description Number of the run; default: the latest completed one. */
+                run?: number | null;
+            };
+            header?: never;
+            path: {
+                /** @description Id of the capture. */
+                capture_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-matlab-data": string;
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            410: components["responses"]["Problem410"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    get_points_c3d: {
+        parameters: {
+            query?: {
+                /** @description Number of the run; default: the latest completed one. */
+                run?: number | null;
+            };
+            header?: never;
+            path: {
+                /** @description Id of the capture. */
+                capture_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": string;
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            410: components["responses"]["Problem410"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
             503: components["responses"]["Problem503"];
             507: components["responses"]["Problem507"];
         };
@@ -6533,6 +7463,288 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["CalibrationReport"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    list_profiles: {
+        parameters: {
+            query?: {
+                /** @description Only profiles of this kind. */
+                kind?: components["schemas"]["ProfileKind"] | null;
+                /** @description Only those of this name, as a label would find them. */
+                name?: string | null;
+                /** @description True: list retired ones, too. */
+                retired?: boolean;
+                /** @description Maximum number of results. */
+                limit?: number;
+                /** @description `next` of the previous page. */
+                cursor?: string | null;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProfileList"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    add_profile: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description A key chosen by the client, e.g. a UUID. For a day, a request repeated with its key takes effect only once and gets the same response; a refused request can be repeated. */
+                "Idempotency-Key"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ProfileRequest"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProfileDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    get_profile: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Kind of the profile. */
+                kind: components["schemas"]["ProfileKind"];
+                /** @description Name of the profile. */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProfileDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    put_profile: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Kind of the profile. */
+                kind: components["schemas"]["ProfileKind"];
+                /** @description Name of the profile. */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ProfileRequest"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProfileDocument"];
+                };
+            };
+            /** @description Created */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProfileDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    retire_profile: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Kind of the profile. */
+                kind: components["schemas"]["ProfileKind"];
+                /** @description Name of the profile. */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProfileDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    list_profile_versions: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Kind of the profile. */
+                kind: components["schemas"]["ProfileKind"];
+                /** @description Name of the profile. */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProfileVersions"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    get_profile_version: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Kind of the profile. */
+                kind: components["schemas"]["ProfileKind"];
+                /** @description Name of the profile. */
+                name: string;
+                /** @description Number of the version. */
+                version: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProfileDocument"];
                 };
             };
             401: components["responses"]["Problem401"];
