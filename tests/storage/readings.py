@@ -33,7 +33,15 @@ def readings(first, count, dating=Dating.OWN_CLOCK, channel=0):
 
 
 def write_with_channels(
-    directory, taken, *, name="liner", sealed=True, measured=(), fields_a_commit=25, dating=Dating.OWN_CLOCK
+    directory,
+    taken,
+    *,
+    name="liner",
+    sealed=True,
+    measured=(),
+    fields_a_commit=25,
+    dating=Dating.OWN_CLOCK,
+    anomalies=(),
 ):
     """A capture with two channels, of which each commit has as many readings as its fields take time."""
     writer = CaptureWriter.create(directory / f"{name}.grab.part", meta(), channels=CHANNELS)
@@ -51,7 +59,7 @@ def write_with_channels(
             part = readings(some[0].n * per_field, count, dating, channel=channel.channel)
             writer.append_readings(channel.channel, part)
             ledger.enter(part.time_ns)
-        writer.keep_account(Account(tuple(one.account for one in ledgers)))
+        writer.keep_account(Account(tuple(one.account for one in ledgers), anomalies))
         writer.commit()
     if not sealed:
         writer.close()

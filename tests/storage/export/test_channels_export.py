@@ -8,12 +8,13 @@ import sqlite3
 import numpy as np
 import pytest
 
+from grabberd.acquisition.channels.account import AnomalyCount
 from grabberd.errors import CaptureFileError
 from grabberd.storage import CaptureReader, export_csv, export_parquet
 from grabberd.storage.export.channel_columns import CHANNEL_COLUMNS
 from grabberd.storage.export.channels_document import channels_json
 from grabberd.storage.export.channels_export import channels_csv
-from storage.captures import META, PERIOD_NS, slots, write
+from storage.captures import META, PERIOD_NS, START_NS, slots, write
 from storage.readings import CHANNELS, SIGMA_NS, STEP_NS, readings, write_with_channels
 
 FIELDS = 60
@@ -87,6 +88,24 @@ def test_the_document_has_every_kth_reading_and_what_is_missing(capture):
     np.testing.assert_allclose(pulsation["kpa"], whole.kpa[::3], atol=1e-4)
     assert pulsation["calibration"] == CHANNELS[0].calibration._asdict()
     assert pulsation["datings"] == ["own_clock"]
+
+
+def test_the_document_has_gaps_and_anomalies_at_their_times(tmp_path):
+    spoilt = (AnomalyCount("tank", "not a number", 3, 2, START_NS + 500_000_000, "4x2"),)
+    path = write_with_channels(tmp_path, [*slots(25), *slots(100)[50:]], anomalies=spoilt)
+    document = json.loads(channels_json(path, 100))
+    assert document["verdict"] == "with gaps"
+    (anomaly,) = document["anomalies"]
+    assert anomaly == {
+        "logger": "tank",
+        "reason": "not a number",
+        "times": 3,
+        "lost": 2,
+        "first_s": 0.5,
+        "example": "4x2",
+    }
+    (gap,) = document["channels"][0]["gaps"]
+    assert gap == {"first_s": 0.495, "last_s": 1.0, "reason": "no reading came"}
 
 
 def test_the_document_of_a_capture_without_channels_says_so(tmp_path):

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from grabberd.acquisition.channels.account import Account, ChannelAccount
+from grabberd.acquisition.channels.account import Account, AnomalyCount, ChannelAccount
 from grabberd.documents.channels import CaptureChannelsDocument
 from grabberd.storage.capture.channels.reading_groups import RecordedChannel
 from grabberd.storage.capture.meta import SEALED
@@ -29,10 +29,7 @@ def channels_json(path: Path, most: int, opened: Opened = CaptureReader) -> byte
         known = {
             "capture": reader.meta.id,
             **_verdict(account, sealed=reader.meta.state == SEALED),
-            "anomalies": [
-                {**one._asdict(), "first_s": (one.time_ns - begin_ns) / 1e9}
-                for one in (account.anomalies if account else ())
-            ],
+            "anomalies": [_counted(one, begin_ns) for one in (account.anomalies if account else ())],
             "channels": [
                 {
                     **_described(one, accounts.get(one.name), begin_ns),
@@ -50,6 +47,12 @@ def _verdict(account: Account | None, *, sealed: bool) -> dict[str, Any]:
     if not sealed:
         return {"verdict": None, "in_words": "being recorded"}
     return {"verdict": account.verdict, "in_words": account.in_words}
+
+
+def _counted(anomaly: AnomalyCount, begin_ns: int) -> dict[str, Any]:
+    known = anomaly._asdict()
+    first_ns = known.pop("time_ns")
+    return {**known, "first_s": (first_ns - begin_ns) / 1e9}
 
 
 def _described(channel: RecordedChannel, account: ChannelAccount | None, begin_ns: int) -> dict[str, Any]:
