@@ -275,11 +275,10 @@ class CaptureReader:
         """The first cell of a query's first row; None if there is none."""
         with reading_errors(self.path):
             row = self._connection.execute(query, values).fetchone()
-            if row is None or row[0] is None:
-                return None
-            if not isinstance(row[0], int):
-                raise ValueError(f"{row[0]!r} is no whole number")
-            return row[0]
+            found = row and row[0]
+            if not isinstance(found, int | None):
+                raise ValueError(f"{found!r} is no whole number")
+            return found
 
 
 Opened = Callable[[Path], AbstractContextManager[CaptureReader]]
