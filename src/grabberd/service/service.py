@@ -9,7 +9,6 @@ from grabberd import __version__
 from grabberd.acquisition.clock import SystemClock, UtcClock, iso_utc
 from grabberd.config import Config
 from grabberd.documents.devices import DeviceDocument
-from grabberd.documents.named_types import JsonObject
 from grabberd.documents.state import StateDocument, StorageDocument
 from grabberd.errors import StorageError
 from grabberd.geometry import Calibration
@@ -22,7 +21,7 @@ from grabberd.service.archive.retention import Policy, Retention
 from grabberd.service.archive.scrub import Scrub
 from grabberd.service.archive.upkeep import Upkeep
 from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
-from grabberd.service.calibrations.calibration_catalog import CalibrationCatalog
+from grabberd.service.calibrations.calibration_catalog import CalibrationCatalog, configured_calibrations
 from grabberd.service.calibrations.calibration_documents import Document
 from grabberd.service.capture.capture_control import CaptureControl
 from grabberd.service.capture.device_captures import NOMINAL_RATE_HZ, CurrentCaptures, of_device
@@ -46,7 +45,7 @@ from grabberd.service.mqtt.publisher_setup import create_publisher
 from grabberd.service.profiles.profiles import Profiles
 from grabberd.service.profiles.quantity_process import problems_in_process
 from grabberd.service.secrets import without_secrets
-from grabberd.service.settings import Settings
+from grabberd.service.settings import Settings, configuration_document
 from grabberd.service.setup import DeviceSetup
 from grabberd.storage.capture.captures_folder import CapturesFolder
 from grabberd.storage.disk import storage_errors
@@ -137,17 +136,17 @@ class Service:
             self._current.armed,
             store.get,
             store.all,
-            folder=self._captures_folder(directory / "captures"),
+            folder=CapturesFolder.kept_in(self._state_store, CAPTURES_FOLDER, directory / "captures"),
             faults=self.faults,
         )
         self.unsealed = UnsealedCaptures(
             self.archive.check, self._entered, self._count, self.faults, self._clock
         )
         self.capture_control = CaptureControl(self._current, self.archive, store, self._clock)
-        self.calibrations = CalibrationCatalog(directory / "calibrations", _configured(setups))
+        self.calibrations = CalibrationCatalog(directory / "calibrations", configured_calibrations(setups))
         self.access = Access(directory, self._clock, heal)
         self.settings = Settings(self._state_store, self.instruments)
-        self.configuration = _configuration(setups)
+        self.configuration = configuration_document(setups)
         self.active = ActiveCalibrations(self.calibrations, self._state_store, self.instruments, self._clock)
         self.profiles = Profiles(state, problems_in_process, self._clock, heal)
         self.analyses = AnalysisStore(directory / "analyses")
@@ -355,16 +354,6 @@ class Service:
         current = self._current.recordings()
         return [*current, *(one for one in self.unsealed.captures if one not in current)]
 
-    def _captures_folder(self, path: Path) -> CapturesFolder:
-        def remembered() -> str | None:
-            known = self._state_store.get(CAPTURES_FOLDER)
-            return None if known is None else str(known)
-
-        def remember(known: str) -> None:
-            self._state_store.put({CAPTURES_FOLDER: known})
-
-        return CapturesFolder(path, remembered, remember)
-
     def _keep_what_is_in_force(self) -> None:
         """Stores again what a recovered state has lost, as far as it is known."""
         self.archive.folder.identify()
@@ -408,13 +397,3 @@ class Service:
         self.sealed_analyses.sealed(recording.id, str(recording.meta.device["name"]))
         if self.publisher is not None:
             self.publisher.capture_ended()
-
-
-def _configuration(setups: Mapping[str, DeviceSetup]) -> JsonObject:
-    devices = {name: setup.config.model_dump(mode="json") for name, setup in setups.items()}
-    return {"devices": without_secrets(devices)}
-
-
-def _configured(setups: Mapping[str, DeviceSetup]) -> dict[str, Document]:
-    documents = ((name, setup.documents.get("calibration")) for name, setup in setups.items())
-    return {name: document for name, document in documents if document}

@@ -7,9 +7,12 @@ from typing import Any
 from pydantic import ValidationError
 
 from grabberd.config import DeviceConfig, ThresholdConfig
+from grabberd.documents.named_types import JsonObject
 from grabberd.documents.settings import DeviceSettings, SettingsDocument
 from grabberd.errors import InputError
 from grabberd.service.instrument import Instrument
+from grabberd.service.secrets import without_secrets
+from grabberd.service.setup import DeviceSetup
 from grabberd.storage.state.state_store import StateStore
 
 log = logging.getLogger(__name__)
@@ -101,3 +104,9 @@ class Settings:
 
 def _key(device: str) -> str:
     return f"threshold.{device}"
+
+
+def configuration_document(setups: Mapping[str, DeviceSetup]) -> JsonObject:
+    """The devices' configuration as it may be shown."""
+    devices = {name: setup.config.model_dump(mode="json") for name, setup in setups.items()}
+    return {"devices": without_secrets(devices)}

@@ -12,6 +12,7 @@ from grabberd.service.calibrations.calibration_documents import (
     newest_first,
     stored_row,
 )
+from grabberd.service.setup import DeviceSetup
 from grabberd.storage.state.calibration_store import CalibrationRecord, CalibrationStore, StoredCalibration
 
 HIDDEN = "the configuration has another calibration of this id, which takes precedence"
@@ -137,3 +138,9 @@ def _no_page(calibration_id: str, record: CalibrationRecord) -> GrabberdError:
     error = ExtraMissing(what, record.missing_extra)
     error.hint += " and recalibrate; its numbers are in report.json beside it"
     return error
+
+
+def configured_calibrations(setups: Mapping[str, DeviceSetup]) -> dict[str, Document]:
+    """Documents of the calibrations that the configuration names, by device."""
+    documents = ((name, setup.documents.get("calibration")) for name, setup in setups.items())
+    return {name: document for name, document in documents if document}
