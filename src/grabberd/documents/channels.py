@@ -3,6 +3,7 @@
 from typing import Literal
 
 from pydantic import Field
+from typing_extensions import TypeAliasType
 
 from grabberd.acquisition.channels import Dating, Quantity
 from grabberd.documents.document import Document
@@ -45,7 +46,7 @@ class LoggerDocument(Document):
     channels: dict[str, ChannelValueDocument]
 
 
-ChannelsVerdict = Literal["complete", "with gaps"]
+ChannelsVerdict = TypeAliasType("ChannelsVerdict", Literal["complete", "with gaps"])
 
 
 class ChannelsSummary(Document):

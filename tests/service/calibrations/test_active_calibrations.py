@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from calibrators import SHIFT_MM, calibration, failed
+from calibrators import SHIFT_MM, calibration, exact, failed
 from running import PATIENCE_S, configuration, running, sealed, wait_until_it_accepts
 
 from grabberd.config import GlassConfig, default_config_file
@@ -295,6 +295,7 @@ def test_an_activation_is_refused_while_a_capture_runs(tmp_path: Path) -> None:
 def test_an_instrument_without_calibration_captures_is_calibrated_and_measures(tmp_path: Path) -> None:
     config = configuration({"pace": "free"}, calibration=None)
     service = Service(set_up(config, default_config_file()), tmp_path)
+    service.job_contexts.calibrator = exact
     service.start()
     try:
         wait_until_it_accepts(service)

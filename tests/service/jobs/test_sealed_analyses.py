@@ -276,7 +276,9 @@ def test_the_profiles_that_a_captures_labels_name_complete_the_inputs(
     assert isinstance(entry.spec, AnalysisJob)
     assert entry.spec.profiles is not None
     assert [one.name for one in entry.spec.profiles.profiles] == ["112"]
-    assert AnalysisJob.model_validate_json(entry.spec.model_dump_json()) == entry.spec
+    after = jobs_in(tmp_path, clock=clock).queue.first(lambda: False)
+    assert after is not None
+    assert after.spec == entry.spec, "a profile's content waits on the disk as it was"
     assert barn.queued == ["c1"]
     refused = barn.archive.document("c2").analysis
     assert refused is not None

@@ -1,5 +1,6 @@
 """Jobs as the daemon knows them, and as rows of the queue on disk."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -128,11 +129,15 @@ def entry_of(row: StoredJob, kinds: Kinds) -> Entry:
     if job.state in ENDED:
         return Entry(row.number, _with_result(job, row.result), None)
     try:
-        return Entry(row.number, job, kinds[row.kind].model_validate_json(row.parameters or ""))
+        kind = kinds[row.kind]
+        # By Python's values: of a JSON text, the models that only describe a profile's content would be made.
+        return Entry(row.number, job, kind.model_validate(json.loads(row.parameters or "")))
     except KeyError:
         words = f"this program knows no job {row.kind!r}"
     except ValidationError as error:
         words = f"its parameters cannot be read: {error.errors()[0]['msg']}"
+    except (ValueError, RecursionError) as error:
+        words = f"its parameters cannot be read: {error}"
     problem = JobProblem(message=words, hint="ask for it again; it was queued by another version of grabberd")
     failed = {"state": JobState.FAILED, "problem": problem, "ended_utc": row.created_utc}
     return Entry(row.number, job.model_copy(update=failed), None)

@@ -2121,11 +2121,8 @@ export interface components {
         CaptureChannelsDocument: {
             /** Capture */
             capture: string;
-            /**
-             * Verdict
-             * @description Null while it is recording, and without channels.
-             */
-            verdict: ("complete" | "with gaps") | null;
+            /** @description Null while it is recording, and without channels. */
+            verdict: components["schemas"]["ChannelsVerdict"] | null;
             /** In Words */
             in_words: string;
             /** Anomalies */
@@ -2830,17 +2827,16 @@ export interface components {
         ChannelsSummary: {
             /** Names */
             names: string[];
-            /**
-             * Verdict
-             * @description Null while it is recording.
-             */
-            verdict: ("complete" | "with gaps") | null;
+            /** @description Null while it is recording. */
+            verdict: components["schemas"]["ChannelsVerdict"] | null;
             /**
              * In Words
              * @description The verdict with its reasons.
              */
             in_words: string;
         };
+        /** @enum {string} */
+        ChannelsVerdict: "complete" | "with gaps";
         /**
          * CheckLengthResult
          * @description The check length, certified and as measured.
