@@ -11,6 +11,8 @@ import urllib.request
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from vm.guest import vivid
 from vm.guest.shell import wait_for
 
@@ -62,14 +64,16 @@ def captured_liner(film: str, fields: int, target: str) -> dict[str, Any]:
 
 def _configuration(folder: Path) -> Path:
     """The simulated grabber's configuration with the kernel's device in its place."""
-    text = Path(CONFIGS, "fake.yaml").read_text()
-    text = text.replace("  simulated:\n    driver: fake\n", "  liner:\n    driver: v4l2\n")
-    options = f"device: {vivid.CAPTURE}\n      input: 0\n      field_order: interlaced\n      format: GREY"
-    text = text.replace("scene: liner", options)
-    for name in ("fake.calibration.json", "objects/liner.yaml"):
-        text = text.replace(f" {name}", f" {CONFIGS}/{name}")
-    (folder / "liner.yaml").write_text(text)
-    return folder / "liner.yaml"
+    document = yaml.safe_load(Path(CONFIGS, "fake.yaml").read_text())
+    del document["loggers"]
+    liner = document["devices"].pop("simulated")
+    liner["driver"] = "v4l2"
+    liner["options"] = {"device": vivid.CAPTURE, "input": 0, "field_order": "interlaced", "format": "GREY"}
+    liner |= {name: str(Path(CONFIGS, liner[name])) for name in ("calibration", "object")}
+    document["devices"]["liner"] = liner
+    file = folder / "liner.yaml"
+    file.write_text(yaml.safe_dump(document))
+    return file
 
 
 def _capture(fields: int) -> dict[str, Any]:
