@@ -14,8 +14,10 @@ from grabberd.measurement.flashing import FlashingPlace, Levels, flashing_places
 
 Array = NDArray[np.float64]
 
-MOST_FIELDS = 15_000
-"""Fields that are looked at, five minutes: more add little to the offset, and each takes 13 kB."""
+MOST_FIELDS = 3000
+"""Fields that are looked at, one minute: they give the offset to a tenth of a millisecond. Each takes up to
+26 kB, and several times that while they are searched.
+"""
 _LEAST_FIELDS, _FITS = 50, 4
 _MOST_SCATTER_S = 3e-3
 """Median departure from equal steps that stamps may have, far below what a missing field makes."""

@@ -111,3 +111,11 @@ def test_the_log_of_another_time_is_refused() -> None:
 
 def test_a_light_that_hardly_switches_is_refused() -> None:
     assert "switches" in refusal(seen(lambda at_s: at_s > 1.0, 2), logged(lambda at_s: at_s > 1.0, 2))
+
+
+def test_the_relation_is_less_sure_far_from_where_the_light_was_followed() -> None:
+    lit = pattern(7, 30)
+    found = relate_clocks(seen(lit, 30), logged(lit, 30))
+    near_s, far_s = np.linspace(0, 30, 100), np.linspace(600, 630, 100)
+    assert found.sigma_s(near_s) < 2 * found.offset_sigma_s
+    assert found.sigma_s(far_s) == pytest.approx(600 * found.drift_sigma, rel=0.1)

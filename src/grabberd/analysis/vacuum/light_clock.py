@@ -30,6 +30,10 @@ ASYMMETRY_SIGMA_S = 2e-3
 """Half of the longest exposure that freezes a liner, and a slow logger's input."""
 
 _MATCH_S = 0.04
+"""Room about the coarse offset in which a switching of the log is taken for one in the picture.
+
+Two fields, and less than half a bit of the pattern.
+"""
 _STRAY = 1e-3
 """Share of switchings that may be anywhere within the bounds of a match."""
 _SCATTERS_S = (2e-5, 1e-4, 3e-4, 1e-3, 3e-3)
@@ -68,9 +72,13 @@ class LightClock(NamedTuple):
         """(K,) times of the logger's clock on the camera's."""
         return (logger_s + self.offset_s - self.drift * self.middle_s) / (1 - self.drift)
 
-    def sigma_s(self, span_s: float) -> float:
-        """σ of the relation over a span about the middle: of the offset, and of the drift's share in it."""
-        return float(np.hypot(self.offset_sigma_s, self.drift_sigma * span_s / np.sqrt(12)))
+    def sigma_s(self, camera_s: Array) -> float:
+        """σ of the relation at times (F,) of the camera, root mean square: of the offset, and of the drift.
+
+        A long capture goes on far beyond the fields that the light was followed in.
+        """
+        drifted_s = self.drift_sigma * np.sqrt(np.mean((camera_s - self.middle_s) ** 2))
+        return float(np.hypot(self.offset_sigma_s, drifted_s))
 
 
 class _Edges(NamedTuple):

@@ -123,7 +123,7 @@ def _by_light(
     if log is None or light is None:
         raise missing("a vacuum.log with a column light", "vacuum.offset: light is for the log of a logger")
     log = replace(log, time_s=light.clock.camera_s(log.time_s))
-    clock = (0.0, light.clock.sigma_s(float(np.ptp(time_s))))
+    clock = (0.0, light.clock.sigma_s(time_s))
     return Vacuum(
         pulsation=_source("pulsation", document["pulsation"], log, clock),
         liner=_source("liner", document["liner"], log, clock),
