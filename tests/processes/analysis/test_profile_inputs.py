@@ -23,9 +23,12 @@ def profiles(*documents: dict[str, Any]) -> list[Profile]:
 
 
 def resolved(
-    *documents: dict[str, Any], given: dict[str, Any] | None = None, labels: dict[str, str] | None = None
+    *documents: dict[str, Any],
+    given: dict[str, Any] | None = None,
+    labels: dict[str, str] | None = None,
+    recorded: tuple[str, ...] = (),
 ) -> ResolvedInputs:
-    subject = Subject("teatcup", "liner", grid())
+    subject = Subject("teatcup", "liner", grid(), frozenset(recorded))
     return resolve(LABELS if labels is None else labels, profiles(*documents), given or {}, subject)
 
 
@@ -179,3 +182,22 @@ def test_the_examples_that_are_shipped_give_the_inputs_that_are_shipped_for_the_
     labels = {"liner": "example-reference", "pulsator": "example-simulated"}
     found = resolve(labels, profiles(*examples), {}, Subject("simulated", "liner", Grid.of(model)))
     assert found.inputs == shipped
+
+
+def test_what_was_recorded_with_the_capture_goes_before_what_is_usual() -> None:
+    found = resolved(*ALL, recorded=("pulsation", "liner", "mouthpiece"))
+    assert found.inputs["vacuum"] == {"pulsation": "channel", "liner": "channel"}
+    assert "pulsator" not in [one.kind for one in found.used]
+
+
+def test_a_chamber_that_was_not_recorded_comes_from_the_pulsator() -> None:
+    found = resolved(*ALL, recorded=("pulsation",))
+    assert found.inputs["vacuum"] == {"pulsation": "channel", "liner": PULSATOR["liner"]}
+
+
+def test_what_is_given_goes_before_what_was_recorded() -> None:
+    given = {"vacuum": {"pulsation": {"kpa": 42.0, "sigma_kpa": 0.5}}}
+    found = resolved(given=given, recorded=("pulsation", "liner"))
+    assert found.inputs["vacuum"] == {**given["vacuum"], "liner": "channel"}
+    logged = {"vacuum": {"pulsation": "log", "liner": "log", "log": "…", "offset": "light"}}
+    assert resolved(given=logged, recorded=("pulsation", "liner")).inputs == logged

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from grabberd.acquisition.channels import Dating
-from grabberd.service.jobs.channel_curves import channel_curves
+from grabberd.service.jobs.channel_curves import channel_curves, recorded_quantities
 from storage.captures import PERIOD_NS, slots, write
 from storage.readings import SIGMA_NS, STEP_NS, readings, write_with_channels
 
@@ -46,3 +46,11 @@ def test_only_those_that_the_inputs_refer_to_are_read(tmp_path):
 
 def test_a_capture_without_channels_has_none(tmp_path):
     assert channel_curves(write(tmp_path, slots(3)), BOTH) == {}
+
+
+def test_what_was_recorded_is_told_without_the_inputs(tmp_path):
+    assert recorded_quantities(write_with_channels(tmp_path, slots(FIELDS))) == {"pulsation", "liner"}
+
+
+def test_nothing_was_recorded_without_channels(tmp_path):
+    assert recorded_quantities(write(tmp_path, slots(3))) == frozenset()

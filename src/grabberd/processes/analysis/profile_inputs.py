@@ -8,6 +8,7 @@ from grabberd.analysis import Grid
 from grabberd.analysis.surface.nominal_shape import NominalShape
 from grabberd.analysis.wall.material_document import read_parts
 from grabberd.errors import InputError
+from grabberd.processes.analysis.inputs import CHANNEL
 from grabberd.processes.analysis.profile import CHOICES, Profile
 
 KINDS = ("liner", "pulsator", "cup", "cow")
@@ -28,11 +29,13 @@ class Subject(NamedTuple):
         device: Name of the device that recorded it.
         object_model: Name of the object model that it was measured with.
         grid: Grid of that object model.
+        recorded: Chambers whose vacuum was recorded with it, of `pulsation` and `liner`.
     """
 
     device: str | None
     object_model: str | None
     grid: Grid
+    recorded: frozenset[str] = frozenset()
 
 
 @dataclass(slots=True)
@@ -82,7 +85,8 @@ def resolve(
 ) -> ResolvedInputs:
     """The inputs that are given, completed by the profiles that the labels of the capture name.
 
-    What is given wins: a material as a whole, a vacuum chamber by chamber.
+    What is given wins: a material as a whole, a vacuum chamber by chamber. What was recorded with the capture
+    comes next: it is of this very capture, and a profile tells what is usual.
 
     Args:
         labels: Labels of the capture; the label `liner` finds the liner's profile of that name, and so on.
@@ -96,6 +100,7 @@ def resolve(
     found = {one.kind: one for one in profiles if labels.get(one.kind) == one.name}
     resolved = ResolvedInputs(dict(given), lacks=list(_not_found(labels, found)))
     problems: list[str] = []
+    _take_recorded(resolved, subject.recorded)
     if liner := found.get("liner"):
         _take_liner(resolved, liner, subject, problems)
     if pulsator := found.get("pulsator"):
@@ -103,7 +108,8 @@ def resolve(
     _take_pulsation(resolved, pulsator, liner)
     if cup := found.get("cup"):
         problems += _of_another_cup(cup, subject)
-        _take_known(resolved, cup, {"vacuum.gauge_sigma_kpa": "gauge_sigma_kpa"})
+        if CHANNEL not in resolved.vacuum.values():  # a channel has its own gauge, and its calibration
+            _take_known(resolved, cup, {"vacuum.gauge_sigma_kpa": "gauge_sigma_kpa"})
     if cow := found.get("cow"):
         _take_known(resolved, cow, {"flow_stop": "flow_stop"})
     if problems:
@@ -117,6 +123,16 @@ def _not_found(labels: Mapping[str, str], found: Mapping[str, Profile]) -> Itera
     for kind in KINDS:
         if kind in labels and kind not in found:
             yield f"{kind} profile: none in use is called {labels[kind]!r}, as the label {kind} says"
+
+
+def _take_recorded(resolved: ResolvedInputs, recorded: frozenset[str]) -> None:
+    """Takes the capture's own channels for the chambers of which nothing is given, where there is no log."""
+    vacuum = resolved.vacuum
+    if "log" in vacuum:
+        return
+    channels = {name: CHANNEL for name in ("pulsation", "liner") if name in recorded and name not in vacuum}
+    if channels:
+        resolved.inputs["vacuum"] = {**vacuum, **channels}
 
 
 def _take_known(resolved: ResolvedInputs, profile: Profile, keys: Mapping[str, str]) -> None:

@@ -27,10 +27,9 @@ from grabberd.service.profiles.profiles import FoundProfiles
 from grabberd.storage.state.analysis_store import DOCUMENT, PAGE, RECORD, AnalysisStore
 
 if TYPE_CHECKING:
-    from grabberd.analysis import Grid
     from grabberd.processes.analysis.analyse import Analysis
     from grabberd.processes.analysis.profile import Profile
-    from grabberd.processes.analysis.profile_inputs import ResolvedInputs
+    from grabberd.processes.analysis.profile_inputs import ResolvedInputs, Subject
     from grabberd.processes.analysis.tables import AnalysisTables
 
 SOURCE = "the HTTP request"
@@ -129,17 +128,19 @@ def analyse_file(
     from grabberd.analysis import Grid
     from grabberd.processes.analysis.analyse import analyse
     from grabberd.processes.analysis.inputs import read_inputs
+    from grabberd.processes.analysis.profile_inputs import Subject
     from grabberd.processes.analysis.tables import tables
     from grabberd.service.jobs.analysis_source import check_same_model, common_rig, found_light, read_source
-    from grabberd.service.jobs.channel_curves import channel_curves
+    from grabberd.service.jobs.channel_curves import channel_curves, recorded_quantities
 
+    recorded = frozenset() if profiles is None else recorded_quantities(path)
     # Only the wall's equilibrium can use the rays of a single view.
-    single = {"material", "vacuum"} <= _sections(inputs, profiles)
+    single = {"material", "vacuum"} <= _sections(inputs, profiles, recorded)
     captures = [read_source(path, run, single), *(read_source(burst, None, single) for burst in bursts)]
     check_same_model(captures)
     about = captures[0].about | ({} if profiles is None else {"labels": profiles.labels})
     grid = Grid.of(captures[0].model)
-    resolved = _resolved(inputs, profiles, about, grid)
+    resolved = _resolved(inputs, profiles, Subject(about["device"], about["object"], grid, recorded))
     channels = channel_curves(path, resolved.inputs)
     read = replace(read_inputs(resolved.inputs, grid, channels), unmet=tuple(resolved.lacks))
     progress(0.0)
@@ -172,24 +173,23 @@ def analyse_file(
     return AnalysisOutput(analysis, tables(analysis), about)
 
 
-def _sections(inputs: JsonObject, found: FoundProfiles | None) -> set[str]:
-    """Inputs that are given, or may come from a profile."""
+def _sections(inputs: JsonObject, found: FoundProfiles | None, recorded: frozenset[str]) -> set[str]:
+    """Inputs that are given, or may come from a profile or from what was recorded with the capture."""
     kinds = {one.kind for one in found.profiles} if found else set()
     of_kinds = {"liner": "material", "pulsator": "vacuum"}
-    return {*inputs, *(name for kind, name in of_kinds.items() if kind in kinds)}
+    of_channels = {"vacuum"} if recorded else set()
+    return {*inputs, *of_channels, *(name for kind, name in of_kinds.items() if kind in kinds)}
 
 
-def _resolved(
-    given: JsonObject, found: FoundProfiles | None, about: JsonObject, grid: "Grid"
-) -> "ResolvedInputs":
+def _resolved(given: JsonObject, found: FoundProfiles | None, subject: "Subject") -> "ResolvedInputs":
     from grabberd.processes.analysis.profile import Profile
-    from grabberd.processes.analysis.profile_inputs import ResolvedInputs, Subject, resolve
+    from grabberd.processes.analysis.profile_inputs import ResolvedInputs, resolve
 
     if found is None:
         return ResolvedInputs(dict(given))
     labels = {key: plain_name(value) for key, value in found.labels.items()}
     known = [Profile(one.kind, one.name, one.version, one.sha256, one.profile) for one in found.profiles]
-    return resolve(labels, known, given, Subject(about["device"], about["object"], grid))
+    return resolve(labels, known, given, subject)
 
 
 def _use(profile: "Profile") -> ProfileUse:

@@ -20,6 +20,17 @@ def wanted_channels(inputs: Mapping[str, Any]) -> list[str]:
     return [name for name in ("pulsation", "liner") if vacuum.get(name) == CHANNEL]
 
 
+def recorded_quantities(path: Path) -> frozenset[str]:
+    """Quantities of which a capture has readings, whether or not it has them for every field.
+
+    Raises:
+        CaptureFileError: The capture does not exist, or a channel is damaged.
+    """
+    with CaptureReader(path) as reader:
+        channels = [one for one in reader.channels.all if len(reader.channels.read(one.name).time_s)]
+        return frozenset(str(one.quantity) for one in channels)
+
+
 def channel_curves(path: Path, inputs: Mapping[str, Any]) -> dict[str, ChannelCurve]:
     """The channels that the inputs refer to, by quantity, as far as the capture has them.
 
