@@ -29,6 +29,7 @@ of_unit() { case $1 in network) echo socket ;; *) echo service ;; esac; }
 check default 10
 check usb-reset 10 usb-reset
 check loggers 10 loggers
+check light 10 light
 check network 10 network tls
 check egress 15 egress
-check everything 15 egress usb-reset network tls loggers
+check everything 15 egress usb-reset network tls loggers light

@@ -74,6 +74,6 @@ class RecordedWorld:
 
 
 def world_of(options: FakeOptions) -> World | RecordedWorld:
-    """A recorded world, unless the scene's period or its gain would tell the copies apart."""
+    """A recorded world, unless the scene's period, its gain or its lamp would tell the copies apart."""
     repeats = options.liner.period_s == options.ellipse.period_s == 1.0 and options.picture.agc_level is None
-    return RecordedWorld(options) if repeats else World(options)
+    return RecordedWorld(options) if repeats and not options.light.diameter_px else World(options)

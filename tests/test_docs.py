@@ -5,6 +5,12 @@ import runpy
 from pathlib import Path
 
 import pytest
+import yaml
+
+from grabberd.documents.requests import CertifiedLength
+from grabberd.errors import InputError
+from grabberd.reconstruction import ObjectModel
+from grabberd.service.calibrations.calibration_frames import calibration_frame_model
 
 ROOT = Path(__file__).parents[1]
 GENERATED = runpy.run_path(str(ROOT / "docs" / "reference" / "generate.py"))["documents"]()
@@ -20,3 +26,30 @@ def test_every_link_between_documents_leads_somewhere() -> None:
         for link in re.findall(r"\]\(([^)#]+)\)", document.read_text()):
             if not link.startswith("http"):
                 assert (document.parent / link).exists(), f"{document.name}: {link}"
+
+
+def examples_of_object_files() -> list[dict]:
+    """The YAML documents among the indented blocks of the page, without its commands."""
+    page = GENERATED["object-files.md"]
+    blocks = re.findall(r"(?:^    .*\n)+", page, re.MULTILINE)
+    return [yaml.safe_load(block) for block in blocks if block.startswith("    name:")]
+
+
+def test_the_examples_of_object_files_are_read():
+    an_object, stand = examples_of_object_files()
+    plate = ObjectModel.from_document(an_object)
+    assert plate.target_sigma_mm.tolist() == [0.3, 0.3, 0.3, 1.0]
+    model = calibration_frame_model(stand)
+    length = CertifiedLength.model_validate(stand["check_length"])
+    first, last = (model.xyz_mm[model.target == one][0] for one in length.between)
+    assert abs(((last - first) ** 2).sum() ** 0.5 - length.length_mm) < 0.002
+
+
+def test_the_page_of_object_files_names_every_key_that_is_read():
+    page = GENERATED["object-files.md"]
+    for refused in ({"unknown": 1}, {"targets": [{"unknown": 1}]}):
+        with pytest.raises(InputError) as caught:
+            ObjectModel.from_document(refused)
+        known = caught.value.message.partition("unknown: unknown key; known keys are ")[2].partition(";")[0]
+        for key in known.split(" (")[0].split(", "):
+            assert f"| `{key}` |" in page

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from grabberd.analysis import Grid, Surface, TimedPoints
 from grabberd.config import default_config_file, load_config, shipped_configs
 from grabberd.field import Field, NumberedField, PackedField, double_lines, quantise
-from grabberd.processes.analysis.analyse import FieldPoints, analyse
+from grabberd.processes.analysis.analyse import analyse
 from grabberd.processes.analysis.analysis_document import analysis_document
+from grabberd.processes.analysis.field_points import FieldPoints
 from grabberd.processes.analysis.inputs import read_inputs
 from grabberd.processes.analysis.tables import tables
 from grabberd.processes.measure import MeasuredField, MeasureSetup, measure_fields

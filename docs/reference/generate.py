@@ -1,7 +1,7 @@
 """Writes the parts of docs/reference that the program knows itself: `make docs`; a test compares them."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +12,13 @@ from pydantic_core import PydanticUndefined
 from grabberd.api import create_app
 from grabberd.config import Config, default_config_file, load_config
 from grabberd.documents.profiles import CowProfile, CupProfile, LinerProfile, PulsatorProfile
+from grabberd.documents.requests import CertifiedLength
 from grabberd.processes.analysis.columns import TABLES
 from grabberd.processes.columns import LABELS, WORD, Column, TableSpec
+from grabberd.processes.study.columns import TABLES as STUDY_TABLES
+from grabberd.processes.study.columns import captures_spec
+from grabberd.reconstruction.object_model import KEYS, TARGET_KEYS, FileKey
+from grabberd.service.calibrations.calibration_frames import CALIBRATION_FRAME_KEYS
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage.export.channel_columns import CHANNEL_COLUMNS
@@ -61,6 +66,11 @@ grabbers](../howto/several.md)).
 were recorded. It is written by pyarrow, which is optional: `pip install 'grabberd[parquet]'`; without it the
 API answers 501. The daemon leaves the work to a niced child process. In Python:
 `pyarrow.parquet.read_table(file)`, `pandas.read_parquet(file)`.
+
+**HDF5**, `points.h5`, has the groups `points` and, if the capture has channels, `channels`: an array for each
+column of `points.csv` and `channels.csv`, with the attributes `unit` and `meaning`; moments are texts. The
+file's attribute `grabberd` is that of Parquet. It is written by h5py, which is optional: `pip install
+'grabberd[hdf5]'`. HTTP does not offer it.
 """
 MAT = """
 ## MAT
@@ -73,6 +83,11 @@ no point:
 |---|---|---|---|"""
 MAT_SIZES = {"n": "F × 1", "time_s": "F × 1", "nominal_mm": "T × 3", "residual_px": "F × T"}
 MAT_AFTER = """
+If the capture has channels, `channels` has a row for each, in columns of cells: `name`, `quantity`, `logger`,
+`unit`, and all of its readings, `time_s` (from the first field on, as `points.time_s`), `sigma_time_s`,
+`value`, `vacuum_kpa` (empty for a light), with what is common to them, `sigma_vacuum_kpa` and
+`sigma_delay_s`.
+
 The struct `units` and the struct `meanings` have the last two columns of this table, e.g.
 `units.points.xyz_mm`. `ledger` has the columns of `ledger.csv`, `about` the capture's id, creation, run,
 calibration, version, verdict, site, labels, note, rate and the time of day of the first field. Labels are a
@@ -83,6 +98,7 @@ a capture has no more of them: MATLAB would calculate with integers in integers.
     plot(p.time_s, p.xyz_mm(:, p.target == 27, 3))              % Z of a target
     squeeze(p.xyz_mm(51, :, :))                                 % all targets in field 50
     imagesc(p.n, p.target, isnan(p.xyz_mm(:, :, 1))')           % what was not found
+    plot(S.channels.time_s{1}, S.channels.vacuum_kpa{1})        % the first channel
 
 What is not in it: the time of day of each field (`about.first_field_utc` plus `time_s`), and correlations
 between the axes. MATLAB reads variables of this version up to 2 GB, an hour and a half at 108 targets: more
@@ -103,9 +119,15 @@ The **residual** is the σ of the position from pointing and line jitter, √(σ
 it, the fourth word of a point is the number 256 · cameras + residual in single precision; py-c3d reads it
 like that. ezc3d takes the two for each other: its residuals are the cameras, three times the scale.
 
+**Channels** are analog channels, in kPa. C3D knows those only at a whole multiple of the rate of the frames:
+it is the one nearest to the readings of the fastest channel, at most 40, so 200 a second for four to a field.
+A sample is the mean of the readings round its time, half a step to either side, by the true times of fields
+and readings; the first of each frame is at the field's own time. Nothing is filled in: a step without a
+reading is NaN. The readings as they are, with their times and σ, are in the other formats.
+
 What is not in it: digits of X, Y, Z beyond single precision (.00001 mm), the σ of each axis and of the
 calibration, images, true times of fields (they follow the nominal rate within the clock's drift), the
-reasons for what is lost (`ledger.csv` beside it), and analog channels. More than 65 535 frames are counted
+reasons for what is lost (`ledger.csv` beside it). More than 65 535 frames are counted
 in `POINT:LONG_FRAMES` and `TRIAL:ACTUAL_END_FIELD` (ezc3d reads on to the end of the last block instead),
 more than 255 markers are named in `POINT:LABELS2` and so on; more than 16 777 216 frames, or about 3000
 markers, are refused.
@@ -120,10 +142,10 @@ The files of a [data set](../howto/archive.md) are Parquet as well. They have al
 CHANNELS_BEFORE = """
 ## Channels
 
-What was measured beside the picture, such as the vacuum: `channels.csv` or `channels.parquet` beside the
-points of a capture that has some, or `/api/v1/captures/{capture_id}/channels.csv`. A row is one reading of
-one channel. Readings begin and end up to a quarter of a second outside the fields. The metadata `grabberd` of
-the Parquet file have the capture and each channel's calibration.
+What was measured beside the picture, such as the vacuum, or a light: `channels.csv` or `channels.parquet`
+beside the points of a capture that has some, or `/api/v1/captures/{capture_id}/channels.csv`. A row is one
+reading of one channel. Readings begin and end up to a quarter of a second outside the fields. The metadata
+`grabberd` of the Parquet file have the capture and each channel's calibration.
 
 | column | unit | Parquet | |
 |---|---|---|---|"""
@@ -155,6 +177,20 @@ in mm, with every numeric column of `targets` or `phase_targets`; a target witho
 The **report** is `report.html` to read and `report.json` for programs: inputs, problems, the grid, and all
 tables except those of targets, triangles and edges, column by column; the targets are included for four
 states."""
+STUDY_BEFORE = """\
+The tables that `grabberd study` writes. How to make and read them: [a study](../howto/study.md).
+
+Every measured column (marked ±) is followed by `sigma_NAME`, its σ in the same unit, and that by
+`sigma_common_NAME`, the part of it that the captures of a liner share. An unknown value is empty in CSV and
+NaN in Parquet; nothing is filled in. **CSV**: one file for each table, seven digits. **Parquet**
+(`pip install 'grabberd[parquet]'`): the same with all digits; the metadata of a column are `unit` and
+`description`, those of the file, `grabberd`, say what it was made from.
+
+The **report** is `report.html` to read and `study.json` for programs: the question, for each quantity all
+values and results, what was left out, and all tables column by column.
+
+In the table `captures` the columns of labels and quantities are those of the study; here, those of a study of
+one label and one quantity."""
 PROFILES_BEFORE = """\
 What a profile says, kind by kind; how to use it: [profiles](../howto/profiles.md). Unknown keys are refused.
 `material`, `pulsation`, `liner`, `flow_stop` and `analysis` are those of the
@@ -174,6 +210,8 @@ def documents() -> dict[str, str]:
         "points.md": "\n".join(_points()) + "\n",
         "analysis.md": "\n".join(_analysis()) + "\n",
         "profiles.md": "\n".join(_profiles()) + "\n",
+        "study.md": "\n".join(_study()) + "\n",
+        "object-files.md": "\n".join(_object_files()) + "\n",
     }
 
 
@@ -271,6 +309,25 @@ def _models(annotation: Any) -> list[type[BaseModel]]:
     return [model for argument in getattr(annotation, "__args__", ()) for model in _models(argument)]
 
 
+def _object_files() -> Iterator[str]:
+    tables = {
+        "KEYS": _file_keys(KEYS),
+        "TARGET_KEYS": _file_keys(TARGET_KEYS),
+        "CALIBRATION_FRAME_KEYS": _file_keys(CALIBRATION_FRAME_KEYS),
+        "CHECK_LENGTH": _section(CertifiedLength, "check_length"),
+    }
+    yield MADE.rstrip("\n")
+    for line in (HERE / "object-files.template").read_text(encoding="utf-8").splitlines():
+        yield from tables.get(line, [line])
+
+
+def _file_keys(keys: Mapping[str, FileKey]) -> Iterator[str]:
+    yield "| key | unit | value | default | |\n|---|---|---|---|---|"
+    for name, key in keys.items():
+        default = "required" if key.default is None else key.default
+        yield f"| `{name}` | {key.unit or '–'} | {key.kind} | {default} | {key.meaning} |"
+
+
 def _points() -> Iterator[str]:
     yield f"{MADE}# Points, column by column\n"
     yield POINTS_BEFORE
@@ -300,6 +357,15 @@ def _analysis() -> Iterator[str]:
     yield f"{MADE}# An analysis, column by column\n"
     yield ANALYSIS_BEFORE
     for name, table in TABLES.items():
+        yield from _analysis_table(name, table)
+
+
+def _study() -> Iterator[str]:
+    yield f"{MADE}# A study, column by column\n"
+    yield STUDY_BEFORE
+    example = ("liner_compression_mean_kpa", "kPa", "liner compression, mean")
+    yield from _analysis_table("captures", captures_spec(["cow"], [example]))
+    for name, table in STUDY_TABLES.items():
         yield from _analysis_table(name, table)
 
 

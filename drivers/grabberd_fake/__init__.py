@@ -6,6 +6,7 @@ world runs on an injectable clock; noise, jitter and rig follow from seeds; faul
 
     FakeGrabber(**options)                      the driver; `FakeOptions` lists the options
     FakeLogger(**options)                       a logger of the same vacuum; see `FakeLoggerOptions`
+    FakeLight(**options)                        who switches the lamp in its picture; see `FakeLightOptions`
     truth_at(options, time_ns) -> Truth         truth of the targets at a field's time
     truth_of_liner(options, time_ns)            truth of the liner: strain, contact pressure, load, vacuum
     python -m grabberd_fake calibration         its exact calibration, in the program's own format
@@ -17,6 +18,7 @@ world runs on an injectable clock; noise, jitter and rig follow from seeds; faul
 
 from grabberd_fake.faults import KINDS
 from grabberd_fake.grabber import Clock, FakeGrabber, JumpingClock, RealClock
+from grabberd_fake.light_switch import FakeLight, FakeLightOptions
 from grabberd_fake.liner_truth import LinerTruth, WallPlaces, truth_of_liner
 from grabberd_fake.logger import FakeLogger
 from grabberd_fake.logger_options import LOGGER_FAULTS, FakeLoggerOptions
@@ -51,6 +53,8 @@ __all__ = [
     "SCENES",
     "Clock",
     "FakeGrabber",
+    "FakeLight",
+    "FakeLightOptions",
     "FakeLogger",
     "FakeLoggerOptions",
     "FakeOptions",

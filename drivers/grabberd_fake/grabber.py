@@ -1,8 +1,10 @@
 """The simulated grabber, seen through the driver contract."""
 
+import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -28,6 +30,7 @@ from grabberd_fake.faults_script import Script
 from grabberd_fake.optics import COLUMNS
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.render import ROWS
+from grabberd_fake.stage import REARRANGED, STAGE_HINT, Stage
 from grabberd_fake.stream import ARRIVAL_NS, Pictures, Stream
 from grabberd_fake.world import World
 
@@ -105,6 +108,7 @@ class FakeGrabber:
             ValueError: an option is unknown or not allowed; the message has a line for each.
         """
         self.options = FakeOptions.read(options)
+        self._stage = Stage(self.options.stage, self.options.liner)
         self._clock = clock or RealClock()
         if self.options.pace == "free":
             self._clock = JumpingClock(self._clock.now_ns())
@@ -127,7 +131,7 @@ class FakeGrabber:
 
         Raises:
             DeviceAbsent: the script has it unplugged.
-            DeviceRefused: it is open already, or the script refuses it.
+            DeviceRefused: it is open already, the script refuses it, or there is no stage.
         """
         if self._stream is not None:
             raise DeviceRefused("the simulated grabber is open already", "close it first")
@@ -141,7 +145,7 @@ class FakeGrabber:
 
         Raises:
             DeviceLost: the script unplugs it, or it is not open.
-            StreamFailed: the script makes the stream fail.
+            StreamFailed: the script makes the stream fail, or something else is on stage now.
         """
         self._pause_program()
         stream = self._wait(timeout_s)
@@ -202,6 +206,13 @@ class FakeGrabber:
         self._stream = None
 
     def _start(self, check: Callable[[], None]) -> None:
+        try:
+            self._stage.follow()
+        except ValueError as error:
+            raise DeviceRefused(f"there is no stage: {error}", STAGE_HINT) from error
+        if self._stage.liner != self.options.liner:
+            self.options = replace(self.options, liner=self._stage.liner)
+            self._waited_ns, self._pictures = self.called_ns, None
         # Takes long, so it comes before the first field is due.
         self._pictures = self._pictures or self._pictures_of(self.options)
         first = self._next_top_field()
@@ -305,6 +316,8 @@ class FakeGrabber:
         self._check_plug()
         if self._script.at(self._number_now(), Fail) is not None:
             raise StreamFailed("the simulated grabber's stream has failed", "the script says so")
+        if self._stage.follow():
+            raise StreamFailed(REARRANGED, "the stream begins again with what is on stage now")
         if self._stream is not None and self._rows_now() != self._stream.rows:
             raise StreamFailed("the camera's standard has changed", "the script says so")
 
@@ -329,5 +342,10 @@ class FakeGrabber:
             counts_losses=self.options.driver.counts != "nothing" and self._script.counts_losses(),
             tells_signal=True,
             time_sigma_ns=max(1_000, round(self.options.driver.jitter_ms * 1e6)),
-            details={"scene": self.options.scene, "pace": self.options.pace, "node": self._node()},
+            details={
+                "scene": self.options.scene,
+                "pace": self.options.pace,
+                "node": self._node(),
+                **({"stage": json.dumps(self._stage.content)} if self.options.stage is not None else {}),
+            },
         )

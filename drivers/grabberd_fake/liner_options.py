@@ -53,7 +53,7 @@ class LinerOptions:
             mouthpiece; the object's X counts from there.
         axis_z_mm: height of the liner's axis in the object's frame.
         target_thickness_mm: height of the targets' centres over the outer face.
-        period_s: length of one pulsation.
+        period_s: length of one pulsation; `start_s`: time of the clock at which one of them begins.
         fastest_mm_per_s: the wall moves no faster, and comes behind the vacuum where it would: inertia and
             losses let a liner close in 23 ms at least.
         vacuum: see `WaveOptions`.
@@ -67,19 +67,20 @@ class LinerOptions:
     axis_z_mm: float = number(-9.0, -100, 100)
     target_thickness_mm: float = number(0.0, 0, 1)
     period_s: float = number(1.0, 0.1, 120)
+    start_s: float = number(0.0, 0, 120)
     fastest_mm_per_s: float = number(400.0, 10, 10000)
     vacuum: WaveOptions = field(default_factory=WaveOptions, metadata=by(Group(WaveOptions)))
 
     @property
     def wave(self) -> Wave:
         """The vacuum."""
-        vacuum = self.vacuum
+        vacuum, start = self.vacuum, self.start_s / self.period_s
         return Wave(
             self.period_s,
             vacuum.system_kpa,
-            0.0,
+            start,
             vacuum.rising,
-            vacuum.rising + vacuum.open,
+            start + vacuum.rising + vacuum.open,
             vacuum.falling,
             vacuum.liner_kpa,
         )

@@ -1,6 +1,7 @@
 """The simulated data logger: the vacuum that moves the simulated wall, seen through the logger contract."""
 
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -18,6 +19,7 @@ from grabberd.acquisition.channels import (
 )
 from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused
 from grabberd_fake.grabber import Clock, RealClock
+from grabberd_fake.light_options import lit
 from grabberd_fake.logger_options import (
     ClockSet,
     DropOut,
@@ -28,6 +30,7 @@ from grabberd_fake.logger_options import (
     Silent,
     Unplugged,
 )
+from grabberd_fake.stage import STAGE_HINT, Stage
 from grabberd_fake.vacuum import pulsation_kpa
 
 Array = NDArray[np.float64]
@@ -44,7 +47,7 @@ class _Packet(NamedTuple):
 
     Attributes:
         taken_ns: (K,) when its readings were taken, without those that are lost.
-        values: (K, 4) what the logger shows.
+        values: (K, C) what the logger shows.
         nonsense: number of readings among those lost that arrived as nonsense.
     """
 
@@ -67,12 +70,13 @@ class FakeLogger:
             ValueError: an option is unknown or not allowed; the message has a line for each.
         """
         self.options = FakeLoggerOptions.read(options)
+        self._stage = Stage(self.options.stage, self.options.liner)
         self._clock = clock or RealClock()
         self._period_ns = 1e9 / self.options.rate_hz
         self._packet_ns = self.options.packet_ms * 1e6 or self._period_ns
         self._dating = Dating(self.options.dating)
         self._origin_ns: int | None = None
-        self._next = 0
+        self._next = self._arrives_ns = 0
         self._is_open = False
 
     def open(self) -> LoggerInfo:
@@ -80,15 +84,16 @@ class FakeLogger:
 
         Raises:
             DeviceAbsent: the script has it unplugged.
-            DeviceRefused: it is open already.
+            DeviceRefused: it is open already, or there is no stage.
         """
         if self._is_open:
             raise DeviceRefused("the simulated logger is open already", "close it first")
+        self._follow_stage()
         now_ns = self._clock.now_ns()
         self._origin_ns = now_ns if self._origin_ns is None else self._origin_ns
         if self._active(Unplugged, now_ns):
             raise DeviceAbsent("there is no simulated logger: the script has it unplugged", _REPLUG)
-        self._next = math.ceil(now_ns / self._packet_ns)
+        self._follow_with(math.ceil(now_ns / self._packet_ns))
         self._relation, self._arrivals, self._missing = ClockRelation(), ArrivalDating(), MissingReadings()
         self._is_open = True
         return self._info()
@@ -101,12 +106,14 @@ class FakeLogger:
         """
         deadline_ns = self._clock.now_ns() + round(timeout_s * 1e9)
         while True:
+            # A gauge reads on when somebody switches the vacuum off.
+            self._follow_stage()
             now_ns = self._clock.now_ns()
             self._check_plug(now_ns)
             found = self._due(now_ns)
             if found is not None or now_ns >= deadline_ns:
-                return found or Readings.none(len(self.options.CHANNELS))
-            self._clock.sleep_until_ns(min(self._arrival_ns(self._next), deadline_ns))
+                return found or Readings.none(len(self.options.columns))
+            self._clock.sleep_until_ns(min(self._arrives_ns, deadline_ns))
 
     def close(self) -> None:
         """Stops reading."""
@@ -129,6 +136,13 @@ class FakeLogger:
                 own_ns += np.where(since_ns >= fault.at_s * 1e9, round(fault.by_s * 1e9), 0)
         return own_ns.astype(np.int64)
 
+    def _follow_stage(self) -> None:
+        try:
+            if self._stage.follow():
+                self.options = replace(self.options, liner=self._stage.liner)
+        except ValueError as error:
+            raise DeviceRefused(f"there is no stage: {error}", STAGE_HINT) from error
+
     def _check_plug(self, now_ns: int) -> None:
         if not self._is_open:
             raise DeviceLost("the simulated logger is not open", "open it first")
@@ -139,6 +153,10 @@ class FakeLogger:
         since_s = (time_ns - (self._origin_ns or 0)) / 1e9
         faults = (fault for fault in self.options.faults if isinstance(fault, kind))
         return next((fault for fault in faults if fault.is_on(since_s)), None)
+
+    def _follow_with(self, packet: int) -> None:
+        """Notes which packet is the next, and when it arrives."""
+        self._next, self._arrives_ns = packet, self._arrival_ns(packet)
 
     def _arrival_ns(self, packet: int) -> int:
         options = self.options
@@ -152,9 +170,9 @@ class FakeLogger:
     def _due(self, now_ns: int) -> Readings | None:
         """Readings of the packets that have arrived; None if nothing has."""
         parts = []
-        while self._arrival_ns(self._next) <= now_ns:
+        while self._arrives_ns <= now_ns:
             packet = self._packet(self._next)
-            self._next += 1
+            self._follow_with(self._next + 1)
             if len(packet.taken_ns) or packet.nonsense:
                 parts.append(packet)
         if not parts:
@@ -186,8 +204,11 @@ class FakeLogger:
         bad = ~gone & (spoilt < max(options.nonsense, nonsense.share if nonsense else 0.0))
         unit = self._active(OtherUnit, start_ns)
         shown = (self.truth_kpa(taken_ns) + noise - options.offset_kpa) * options.gain
+        shown *= unit.factor if unit else 1.0
+        if options.light.diameter_px:
+            shown = np.column_stack([shown, lit(options.light, taken_ns)])
         good = ~gone & ~bad
-        return _Packet(taken_ns[good], shown[good] * (unit.factor if unit else 1.0), int(bad.sum()))
+        return _Packet(taken_ns[good], shown[good], int(bad.sum()))
 
     def _date(self, taken_ns: Times, now_ns: int) -> tuple[Dated, tuple[Anomaly, ...]]:
         if self._dating is Dating.MONOTONIC:
@@ -206,8 +227,8 @@ class FakeLogger:
         return LoggerInfo(
             driver="fake",
             model="simulated logger",
-            channels=self.options.CHANNELS,
-            units=("kPa",) * len(self.options.CHANNELS),
+            channels=self.options.columns,
+            units=tuple(None if name == "light" else "kPa" for name in self.options.columns),
             rate_hz=self.options.rate_hz,
             dating=self._dating,
             time_sigma_ns=sigma_ns.get(self._dating, round(packet_ns)),

@@ -5,12 +5,14 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from grabberd_fake.ellipse_options import EllipseOptions
+from grabberd_fake.light_options import LightOptions
 from grabberd_fake.liner_options import LinerOptions
 from grabberd_fake.reading import (
     Group,
     ListOf,
     Number,
     OneOfKinds,
+    Text,
     by,
     choice,
     integer,
@@ -92,6 +94,7 @@ class FakeLoggerOptions:
     Attributes:
         scene: `liner` or `ellipse`, whose options give the vacuum.
         liner: see `LinerOptions`; `ellipse`: see `EllipseOptions`.
+        light: the lamp of that grabber, see `LightOptions`; with one there is a further column `light`.
         mouthpiece_kpa: vacuum in the mouthpiece chamber; `milk_line_kpa`: in the milk line, both constant.
         rate_hz: readings per second.
         noise_kpa: standard deviation of each reading.
@@ -104,6 +107,7 @@ class FakeLoggerOptions:
         drop_out: share of readings that are lost; `nonsense`: share that are no numbers.
         seed: seed of noise, delays and losses.
         faults: what goes wrong; each has a `kind` out of `LOGGER_FAULTS` and `at_s`.
+        stage: file that replaces the liner's vacuum, see `FakeOptions`.
     """
 
     CHANNELS: ClassVar[tuple[str, ...]] = ("pulsation", "liner", "mouthpiece", "milk_line")
@@ -111,6 +115,7 @@ class FakeLoggerOptions:
     scene: str = choice("liner", "ellipse")
     liner: LinerOptions = field(default_factory=LinerOptions, metadata=by(Group(LinerOptions)))
     ellipse: EllipseOptions = field(default_factory=EllipseOptions, metadata=by(Group(EllipseOptions)))
+    light: LightOptions = field(default_factory=LightOptions, metadata=by(Group(LightOptions)))
     mouthpiece_kpa: float = number(18.0, 0, 80)
     milk_line_kpa: float = number(44.0, 0, 80)
     rate_hz: float = number(200.0, 1, 2000)
@@ -127,6 +132,7 @@ class FakeLoggerOptions:
     nonsense: float = number(0.0, 0, 1)
     seed: int = integer(0, 0, 2**32 - 1)
     faults: tuple[Any, ...] = ruled(ListOf(OneOfKinds(LOGGER_FAULTS)), ())
+    stage: str | None = ruled(Text(), None)
 
     @classmethod
     def read(cls, values: Mapping[str, Any]) -> "FakeLoggerOptions":
@@ -138,6 +144,11 @@ class FakeLoggerOptions:
         return read(cls, values, "")
 
     @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of what it measures."""
+        return (*self.CHANNELS, "light") if self.light.diameter_px else self.CHANNELS
+
+    @property
     def wave(self) -> Wave:
         """The vacuum that moves the wall."""
         return self.liner.wave if self.scene == "liner" else self.ellipse.wave
@@ -146,3 +157,5 @@ class FakeLoggerOptions:
         """Problems that involve several keys."""
         if self.gain == 0:
             yield "gain: 0 shows nothing"
+        if self.stage is not None and self.scene != "liner":
+            yield f"stage: given, but the scene is {self.scene!r}, not 'liner'"

@@ -187,6 +187,8 @@ class FakeOptions:
         seed: seed of noise and jitter.
         faults: fault script; each entry has a `kind` and `at_s` or `at_field`, see `faults`.
         cue: path of a file whose appearance starts the script; null: it starts with the first field.
+        stage: path of a file, from the working directory, that replaces the liner's wall and vacuum, and is
+            followed when it changes, see `stage`; null or no such file: they are as given here.
     """
 
     scene: str = choice(*SCENES)
@@ -205,6 +207,7 @@ class FakeOptions:
     seed: int = integer(0, 0, 2**32 - 1)
     faults: tuple[Fault, ...] = ruled(ListOf(OneOfKinds(KINDS)), ())
     cue: str | None = ruled(Text(), None)
+    stage: str | None = ruled(Text(), None)
 
     @classmethod
     def read(cls, values: Mapping[str, Any]) -> "FakeOptions":
@@ -222,3 +225,5 @@ class FakeOptions:
             yield "points: an id is given twice"
         if self.points and self.scene != "points":
             yield f"points: given, but the scene is {self.scene!r}"
+        if self.stage is not None and self.scene != "liner":
+            yield f"stage: given, but the scene is {self.scene!r}, not 'liner'"

@@ -4,6 +4,7 @@ import json
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import closing
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,9 @@ import numpy as np
 
 from grabberd.errors import CaptureFileError
 from grabberd_fake.liner_truth import LinerTruth, truth_of_liner
+from grabberd_fake.milking_truth import quantities_of
 from grabberd_fake.options import FakeOptions
+from grabberd_fake.stage import REARRANGED, on_stage
 from grabberd_fake.vacuum import Pulsating, vacuum_log
 from grabberd_fake.wall_truth import WallTruth, truth_of_wall
 from grabberd_fake.world import Truth, World
@@ -109,6 +112,25 @@ def capture_load_truth(path: Path) -> Iterator[str]:
             yield f"{n},{time_ns},{x_mm:.6f},{load:.9g}"
 
 
+def capture_quantities(path: Path, flow_stop_kpa: float | None = None) -> Iterator[str]:
+    """CSV lines, the header first: the liner's quantities, by the names that an analysis has for them.
+
+    Args:
+        path: of the capture.
+        flow_stop_kpa: contact pressure at which milk just stops flowing; None leaves out the overpressure.
+
+    Raises:
+        CaptureFileError: the file is no capture, or was made by another driver.
+        ValueError: the capture shows another scene than the liner.
+    """
+    options, _ = _read_capture(path)
+    if options.scene != "liner":
+        raise ValueError(f"scene: {options.scene!r} is not the solved wall 'liner'")
+    yield "name,value"
+    for name, value in quantities_of(options.liner, flow_stop_kpa).items():
+        yield f"{name},{value:.9g}"
+
+
 def _liner_rows(truth: LinerTruth) -> Iterator[str]:
     table = np.column_stack([truth.face_mm, truth.strain[:, (0, 0, 1), (0, 1, 1)], truth.contact_kpa])
     for target, row in zip(truth.ids.tolist(), table.tolist(), strict=True):
@@ -161,8 +183,16 @@ def _read_capture(path: Path) -> tuple[FakeOptions, list[tuple[int, int]]]:
             fields = database.execute(
                 "SELECT n, time_ns FROM fields WHERE time_ns IS NOT NULL ORDER BY n"
             ).fetchall()
+            rearranged = database.execute(
+                "SELECT first_n FROM ledger WHERE reason = ? LIMIT 1", (REARRANGED,)
+            ).fetchone()
     except sqlite3.Error as error:
         raise CaptureFileError(f"{path}: not a capture file: {error}", "give a sealed .grab file") from error
+    if rearranged:
+        raise CaptureFileError(
+            f"{path}: {REARRANGED} from field {rearranged[0]} on, and only what stood there before was kept",
+            "capture again, without changing the stage meanwhile",
+        )
     return _options_of(path, json.loads(row[0]) if row else {}), fields
 
 
@@ -172,4 +202,8 @@ def _options_of(path: Path, device: Mapping[str, Any]) -> FakeOptions:
             f"{path}: made with driver {device.get('driver')!r}, not 'fake'",
             "only a simulated scene's truth is known",
         )
-    return FakeOptions.read(device.get("options") or {})
+    options = FakeOptions.read(device.get("options") or {})
+    stage = (device.get("stream") or {}).get("details", {}).get("stage")
+    if stage is None:
+        return options
+    return replace(options, liner=on_stage(options.liner, json.loads(stage), path))

@@ -68,6 +68,12 @@ def buckling_kpa(states: WallStates) -> float:
     return float((height_mm[open_] - at_zero_mm) / (slope[steepest] - slope[open_]))
 
 
+def stiffness_n_mm(states: WallStates) -> float:
+    """Bending stiffness E t³ / 9 of an incompressible wall, as designed."""
+    design = states.about["design"]
+    return float(design["young_mpa"] * design["wall_mm"] ** 3 / 9)
+
+
 def teat_load(states: WallStates, outer_kpa: float) -> TeatLoad:
     """Load on the teat at a pressure difference; walls that meet below its end are left out.
 

@@ -1,7 +1,5 @@
 """Serial lines of text: a microcontroller, a bench logger or an adapter on a serial port or USB."""
 
-import errno
-import fcntl
 import os
 import select
 import termios
@@ -11,14 +9,15 @@ from typing import Any, Literal
 from pydantic import field_validator
 
 from grabberd.acquisition.clock import Clock
-from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
+from grabberd.errors import DeviceLost, StreamFailed
 from grabberd_loggers.line_logger import LineLogger, Opened, Received
 from grabberd_loggers.options import LineOptions, read_options
+from grabberd_loggers.port_file import GONE, PLUG, lost, open_port
 
 _BYTES = 65_536
 _PARITY = {"none": 0, "even": termios.PARENB, "odd": termios.PARENB | termios.PARODD}
-_GONE = frozenset([errno.EIO, errno.ENXIO, errno.ENODEV, errno.EBADF])
-_PLUG = "plug the logger in; 'grabberd devices' lists the serial ports"
+_SIZE = {7: termios.CS7, 8: termios.CS8}
+_STOP = {1: 0, 2: termios.CSTOPB}
 
 
 class SerialOptions(LineOptions):
@@ -27,13 +26,15 @@ class SerialOptions(LineOptions):
     Attributes:
         port: the port, preferably a link in /dev/serial/by-id, which stays the same.
         baud: its speed.
-        parity: parity bit of its characters.
+        bits: bits of a character; `parity`: its parity bit; `stop_bits`: those at its end.
         start: text that is sent once it is open, for loggers that wait to be asked.
     """
 
     port: Path
     baud: int = 115_200
+    bits: Literal[7, 8] = 8
     parity: Literal["none", "even", "odd"] = "none"
+    stop_bits: Literal[1, 2] = 1
     start: str = ""
 
     @field_validator("baud")
@@ -73,20 +74,13 @@ class _Port:
         self._file: int | None = None
 
     def open(self) -> Opened:
-        port = self._options.port
-        try:
-            self._file = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-        except OSError as error:
-            raise _not_opened(port, error) from error
-        try:
-            self._set_up(self._file)
-        except termios.error as error:
-            self.close()
-            raise DeviceRefused(f"{port} is no serial port: {error.args[-1]}", _PLUG) from error
-        except OSError as error:
-            self.close()
-            raise _not_opened(port, error) from error
-        details = {"port": str(port), "device": str(port.resolve()), "baud": str(self._options.baud)}
+        options = self._options
+        control = _SIZE[options.bits] | _PARITY[options.parity] | _STOP[options.stop_bits]
+        self._file = open_port(options.port, getattr(termios, f"B{options.baud}"), control)
+        if options.start:
+            os.write(self._file, options.start.encode())
+        port = options.port
+        details = {"port": str(port), "device": str(port.resolve()), "baud": str(options.baud)}
         return Opened(port.name, details)
 
     def receive(self, timeout_s: float) -> Received:
@@ -102,49 +96,14 @@ class _Port:
         except BlockingIOError:
             return Received()
         except OSError as error:
-            if error.errno in _GONE:
-                raise self._lost() from error
-            raise StreamFailed(f"{self._options.port} cannot be read: {error.strerror}", _PLUG) from error
+            if error.errno in GONE:
+                raise lost(self._options.port) from error
+            raise StreamFailed(f"{self._options.port} cannot be read: {error.strerror}", PLUG) from error
         if not data:
-            raise self._lost()
+            raise lost(self._options.port)
         return Received(data)
 
     def close(self) -> None:
         if self._file is not None:
             os.close(self._file)
             self._file = None
-
-    def _set_up(self, file: int) -> None:
-        """Raw characters of 8 bits at the given speed; what has waited in the kernel is dropped."""
-        options = self._options
-        settings = termios.tcgetattr(file)
-        speed = getattr(termios, f"B{options.baud}")
-        control = termios.CS8 | termios.CREAD | termios.CLOCAL | _PARITY[options.parity]
-        characters = list(settings[6])
-        characters[termios.VMIN], characters[termios.VTIME] = 0, 0
-        termios.tcsetattr(file, termios.TCSANOW, [0, 0, control, 0, speed, speed, characters])
-        _claim(file)
-        if options.start:
-            os.write(file, options.start.encode())
-
-    def _lost(self) -> DeviceLost:
-        return DeviceLost(
-            f"{self._options.port} is gone", "plug the logger in again; grabberd retries automatically"
-        )
-
-
-def _claim(file: int) -> None:
-    """Keep other programs from the port: two readers would each get half of the lines."""
-    fcntl.ioctl(file, termios.TIOCEXCL)
-    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-
-
-def _not_opened(port: Path, error: OSError) -> DeviceAbsent | DeviceRefused:
-    if error.errno in (errno.EBUSY, errno.EWOULDBLOCK):
-        return DeviceRefused(f"another program has {port}", "end it", Cause.DEVICE_BUSY)
-    if error.errno in (errno.EACCES, errno.EPERM):
-        hint = "add grabberd's user to the group that owns it, usually dialout"
-        return DeviceRefused(f"{port} may not be opened: {error.strerror}", hint, Cause.NO_RIGHTS)
-    if error.errno in (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.EIO, errno.ENOTDIR):
-        return DeviceAbsent(f"there is no {port}", _PLUG)
-    return DeviceRefused(f"{port} cannot be opened: {error.strerror}", _PLUG)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from grabberd.acquisition import FieldOrder
 from grabberd.errors import DeviceRefused, PictureError
-from grabberd_replay.pictures import Pictures, Splitter, recognise
+from grabberd_replay.pictures import Pictures, Splitter, recognise, usual_rate_hz
 from grabberd_replay.png import Header, read_png
 from grabberd_replay.recording import Batch, Recording
 
@@ -18,16 +18,17 @@ class FolderRecording(Recording):
     """The pictures of a folder in the order of their names, a field every 1 / rate_hz from time zero.
 
     Raises:
-        DeviceRefused: there are no pictures, or their kind cannot be told from their height.
+        DeviceRefused: there are no pictures, or their kind or their rate cannot be told.
         PictureError: the first picture cannot be read.
     """
 
     def __init__(
-        self, directory: Path, pictures: Pictures, order: FieldOrder, first_parity: int, rate_hz: float
+        self, directory: Path, pictures: Pictures, order: FieldOrder, first_parity: int, rate_hz: float | None
     ) -> None:
         self._paths = in_order(directory)
         self._header, _ = read_png(self._paths[0])
-        pictures = recognise(self._paths[0], pictures, self._header.lines)
+        pictures = recognise(self._paths[0], pictures, self._header.lines, self._header.columns)
+        rate_hz = rate_hz or usual_rate_hz(directory, pictures, self._header.lines)
         self._splitter = Splitter(pictures, order, first_parity, rate_hz)
         self.format = self._splitter.format(
             self._header.lines, self._header.columns, details=colours_of(self._header)

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 
-from grabberd.acquisition import Clock, FieldOrder, GrabbedField, Signal, StreamInfo, SystemClock
+from grabberd.acquisition import PAL_HZ, Clock, FieldOrder, GrabbedField, Signal, StreamInfo, SystemClock
 from grabberd.errors import (
     CaptureFileError,
     DeviceAbsent,
@@ -18,8 +18,8 @@ from grabberd_replay.capture import CaptureRecording
 from grabberd_replay.containers import KINDS, container_of
 from grabberd_replay.folder import FolderRecording
 from grabberd_replay.manifest import MANIFEST, ManifestRecording
-from grabberd_replay.pictures import PAL_HZ, Pictures, older_parity, parity_named
-from grabberd_replay.recording import Batch, Recording
+from grabberd_replay.pictures import Pictures, older_parity, parity_named
+from grabberd_replay.recording import Batch, Format, Recording
 from grabberd_replay.video import VideoRecording
 
 _RECORDINGS = f"a capture file, a folder of PNG pictures, or a video ({KINDS})"
@@ -37,12 +37,13 @@ class ReplayGrabber:
 
     Args:
         path: path of the file or folder.
-        pictures: kind of the pictures: "frames" (woven), "fields", "doubled", or "auto", by their height;
-            ignored for a capture file or a folder with a `fields.csv`.
+        pictures: kind of the pictures: "frames" (woven), "fields", "doubled" (fields whose missing lines have
+            been interpolated), "progressive", or "auto", by their size; ignored for a capture file or a
+            folder with a `fields.csv`.
         field_order: order of the fields of a frame: "top_first" (PAL) or "bottom_first".
         first_parity: parity of the first field, "top" or "bottom", if pictures are fields or doubled.
-        rate_hz: fields per second, for a folder without times or a video with a wrong rate; by default 50,
-            or the video's own rate.
+        rate_hz: fields per second, or progressive pictures, for a folder without times or a video with a
+            wrong rate; by default the video's own rate, or that of the standard: 50 or 59.94.
         pace: "free": as fast as fields are read; "real": when they are due.
         clock: clock for the real pace; the computer's by default.
 
@@ -141,7 +142,7 @@ class ReplayGrabber:
         if not self._path.exists():
             raise DeviceAbsent(f"there is no recording {self._path}", f"name {_RECORDINGS}")
         if self._path.is_dir():
-            return self._open_folder(self._rate_hz or PAL_HZ)
+            return self._open_folder()
         container = container_of(self._path)
         if container is None:
             return self._open_capture()
@@ -149,10 +150,10 @@ class ReplayGrabber:
             self._path, container, self._pictures, self._order, self._first_parity, self._rate_hz
         )
 
-    def _open_folder(self, rate_hz: float) -> Recording:
+    def _open_folder(self) -> Recording:
         if (self._path / MANIFEST).exists():
-            return ManifestRecording(self._path, rate_hz)
-        return FolderRecording(self._path, self._pictures, self._order, self._first_parity, rate_hz)
+            return ManifestRecording(self._path, self._rate_hz or PAL_HZ)
+        return FolderRecording(self._path, self._pictures, self._order, self._first_parity, self._rate_hz)
 
     def _open_capture(self) -> Recording:
         try:
@@ -166,7 +167,7 @@ class ReplayGrabber:
         return StreamInfo(
             driver="replay",
             card=str(self._path),
-            standard="PAL" if form.rate_hz == 50.0 else "",
+            standard=_standard(form),
             columns=form.columns,
             field_rows=form.field_rows,
             rate_hz=form.rate_hz,
@@ -213,6 +214,13 @@ class ReplayGrabber:
         self.found_empty = wait_s > 0
         self._clock.sleep(min(wait_s, timeout_s))
         return wait_s <= timeout_s
+
+
+def _standard(form: Format) -> str:
+    """Video standard of a recording's fields, as far as they have one."""
+    if form.field_order is FieldOrder.PROGRESSIVE:
+        return ""
+    return {50.0: "PAL", 59.94: "NTSC"}.get(round(form.rate_hz, 2), "")
 
 
 def _not_open(path: Path) -> DeviceLost:

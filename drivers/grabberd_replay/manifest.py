@@ -1,6 +1,6 @@
 """A folder of pictures that grabberd exported, with kind and time of each picture in its `fields.csv`."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from grabberd.acquisition import FieldOrder, GrabbedField, Outcome
 from grabberd.bounded_documents import LARGEST_TABLE, csv_records, read_text
 from grabberd.errors import DeviceRefused
-from grabberd.field import LARGEST_SIDE_PX, Field
+from grabberd.field import LARGEST_SIDE_PX, PROGRESSIVE, Field
 from grabberd_replay.folder import colours_of
 from grabberd_replay.pictures import Pictures
 from grabberd_replay.png import read_png
@@ -22,7 +22,7 @@ _NUMBERS = range(-(1 << 62), 1 << 62)
 _RANGES = {
     "n": range(1 << 31),
     "time_ns": _NUMBERS,
-    "parity": range(2),
+    "parity": range(PROGRESSIVE + 1),
     "y0": range(LARGEST_SIDE_PX),
     "y_step": range(1, 3),
 }
@@ -59,7 +59,7 @@ class ManifestRecording(Recording):
             columns=self._header.columns,
             field_rows=self._header.lines // (2 if self._woven else 1),
             rate_hz=rate_hz,
-            field_order=FieldOrder.ALTERNATE if len(parities) > 1 else FieldOrder.ONE_PARITY,
+            field_order=_order_of(parities),
             pixel_format="GREY",
             counts_losses=_counts_like_numbers(self._rows),
             details={
@@ -89,7 +89,15 @@ class ManifestRecording(Recording):
     def _pictures(self) -> Pictures:
         if self._woven:
             return Pictures.FRAMES
+        if self._rows[0].parity == PROGRESSIVE:
+            return Pictures.PROGRESSIVE
         return Pictures.DOUBLED if self._rows[0].y_step == 1 else Pictures.FIELDS
+
+
+def _order_of(parities: Collection[int]) -> FieldOrder:
+    if PROGRESSIVE in parities:
+        return FieldOrder.PROGRESSIVE
+    return FieldOrder.ALTERNATE if len(parities) > 1 else FieldOrder.ONE_PARITY
 
 
 def _counts_like_numbers(rows: Sequence[Row]) -> bool:

@@ -7,19 +7,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.acquisition import FieldOrder, GrabbedField
+from grabberd.acquisition import FieldOrder, GrabbedField, standard_rate_hz
 from grabberd.errors import DeviceRefused
 from grabberd.field import BOTTOM, TOP, Field, split_frame
 from grabberd_replay.recording import Batch, Format
 
 
 class Pictures(StrEnum):
-    """Kind of a picture: woven frame or single field."""
+    """Kind of a picture: woven frame, single field, or all that a progressive camera saw at one moment."""
 
     AUTO = "auto"
     FRAMES = "frames"
     FIELDS = "fields"
     DOUBLED = "doubled"
+    PROGRESSIVE = "progressive"
 
     @property
     def fields(self) -> int:
@@ -27,25 +28,24 @@ class Pictures(StrEnum):
         return 2 if self is Pictures.FRAMES else 1
 
 
-PAL_HZ = 50.0
-"""Fields a second."""
-
-_FRAME_LINES = (576, 480)
+_FRAME_SIZES = {(columns, 576) for columns in (704, 720, 768)} | {(704, 480), (720, 480), (720, 486)}
 _FIELD_LINES = (288, 240)
+_EITHER_LINES = (480, 486, 576, 1080)
+"""Lines of frames of other widths as well as of progressive pictures."""
 
 
-def recognise(path: Path, pictures: Pictures, lines: int) -> Pictures:
-    """Kind of pictures of this height in `path`.
+def recognise(path: Path, pictures: Pictures, lines: int, columns: int) -> Pictures:
+    """Kind of pictures of this size in `path`.
 
     Raises:
-        DeviceRefused: the kind cannot be told from the height, or frames have an odd number of lines.
+        DeviceRefused: the kind cannot be told from the size, or frames have an odd number of lines.
     """
-    found = _by_height(lines) if pictures is Pictures.AUTO else pictures
-    hint = "give their kind by the option 'pictures', or scale them"
+    found = _by_size(lines, columns) if pictures is Pictures.AUTO else pictures
+    hint = "give their kind by the option 'pictures': 'grabberd inspect' tells it from what they show"
     if found is None:
         raise DeviceRefused(
-            f"{path}: {lines} lines are neither a frame (576, 480) nor a field (288, 240); "
-            "expected pictures=frames, fields or doubled",
+            f"{path}: pictures of {columns}x{lines} may be interlaced frames or progressive; "
+            "expected pictures=frames or progressive",
             hint,
         )
     if found is Pictures.FRAMES and lines % 2:
@@ -55,10 +55,26 @@ def recognise(path: Path, pictures: Pictures, lines: int) -> Pictures:
     return found
 
 
-def _by_height(lines: int) -> Pictures | None:
-    if lines in _FRAME_LINES:
+def _by_size(lines: int, columns: int) -> Pictures | None:
+    if (columns, lines) in _FRAME_SIZES:
         return Pictures.FRAMES
-    return Pictures.FIELDS if lines in _FIELD_LINES else None
+    if lines in _FIELD_LINES:
+        return Pictures.FIELDS
+    return None if lines in _EITHER_LINES else Pictures.PROGRESSIVE
+
+
+def usual_rate_hz(path: Path, pictures: Pictures, lines: int) -> float:
+    """Fields a second where nothing tells the rate: that of the video standard.
+
+    Raises:
+        DeviceRefused: progressive pictures have none.
+    """
+    if pictures is Pictures.PROGRESSIVE:
+        raise DeviceRefused(
+            f"{path}: nothing tells how many progressive pictures there are a second", "give 'rate_hz'"
+        )
+    frame_lines = lines if pictures in (Pictures.FRAMES, Pictures.DOUBLED) else 2 * lines
+    return standard_rate_hz(frame_lines)
 
 
 class Splitter(NamedTuple):
@@ -92,16 +108,24 @@ class Splitter(NamedTuple):
             columns=columns,
             field_rows=lines // self.pictures.fields,
             rate_hz=self.rate_hz,
-            field_order=self.order if self.pictures is Pictures.FRAMES else FieldOrder.ALTERNATE,
+            field_order=self._order_of_fields,
             pixel_format="GREY",
             counts_losses=True,
             details={"pictures": str(self.pictures), "size": f"{columns}x{lines}", **details},
             remarks=remarks,
         )
 
+    @property
+    def _order_of_fields(self) -> FieldOrder:
+        if self.pictures is Pictures.FRAMES:
+            return self.order
+        return FieldOrder.PROGRESSIVE if self.pictures is Pictures.PROGRESSIVE else FieldOrder.ALTERNATE
+
     def _split(self, luma: NDArray[np.uint8], parity: int) -> tuple[Field, ...]:
         if self.pictures is Pictures.FRAMES:
             return split_frame(luma, parity)
+        if self.pictures is Pictures.PROGRESSIVE:
+            return (Field.progressive(luma),)
         if self.pictures is Pictures.DOUBLED:
             return (Field(luma, parity, y0=0, y_step=1),)
         return (Field.intact(luma, parity),)

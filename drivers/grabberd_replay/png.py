@@ -13,7 +13,10 @@ from grabberd.errors import PictureError
 from grabberd.field import LARGEST_SIDE_PX
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_GREY = (0, 4)
+_GREY, _WITH_ALPHA = (0, 4), (4, 6)
+"""Colour types of the header."""
+_COLOUR_TYPE = 25
+"""Byte of the colour type in a file."""
 LARGEST_BYTES = 64 << 20
 """Size of a file: all pixels of the largest picture in four uncompressed colours."""
 
@@ -37,8 +40,8 @@ def read_png(path: Path, expected: Header | None = None) -> tuple[Header, NDArra
         expected: header that the picture should have.
 
     Raises:
-        PictureError: the picture is missing, no PNG, truncated, damaged, has more than 8 bits, or differs
-            from `expected`.
+        PictureError: the picture is missing, no PNG, truncated, damaged, has more than 8 bits or transparent
+            pixels, or differs from `expected`.
     """
     data = _bytes(path, expected)
     header = _header(path, data, expected)
@@ -48,12 +51,24 @@ def read_png(path: Path, expected: Header | None = None) -> tuple[Header, NDArra
             f"{path} is {header}, expected {expected} like the first picture",
             "leave it out or bring it to the size and colours of the others",
         )
+    if data[_COLOUR_TYPE] in _WITH_ALPHA:
+        _check_opaque(path, data)
     mode = cv2.IMREAD_COLOR if header.coloured else cv2.IMREAD_GRAYSCALE
     picture = cv2.imdecode(np.frombuffer(data, np.uint8), mode)
     if picture is None or picture.shape[:2] != (header.lines, header.columns):
         raise _damaged(path, header, "its content cannot be decoded")
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if header.coloured else picture
     return header, np.asarray(grey, np.uint8)
+
+
+def _check_opaque(path: Path, data: bytes) -> None:
+    """Refuses a picture whose alpha channel hides something: what lies beneath is not what was seen."""
+    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if picture is not None and picture.ndim == 3 and (hidden := int((picture[..., -1] < 255).sum())):
+        raise PictureError(
+            f"{path} has an alpha channel with {hidden} transparent pixels, expected opaque ones alone",
+            "export it without transparency",
+        )
 
 
 def _bytes(path: Path, expected: Header | None) -> bytes:

@@ -3,14 +3,14 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from grabberd.acquisition import FieldOrder
+from grabberd.acquisition import NTSC_HZ, PAL_HZ, FieldOrder
 from grabberd.errors import PictureError
 from grabberd_replay.containers import Container
-from grabberd_replay.decoder import Decoder, Picture
-from grabberd_replay.pictures import PAL_HZ, Pictures, Splitter, recognise
+from grabberd_replay.decoder import Decoder, Header, Picture
+from grabberd_replay.pictures import Pictures, Splitter, recognise, usual_rate_hz
 from grabberd_replay.recording import Batch, Recording
 
-_PAL_SIZES = ((720, 576), (720, 288))
+_GRABBED_SIZES = ((720, 576), (720, 288), (720, 480), (720, 240))
 _MOST_PICTURES = 1 << 30
 # Codecs that return the pixels they were given; all others displace edges, and so targets.
 _LOSSLESS = ("FFV1", "HFYU", "FFVH", "MPNG", "ULY0", "ULY2", "ULRA", "ULRG", "LAGS", "MAGY", "ZLIB")
@@ -40,9 +40,9 @@ class VideoRecording(Recording):
         self._expected = header.pictures if header.pictures_per_s else 0
         # Without a count in the container FFmpeg estimates one from its length: a second of slack.
         self._may_lack = 0 if container.counts else round(header.pictures_per_s or 0)
-        pictures = recognise(path, pictures, header.lines)
-        own_hz = header.pictures_per_s * pictures.fields if header.pictures_per_s else PAL_HZ
-        self._splitter = Splitter(pictures, order, first_parity, rate_hz or own_hz)
+        pictures = recognise(path, pictures, header.lines, header.columns)
+        own_hz = rate_hz or _rate_hz(path, pictures, header)
+        self._splitter = Splitter(pictures, order, first_parity, own_hz)
         self.format = self._splitter.format(
             header.lines,
             header.columns,
@@ -51,7 +51,7 @@ class VideoRecording(Recording):
                 "codec": _codec(self._decoder),
                 "luma": self._decoder.luma,
             },
-            remarks=tuple(_remarks(self._decoder, self._splitter.rate_hz)),
+            remarks=tuple(_remarks(self._decoder, self._splitter)),
         )
 
     def batches(self) -> Iterator[Batch]:
@@ -102,21 +102,31 @@ def _codec(decoder: Decoder) -> str:
     return "uncompressed" if decoder.uncompressed else decoder.header.codec or "unknown"
 
 
-def _remarks(decoder: Decoder, rate_hz: float) -> Iterator[str]:
-    """Remarks on a video that did not come from a PAL grabber."""
+def _rate_hz(path: Path, pictures: Pictures, header: Header) -> float:
+    """Fields a second by the container, or else by the standard."""
+    if header.pictures_per_s:
+        return header.pictures_per_s * pictures.fields
+    return usual_rate_hz(path, pictures, header.lines)
+
+
+def _remarks(decoder: Decoder, splitter: Splitter) -> Iterator[str]:
+    """Remarks on a video that did not come from a grabber or a progressive camera as it is."""
     header, codec = decoder.header, _codec(decoder)
     if not decoder.uncompressed and codec.upper() not in _LOSSLESS:
         yield (
             f"Its codec {codec} is usually lossy: targets are displaced by more than their sigma "
             "says. Record uncompressed, or with FFV1 or HuffYUV."
         )
-    if (header.columns, header.lines) not in _PAL_SIZES:
+    if splitter.pictures is Pictures.PROGRESSIVE:
+        return
+    if (header.columns, header.lines) not in _GRABBED_SIZES:
         yield (
-            f"Its size {header} is not PAL's 720x576, or 720x288 a field: if it was scaled, lines of both "
-            "fields are mixed, and no option separates them."
+            f"Its size {header} is that of no grabber (720x576, 720x480, or half the lines): if it was "
+            "scaled, lines of both fields are mixed, and no option separates them."
         )
-    if abs(rate_hz - PAL_HZ) > 0.01 * PAL_HZ:
+    if all(abs(splitter.rate_hz - usual) > 0.01 * usual for usual in (PAL_HZ, NTSC_HZ)):
         yield (
-            f"It has {rate_hz:g} fields a second where PAL has {PAL_HZ:g}: play a deinterlaced video "
-            "with pictures 'doubled', and correct a wrong rate with rate_hz."
+            f"It has {splitter.rate_hz:g} fields a second where PAL has {PAL_HZ:g} and NTSC {NTSC_HZ:.2f}: "
+            "correct a wrong rate with rate_hz; pictures are 'progressive' if they have no fields, and "
+            "'doubled' if each was interpolated from a field."
         )

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grabberd.acquisition.ledger import LedgerEntry, Outcome
+from grabberd.acquisition.rebases import LedgerEvent, Rebase
 from grabberd.acquisition.ring import Policy, Ring, Slot
 from grabberd.errors import RingOverrun
 
@@ -94,6 +95,63 @@ def test_losses_before_the_first_slot_that_is_left_keep_their_own_reason():
     overrun, gap = reader.take(0).lost_before
     assert overrun == LedgerEntry(0, 2, Outcome.OVERRUN, "ring overrun")
     assert gap == LedgerEntry(2, 3, Outcome.LOST, "time gap")
+
+
+def test_losses_among_overwritten_slots_keep_their_own_reason():
+    ring = Ring(2)
+    reader = ring.reader()
+    fill(ring, 0)
+    ring.put(slot(5, lost=4)._replace(lost_before=(LedgerEntry(1, 4, Outcome.LOST, "unplugged"),)))
+    fill(ring, 6, 7, 8)
+    assert reader.take(0).lost_before == (
+        LedgerEntry(0, 1, Outcome.OVERRUN, "ring overrun"),
+        LedgerEntry(1, 4, Outcome.LOST, "unplugged"),
+        LedgerEntry(5, 2, Outcome.OVERRUN, "ring overrun"),
+    )
+
+
+def test_losses_right_before_and_right_after_one_another_leave_no_empty_overrun():
+    ring = Ring(1)
+    reader = ring.reader()
+    ring.put(slot(3, lost=3))
+    fill(ring, 4)
+    assert reader.take(0).lost_before == (
+        LedgerEntry(0, 3, Outcome.LOST, "time gap"),
+        LedgerEntry(3, 1, Outcome.OVERRUN, "ring overrun"),
+    )
+
+
+def test_changes_of_the_clock_among_overwritten_slots_are_told():
+    ring = Ring(2)
+    reader = ring.reader()
+    event = LedgerEvent(1, Rebase.CLOCK, "the clock of the timestamps was set by +3.000 s")
+    fill(ring, 0)
+    ring.put(slot(1)._replace(rebases=(event,)))
+    fill(ring, 2, 3, 4)
+    first, second = drain(reader)
+    assert first.rebases == (event,)
+    assert second.rebases == ()
+
+
+@given(st.lists(st.tuples(st.integers(0, 3), st.booleans()), max_size=60), st.integers(1, 5))
+def test_every_field_is_accounted_for_once_however_late_the_reader_comes(puts, slots):
+    ring = Ring(slots)
+    reader = ring.reader()
+    n, accounted = 0, []
+    for lost, then_read in puts:
+        n += lost
+        ring.put(slot(n, lost))
+        n += 1
+        accounted += drain(reader) if then_read else []
+    accounted += drain(reader)
+    ranges = [(e.first_n, e.end_n) for taken in accounted for e in (*taken.lost_before, slot_as_entry(taken))]
+    assert [begin for begin, _ in ranges] == [0, *(end for _, end in ranges[:-1])][: len(ranges)]
+    lost_fields = sum(e.count for taken in accounted for e in taken.lost_before if e.outcome is Outcome.LOST)
+    assert lost_fields == sum(lost for lost, _ in puts)
+
+
+def slot_as_entry(taken):
+    return LedgerEntry(taken.n, 1, taken.outcome, "")
 
 
 def test_a_reader_that_may_miss_nothing_is_stopped_for_good():

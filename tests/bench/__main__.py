@@ -19,9 +19,12 @@ from tests.bench import (
     content_found,
     core,
     core_numbers,
+    demonstration,
+    frame_poses,
     goals,
     identification,
     light_clock,
+    liner_study,
     live,
     loaded,
     location,
@@ -29,16 +32,20 @@ from tests.bench import (
     memory,
     middle_accuracy,
     page,
+    page_open,
+    page_tasks,
     points_stream,
     pressure_accuracy,
     pressure_cost,
     pressure_empty,
     pressure_ramp,
     pressure_robustness,
+    quantity_sigma,
     reprocess,
     requests,
     several,
     soak,
+    study_coverage,
     walls,
 )
 
@@ -77,7 +84,10 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "An empty liner taken for one on a teat": pressure_empty.table,
     },
     "identification": {"Identification of 2 × 108, first field and after a gap": identification.table},
+    "study": {"A study: intervals that cover, and false alarms": study_coverage.table},
     "light": {"Clocks related by a light, against the truth": light_clock.table},
+    "liners": {"Three liners, four captures each, from an empty folder": liner_study.table},
+    "demonstration": {"From an empty folder to a study, one command a step": demonstration.table},
     "location": {
         "Pointing of all locators on the same fields, px": location.table,
         "Pointing over bits, one capture quantised anew, RMS in px": location.table_of_bits,
@@ -85,18 +95,26 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "Pointing at 1 bit: the missing lines, RMS in px": location_bits.table_of_lines,
     },
     "memory": {"Memory of the daemon and of its process of jobs": memory.table},
-    "page": {"The page: what it weighs, how soon it is seen, what it costs": page.table},
+    "poses": {"Three poses of the calibration frame against one": frame_poses.table},
+    "page": {
+        "The page: what it weighs, how soon it is seen, what it costs": page.table,
+        "The page: what it keeps when it is open for long": page_open.table,
+    },
     "pressure": {
         "Contact pressure on solved walls, kPa: RMS / σ (χ²)": pressure_accuracy.table,
         "Contact pressure where something is off, kPa": pressure_robustness.table,
         "Curvature and strain of the middle surface on solved walls": middle_accuracy.table,
         "What an analysis with the pressure costs": pressure_cost.table,
     },
+    "quantities": {
+        "Quantities: scatter by what is each capture's own, and by what is given": quantity_sigma.table
+    },
     "reprocess": {"An archive measured again": reprocess.table},
     "requests": {
         "Requests: what each costs in processor time": requests.table,
         "Points stream: how late its fields are, and what they cost": points_stream.table,
     },
+    "tasks": {"The page: everyday tasks, steps and seconds": page_tasks.table},
     "walls": {"The simulated walls: buckling, touch, and the load on the teat": walls.table},
 }
 """Tables by the titles of their sections, without those of the running daemon."""

@@ -106,7 +106,7 @@ class Scene:
             Calibration.from_document(json.loads(json.dumps(calibration_document(known)))),
             ObjectModel.from_document(safe_load(object_document(known))),
         )
-        self.fields = list(_grabbed(options, count))
+        self.fields = list(grabbed(options, count))
         self._truth = _truth(options, self.fields)
 
     def investigated(self, bits: int, doubled: bool) -> Investigation:
@@ -115,7 +115,7 @@ class Scene:
         return investigate(points, self._truth, InvestigationSettings(bits=bits))
 
 
-def _grabbed(options: dict[str, Any], count: int) -> Iterator[NumberedField]:
+def grabbed(options: dict[str, Any], count: int) -> Iterator[NumberedField]:
     grabber = FakeGrabber(clock=JumpingClock(START_NS), **{**options, "pace": "free"})
     grabber.open()
     n = 0

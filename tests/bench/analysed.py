@@ -12,7 +12,8 @@ from tests.processes.closures import wall_phases_of
 
 from grabberd.analysis import Grid, TimedPoints
 from grabberd.processes.accuracy import requantised
-from grabberd.processes.analysis.analyse import Analysis, FieldPoints, analyse
+from grabberd.processes.analysis.analyse import Analysis, analyse
+from grabberd.processes.analysis.field_points import FieldPoints
 from grabberd.processes.analysis.inputs import read_inputs
 from grabberd.processes.measure import measure_fields
 from grabberd_fake import FakeOptions

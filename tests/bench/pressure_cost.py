@@ -10,7 +10,8 @@ from tests.analysis.ramps import solved_kpa
 from tests.analysis.walls import solved
 
 from grabberd.analysis import TimedPoints
-from grabberd.processes.analysis.analyse import FieldPoints, analyse
+from grabberd.processes.analysis.analyse import analyse
+from grabberd.processes.analysis.field_points import FieldPoints
 from grabberd.processes.analysis.inputs import read_inputs
 from grabberd.processes.analysis.tables import tables
 

@@ -85,8 +85,12 @@ def test_an_empty_liner_and_one_on_a_teat_are_counted_apart():
 
 
 def test_a_ramp_is_judged_by_the_bending_stiffness_and_by_the_mean_on_a_teat():
-    values = LinerValues(3.0, 2.5, 60.0, 1e-4 * np.eye(3), (0,), Estimate(np.ones(1), np.ones(1)), 1.0, ("",))
-    touch = Collapse(Estimate(np.array(9.0), np.array(0.1)), Estimate(np.array(8.0), np.array(0.2)))
+    values = LinerValues(
+        3.0, 2.5, 60.0, 1e-4 * np.eye(3), 1e-5 * np.eye(3), (0,), Estimate(np.ones(1), np.ones(1)), 1.0, ("",)
+    )
+    touch = Collapse(
+        Estimate(np.array(9.0), np.array(0.1)), Estimate(np.array(8.0), np.array(0.2)), 0.05, 0.05
+    )
     ramped = Ramped("thin", np.array([0.02, -0.01, 0.05]), values, touch, {"without": [1.0, -2.0]})
     (values_row,), (worth_row,) = (list(rows([ramped]))[2:] for rows in (value_rows, worth_rows))
     assert values_row.startswith("| thin | -1.0 / 3.2 | +2.0 / 1.0 | -1.0 / 1.0 | +5.0 / 1.0 | +")

@@ -104,14 +104,29 @@ class Daemon:
         """Analyses a capture, and returns once that is done."""
         self.wait_until_done(self.ask(f"/captures/{capture_id}/analysis", body={"inputs": inputs})["id"])
 
+    def test(self, **order: Any) -> str:
+        """Takes a capture for a guided test, and returns the test's id once it is made."""
+        capture_id = self.capture(**order)
+        until_s = time.monotonic() + PATIENCE_S
+        while (analysis := self.ask(f"/captures/{capture_id}")["analysis"]) is None:
+            assert time.monotonic() < until_s, "the test is not queued"
+            time.sleep(LOOK_EVERY_S)
+        result: dict[str, str] = self.wait_until_done(analysis["job"])
+        return result["test"]
+
     def wait_until_done(self, job: str) -> Any:
         """Waits for the end of a job and returns its result."""
+        found = self.wait_until_ended(job)
+        assert found["state"] == "done", found
+        return found["result"]
+
+    def wait_until_ended(self, job: str) -> Any:
+        """Waits for the end of a job, whatever that is, and returns its document."""
         until_s = time.monotonic() + LONG_S
         while (found := self.ask(f"/jobs/{job}"))["state"] in ("queued", "running"):
             assert time.monotonic() < until_s, "the job does not end"
             time.sleep(LOOK_EVERY_S)
-        assert found["state"] == "done", found
-        return found["result"]
+        return found
 
     def wait_until_it_streams(self, token: str | None = None) -> None:
         """Until a capture can begin."""

@@ -16,6 +16,7 @@ from playwright.sync_api import sync_playwright
 
 from browser.conftest import CHROMIUM, PHONE, TABLET
 from browser.daemons import Daemon
+from grabberd.config import shipped_configs
 
 SETTLED_MS = 4000
 LONG_MS = 600_000
@@ -51,6 +52,13 @@ STAGES = {
     "guarded": Stage({}, guarded=True),
     "unplugged": Stage({"faults": [{"kind": "unplug", "at_s": 1.0, "back_after_s": 6000.0}]}, streams=False),
 }
+PROFILE = shipped_configs() / "profiles" / "liner-example-reference.yaml"
+TESTED: dict[str, Any] = {
+    "fields": 50,
+    "bits": 8,
+    "labels": {"test": "reference", "liner": "example-reference"},
+}
+"""A milking is no reference state: its checks say so."""
 INPUTS = {"reference": "nominal", "plane": "symmetry"}
 
 
@@ -62,7 +70,7 @@ class Shot(NamedTuple):
     """A panel: its address, what is done before, and which daemon it is of.
 
     In the address `{capture}` is the id of a capture, `{analysed}` and `{other}` those of two that have been
-    analysed.
+    analysed, and `{tested}` that of a guided test.
     """
 
     hash: str
@@ -74,17 +82,6 @@ class Shot(NamedTuple):
 
 def with_numbers(page: Any) -> None:
     page.get_by_role("button", name="Numbers").click()
-
-
-def while_it_is_closed(page: Any) -> None:
-    """A target in the middle of the liner is chosen, and the moment when it has come far."""
-    page.locator("#scene-target").select_option("51")
-    moved = page.locator(".scene-inspector dd").nth(3)
-    for n in range(0, 60, 5):
-        page.get_by_role("slider", name="Moment").fill(str(n))
-        if float(moved.inner_text().split()[0]) > 3:
-            break
-    page.locator("h1").click()
 
 
 def after_a_while(page: Any) -> None:
@@ -108,18 +105,27 @@ def to_the_verdict(page: Any) -> None:
 
 
 def with_some_inputs(page: Any) -> None:
+    page.locator(".analysis-change > summary").click()
     page.get_by_label("Counted from").select_option("nominal")
     page.get_by_label("Plane that widths count from").select_option("symmetry")
     page.locator("h1").click()
 
 
 def until_compared(page: Any) -> None:
-    page.locator(".compare-facts").wait_for(timeout=LONG_MS)
+    page.locator("[data-do='csv']").wait_for(timeout=LONG_MS)
     page.wait_for_timeout(SETTLED_MS)
 
 
 def to_the_maps(page: Any) -> None:
     page.locator(".map-cell").first.wait_for(timeout=LONG_MS)
+
+
+def of_the_liner(page: Any) -> None:
+    page.locator("#test-liner").select_option(TESTED["labels"]["liner"])
+
+
+def to_the_verdict_of_a_test(page: Any) -> None:
+    page.locator("[data-result]").wait_for(timeout=LONG_MS)
 
 
 def with_what_to_try(page: Any) -> None:
@@ -130,15 +136,17 @@ SHOTS = {
     "operate": Shot("operate"),
     "operate-norsk": Shot("operate", language="nb-NO"),
     "live": Shot("live", with_numbers),
-    "shape": Shot("shape/{capture}", while_it_is_closed),
-    "shape-live": Shot("shape"),
+    "shape": Shot("shape"),
     "plots": Shot("plots", after_a_while),
-    "plots-capture": Shot("plots/{capture}"),
     "captures": Shot("captures"),
     "capture": Shot("captures/{capture}", full=True),
+    "replay": Shot("replay/{analysed}/30"),
     "analysis-request": Shot("analysis/{capture}", with_some_inputs, full=True),
     "analysis": Shot("analysis/{analysed}", to_the_maps, full=True),
-    "compare": Shot("compare/{analysed}/{other}", until_compared, full=True),
+    "compare": Shot("compare/{analysed},{other}", until_compared, full=True),
+    "test": Shot("test/{tested}", to_the_verdict_of_a_test, full=True),
+    "tests": Shot("tests", of_the_liner, full=True),
+    "tests-ramp": Shot("tests/ramp", of_the_liner, full=True),
     "calibration": Shot("calibration", full=True),
     "calibration-place": Shot("calibration/place", full=True, stage=FRAME),
     "calibration-take": Shot("calibration/take", full=True, stage=FRAME),
@@ -180,6 +188,9 @@ def _captures(daemon: Daemon, order: dict[str, Any] | None, addresses: str) -> d
     captures = {name: daemon.capture(**(order or {})) for name in named}
     for name in captures.keys() & {"analysed", "other"}:
         daemon.analyse(captures[name], **INPUTS)
+    if "{tested}" in addresses:
+        daemon.ask("/profiles", body={"yaml": PROFILE.read_text(encoding="utf-8")})
+        captures["tested"] = daemon.test(**TESTED)
     return captures
 
 

@@ -1,7 +1,8 @@
 """The daemon for a browser: serve.py PORT OPTIONS. Its grabber waits for its reader.
 
-OPTIONS are the simulated grabber's, as JSON; besides, `config` names a configuration file, and `location` the
-locator that all devices measure with.
+OPTIONS are the simulated grabber's, as JSON; besides, `config` names a configuration file, `location` the
+locator that all devices measure with; `loggers` has those of the configuration read, too, with the script
+`logger_faults`.
 """
 
 import json
@@ -16,9 +17,10 @@ from typing import Any
 from grabberd.api import create_app, serving, sockets
 from grabberd.api.guard.front import Front
 from grabberd.config import Config, LocationConfig, default_config_file, load_config
+from grabberd.service.logger_setup import set_up_loggers
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
-from grabberd_fake import FakeGrabber
+from grabberd_fake import FakeGrabber, FakeLogger
 
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / "service")]
 
@@ -46,16 +48,37 @@ class IdlingClock(PatientClock):
         super().sleep_until_ns(time_ns)
 
 
+class WaitingClock:
+    """The grabber's clock for a logger, which waits until that has gone on."""
+
+    def __init__(self, clock: IdlingClock) -> None:
+        self._clock = clock
+
+    def now_ns(self) -> int:
+        return self._clock.now_ns()
+
+    def sleep_until_ns(self, time_ns: int) -> None:
+        while self.now_ns() < time_ns:
+            time.sleep(0.005)
+
+
 def service_of(options: dict[str, Any]) -> Service:
     """A service whose simulated grabber loses nothing."""
     file = Path(options.pop("config", None) or default_config_file())
     config = located(load_config(file), options.pop("location", None))
+    read = set_up_loggers(config, file) if options.pop("loggers", False) else {}
+    faults = options.pop("logger_faults", [])
     clock = IdlingClock()
     setups = set_up(config, file)
     for name, device in config.devices.items():
         grabber = FakeGrabber(clock=clock, **{**device.options, "buffers": 32, **options})
         setups[name] = replace(setups[name], grabber=grabber)
-    service = Service(setups, Path(os.environ["STATE_DIRECTORY"]), site=dict(config.site), clock=clock)
+    loggers = {
+        name: replace(one, logger=FakeLogger(clock=WaitingClock(clock), faults=faults, **one.config.options))
+        for name, one in read.items()
+    }
+    folder, site = Path(os.environ["STATE_DIRECTORY"]), dict(config.site)
+    service = Service(setups, folder, site=site, loggers=loggers, clock=clock)
     clock.captures = lambda: any(one.running or one.armed_capture for one in service.instruments.values())
     return service
 

@@ -19,12 +19,20 @@ PANELS = [
     "compare",
     "profiles",
     "profiles/liner",
+    "tests",
+    "tests/reference",
+    "tests/artificial-teat",
     "calibration",
     "calibration/place",
 ]
 LOOKED_AGAIN_MS = 1500
 """Within which every panel has asked again for what it follows."""
-IDS = {"calibration/place": "calibration-step", "profiles/liner": "profiles-new"}
+IDS = {
+    "calibration/place": "calibration-step",
+    "profiles/liner": "profiles-new",
+    "tests/reference": "tests-of",
+    "tests/artificial-teat": "tests-of",
+}
 SMALLEST_PX = 44
 """WCAG 2.5.5; links inside sentences are as high as their line."""
 

@@ -10,13 +10,14 @@ from browser.conftest import Open, Start
 from browser.daemons import Daemon
 
 ALL = [
-    "grabber",
+    "device",
     "signal",
     "rate",
     "lost",
     "ring",
     "computer",
     "calibration",
+    "measurement",
     "rig",
     "order",
     "disk",
@@ -56,11 +57,11 @@ def test_a_grabber_that_is_pulled_out_is_noticed_with_reasons_and_advice(
     unplugged: Daemon, open_page: Open
 ) -> None:
     page = open_page(unplugged.url).page
-    has_level(page, "grabber", "bad")
+    has_level(page, "device", "bad")
     expect(page.locator(".state")).to_have_attribute("data-state", "absent")
     expect(page.locator("#start-why")).to_have_text("No grabber is plugged in.")
     page.get_by_role("button", name="Grabber: Not there").click()
-    light = page.locator('[data-light="grabber"]')
+    light = page.locator('[data-light="device"]')
     expect(light).to_contain_text("Since")
     expect(light).to_contain_text("its plug is loose")
     expect(light).to_contain_text("Push the plug in firmly")
@@ -97,11 +98,44 @@ def test_what_the_daemon_finds_wrong_is_said_in_the_language_of_the_page(
     busy: Daemon, open_page: Open, language: str, what: str
 ) -> None:
     page = open_page(busy.url, language=language).page
-    has_level(page, "grabber", "bad")
-    light = page.locator('[data-light="grabber"]')
+    has_level(page, "device", "bad")
+    light = page.locator('[data-light="device"]')
     light.locator("summary").click()
     expect(light).to_contain_text(what)
     expect(light).not_to_contain_text("simulated")
+
+
+@pytest.fixture(scope="module")
+def lossy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    """A daemon whose grabber loses four fields of five."""
+    faults = [{"kind": "lose", "at_field": 10 + 50 * second, "count": 40} for second in range(600)]
+    with Daemon(tmp_path_factory.mktemp("lossy"), faults=faults) as one:
+        yield one
+
+
+@pytest.mark.parametrize(
+    ("language", "word", "start"),
+    [("en", "Needs attention", "Start anyway"), ("nb", "Trenger tilsyn", "Start likevel")],
+)
+def test_a_grabber_that_loses_most_fields_is_not_called_ready(
+    lossy: Daemon, open_page: Open, language: str, word: str, start: str
+) -> None:
+    page = open_page(lossy.url, language=language).page
+    expect(page.locator(".state")).to_have_attribute("data-state", "troubled", timeout=NOTICED_MS)
+    expect(page.locator(".state h1")).to_have_text(word)
+    expect(page.locator(".state-reason")).not_to_be_empty()
+    expect(page.get_by_role("button", name=start)).to_be_enabled()
+    expect(page.locator("#start-why")).not_to_be_empty()
+    assert serious(page) == []
+
+
+def test_numbers_of_a_grabber_that_is_gone_are_not_shown_as_if_they_were_current(
+    unplugged: Daemon, open_page: Open
+) -> None:
+    page = open_page(unplugged.url).page
+    has_level(page, "device", "bad")
+    expect(page.locator(".viewfinder")).to_contain_text("Nothing is measured now", timeout=NOTICED_MS)
+    expect(page.locator(".viewfinder")).not_to_contain_text("residual")
 
 
 def test_a_tablet_with_a_wrong_clock_is_told(daemon: Daemon, open_page: Open) -> None:

@@ -1,7 +1,10 @@
 """The operator's panel: state, Start and Stop."""
 
-from playwright.sync_api import Page, expect
+import re
 
+from playwright.sync_api import Page, Route, expect
+
+from browser.axe import serious
 from browser.conftest import Open
 from browser.daemons import Daemon
 
@@ -75,3 +78,126 @@ def test_no_length_is_no_order(daemon: Daemon, open_page: Open) -> None:
     page.get_by_label("How many").fill("")
     expect(page.get_by_role("button", name="Start")).to_be_disabled()
     expect(page.locator("#start-why")).to_have_text("Check the length below.")
+
+
+def test_while_a_capture_runs_the_screen_is_that_capture(daemon: Daemon, open_page: Open) -> None:
+    page = open_page(daemon.url).page
+    length(page, "Seconds")
+    page.get_by_label("How many").fill("600")
+    page.get_by_label("Cow").fill("417")
+    page.get_by_role("button", name="Start").click()
+    is_in_state(page, "capturing")
+    running = page.locator(".last")
+    expect(running.get_by_role("heading")).to_have_text("Capturing: cow 417")
+    expect(running.get_by_role("progressbar", name="Progress of the capture")).to_have_attribute(
+        "value", re.compile(r"^0\.\d")
+    )
+    expect(running).to_contain_text("left")
+    expect(running).to_contain_text("none lost")
+    expect(page.locator(".curves")).to_be_visible()
+    expect(page.get_by_label("How many")).to_be_hidden()
+    assert serious(page) == []
+    page.get_by_role("button", name="Stop").click()
+    expect(running).to_contain_text("Complete")
+
+
+def test_what_is_typed_while_a_capture_runs_labels_that_capture(daemon: Daemon, open_page: Open) -> None:
+    page = open_page(daemon.url).page
+    length(page, "Until stopped")
+    page.get_by_role("button", name="Start").click()
+    is_in_state(page, "capturing")
+    expect(page.get_by_text("What is being captured")).to_be_visible()
+    page.get_by_label("Cow").fill("33")
+    page.get_by_label("Note").fill("kicked the cluster off")
+    page.get_by_role("button", name="Stop").click()
+    expect(page.locator(".last")).to_contain_text("Complete")
+    expect(page.locator(".last")).to_contain_text("cow 33")
+    newest = daemon.ask("/captures?limit=1")["captures"][0]
+    assert (newest["labels"], newest["note"]) == ({"cow": "33"}, "kicked the cluster off")
+
+
+def test_the_page_says_when_what_was_typed_is_stored(daemon: Daemon, open_page: Open) -> None:
+    page = open_page(daemon.url).page
+    length(page, "Fields")
+    page.get_by_label("How many").fill("27")  # as no capture before it had
+    page.get_by_role("button", name="Start").click()
+    expect(page.locator(".last")).to_contain_text("27 fields")
+    expect(page.locator(".last")).to_contain_text("Complete")
+    stored = page.get_by_role("status").filter(has_text="Stored with the capture.")
+    page.get_by_label("Note").fill("slipped")
+    expect(stored).to_be_visible()
+    assert daemon.ask("/captures?limit=1")["captures"][0]["note"] == "slipped"
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        if route.request.method == "PATCH":
+            held.append(route)
+        else:
+            route.continue_()
+
+    page.route("**/api/v1/captures/*", hold)
+    with page.expect_request(lambda request: request.method == "PATCH"):
+        page.get_by_label("Note").fill("slipped twice")
+    expect(stored).to_have_count(0)
+    held[0].continue_()
+    expect(stored).to_be_visible()
+
+
+def test_what_is_typed_before_start_is_answered_is_not_lost(daemon: Daemon, open_page: Open) -> None:
+    page = open_page(daemon.url).page
+    length(page, "Fields")
+    page.get_by_label("How many").fill("28")  # as no capture before it had
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        held.append(route)
+
+    page.route("**/api/v1/captures", hold)
+    with page.expect_request(lambda request: request.method == "POST"):
+        page.get_by_role("button", name="Start").click()
+    page.get_by_label("Cow").fill("34")
+    page.get_by_label("Note").fill("restless")
+    held[0].continue_()
+    expect(page.get_by_role("status").filter(has_text="Stored with the capture.")).to_be_visible()
+    newest = daemon.ask("/captures?limit=1")["captures"][0]
+    assert (newest["labels"], newest["note"]) == ({"cow": "34"}, "restless")
+
+
+def test_the_next_cow_does_not_get_the_number_of_the_last_one(daemon: Daemon, open_page: Open) -> None:
+    page = open_page(daemon.url).page
+    length(page, "Fields")
+    page.get_by_label("How many").fill("30")
+    page.get_by_label("Cow").fill("112")
+    page.get_by_label("Liner").fill("A")
+    page.get_by_role("button", name="Start").click()
+    page.get_by_role("button", name="Next cow").click()
+    expect(page.get_by_label("Cow")).to_have_value("")
+    expect(page.get_by_label("Cow")).to_be_focused()
+    expect(page.get_by_label("Liner")).to_have_value("A")
+    page.get_by_label("Cow").fill("113")
+    page.get_by_role("button", name="Start").click()
+    page.get_by_role("button", name="Same cow again").click()
+    expect(page.locator(".last")).to_contain_text("Complete")
+    page.reload()  # what was typed survives
+    expect(page.get_by_label("Cow")).to_have_value("113")
+    page.get_by_role("button", name="Next cow").wait_for()
+    labels = [one["labels"] for one in daemon.ask("/captures?limit=3")["captures"]]
+    assert labels == [{"cow": "113", "liner": "A"}] * 2 + [{"cow": "112", "liner": "A"}]
+
+
+def test_a_note_on_somebody_else_s_capture_leaves_it_its_labels(daemon: Daemon, open_page: Open) -> None:
+    page = open_page(daemon.url).page
+    page.get_by_label("Cow").fill("417")  # meant for the next one here
+    is_in_state(page, "ready")
+    for earlier in daemon.ask("/captures?limit=1")["captures"]:
+        daemon.wait_until_sealed(earlier["id"])
+    other = daemon.ask("/captures", body={"duration_s": 600, "labels": {"cow": "900"}})["id"]
+    is_in_state(page, "capturing")
+    with page.expect_response(lambda answer: answer.request.method == "PATCH"):
+        page.get_by_label("Note").fill("seen from the other side")
+    expect(page.locator(".last")).to_contain_text("cow 900")
+    page.get_by_role("button", name="Stop").click()
+    is_in_state(page, "ready")
+    document = daemon.wait_until_sealed(other)
+    assert document["labels"] == {"cow": "900"}
+    assert daemon.ask(f"/captures/{other}")["note"] == "seen from the other side"

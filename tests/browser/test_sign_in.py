@@ -46,7 +46,7 @@ def test_a_viewer_is_offered_nothing_to_start_or_set(guarded: Guarded, open_page
     expect(page.locator("#start-why")).to_contain_text("You may watch")
     expect(page.get_by_role("button", name="Start")).to_be_hidden()
     expect(page.get_by_label("How many")).to_be_hidden()
-    page.get_by_role("link", name="Picture").click()
+    page.get_by_role("link", name="Picture", exact=True).click()
     expect(page.get_by_label("Threshold")).to_be_disabled()
 
 

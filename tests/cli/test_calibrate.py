@@ -5,12 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from typer.testing import CliRunner, Result
 
 from grabberd.cli.app import app
 from grabberd.config import shipped_configs
 from grabberd.errors import GrabberdError
-from grabberd.geometry import Calibration, project
+from grabberd.geometry import Calibration, project, rotation_matrix
+from grabberd.reconstruction import ObjectModel
 from grabberd.storage import CaptureReader
 from grabberd_fake import FakeOptions
 from grabberd_fake.documents import calibration_document
@@ -32,8 +34,8 @@ def run(*words: object) -> Result:
     return CliRunner().invoke(app, [str(word) for word in words])
 
 
-def taken(folder: Path, scene: str, reflections: int = 1, fields: int = 24) -> Path:
-    config, out = folder / f"{scene}.yaml", folder / f"{scene}.grab"
+def taken(folder: Path, scene: str, reflections: int = 1, fields: int = 24, name: str = "") -> Path:
+    config, out = folder / f"{name or scene}.yaml", folder / f"{name or scene}.grab"
     config.write_text(CONFIG.format(scene=scene, reflections=reflections))
     result = run("capture", "--config", config, "--fields", fields, "--out", out)
     assert result.exit_code == 0, result.output
@@ -207,3 +209,30 @@ class TestBadInput:
     def test_a_capture_of_something_else(self, tmp_path: Path) -> None:
         capture = taken(tmp_path, "blank", fields=4)
         assert "blob" in self.refused(capture, tmp_path)
+
+
+def moved(folder: Path) -> Path:
+    """The calibration frame, turned and moved, before the same rig."""
+    turn = rotation_matrix(*np.radians([9.0, -7.0, 30.0]).tolist())
+    model = ObjectModel.from_document(yaml.safe_load(FRAME.read_text()))
+    keys = ("id", "x_mm", "y_mm", "z_mm", "nx", "ny", "nz")
+    points = [
+        dict(zip(keys, (int(target), *place, *turn[:, 2].tolist()), strict=True))
+        for target, place in zip(model.target, (model.xyz_mm @ turn.T + [3, -2, 2]).tolist(), strict=True)
+    ]
+    return taken(folder, f"points, points: {json.dumps(points)}", name="moved")
+
+
+def test_several_poses_calibrate_together(frame: Path, tmp_path: Path) -> None:
+    out, report = tmp_path / "rig.json", tmp_path / "report.html"
+    second = moved(tmp_path)
+    words = ("--calibration-frame", FRAME, "--out", out, "--report", report, "--no-local-field")
+    result = run("calibrate", frame, second, *words)
+    assert result.exit_code == 0, result.output
+    assert "pose 2: turned by 31." in result.output
+    (pose,) = Calibration.from_document(json.loads(out.read_text())).details["poses"]
+    assert pose["capture"] == "moved"
+    assert "Pose 2 of the calibration frame" in report.read_text()
+    again = run("calibrate", frame, frame, "--calibration-frame", FRAME, "--out", tmp_path / "twice.json")
+    assert again.exit_code == 1
+    assert "is named twice" in str(again.exception)

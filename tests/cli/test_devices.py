@@ -178,7 +178,7 @@ def test_what_may_be_a_logger_is_listed_with_the_command_to_listen_to_it(tmp_pat
     shown = run("--config", file).output
     assert "usb-FTDI [bold]" in shown
     assert "grabberd logger serial:" in shown
-    assert "Drivers of loggers: csv, fake, iio, mqtt, serial." in shown
+    assert "Drivers of loggers: csv, fake, fake_light, gpio, iio, mqtt, rts, serial." in shown
 
 
 @pytest.mark.usefixtures("found_loggers")

@@ -6,11 +6,13 @@ from typing import Protocol
 
 from contract.drivers import ManualClock
 from drivers.loggers.iio_tree import IioTree
+from drivers.loggers.light_lines import GpioChip, ModemLines
 from drivers.loggers.ports import Port
 from grabberd.acquisition.channels import Logger
-from grabberd_fake import FakeLogger
+from grabberd_fake import FakeLight, FakeLogger
 from grabberd_loggers.csv_file import CsvLogger
 from grabberd_loggers.iio.logger import IioLogger
+from grabberd_loggers.light.switched_light import SwitchedLight
 from grabberd_loggers.serial_port import SerialLogger
 
 COUNT = 40
@@ -21,6 +23,7 @@ class Bench(Protocol):
     """A logger and its other end."""
 
     logger: Logger
+    columns: int
 
     def say(self, count: int = COUNT) -> None:
         """Let so many readings come."""
@@ -40,10 +43,12 @@ class Bench(Protocol):
 class FakeBench:
     """The simulated logger, whose clock stands until somebody waits on it."""
 
+    columns = 4
+
     def __init__(self, dating: str, packet_ms: float) -> None:
         self.clock = ManualClock()
         faults = [{"kind": "nonsense", "at_s": 100}, {"kind": "unplugged", "at_s": 200, "for_s": 50}]
-        self.logger = FakeLogger(clock=self.clock, dating=dating, packet_ms=packet_ms, faults=faults)
+        self.logger: Logger = FakeLogger(clock=self.clock, dating=dating, packet_ms=packet_ms, faults=faults)
         self._begin_ns = self.clock.time_ns
 
     def say(self, count: int = COUNT) -> None:
@@ -67,6 +72,7 @@ class LineBench:
 
     logger: Logger
     timed: bool
+    columns = 4
 
     def __init__(self) -> None:
         self._number = 0
@@ -130,6 +136,8 @@ class CsvBench(LineBench):
 
 
 class IioBench:
+    columns = 4
+
     def __init__(self, folder: Path, buffered: bool) -> None:
         self.tree, self.clock, self.buffered = IioTree(folder), ManualClock(), buffered
         if buffered:
@@ -159,6 +167,43 @@ class IioBench:
         self.tree.close()
 
 
+class LightBench:
+    """A light that is switched by the driver; its clock stands until somebody waits on it."""
+
+    columns = 1
+
+    def __init__(self, lines: ModemLines | GpioChip) -> None:
+        self.lines, self.clock = lines, ManualClock()
+        self.logger = SwitchedLight(lines.line(), self.clock)
+
+    def say(self, count: int = COUNT) -> None:
+        """It never stops."""
+
+    def spoil(self) -> None:
+        self.lines.flip()
+
+    def unplug(self) -> None:
+        self.lines.unplug()
+
+    def now_ns(self) -> int:
+        return self.clock.time_ns
+
+    def close(self) -> None:
+        self.logger.close()
+        self.lines.close()
+
+
+class FakeLightBench(FakeBench):
+    """The simulated light."""
+
+    columns = 1
+
+    def __init__(self) -> None:
+        super().__init__("monotonic", 0)
+        faults = [{"kind": "other_hand", "at_s": 100}, {"kind": "unplugged", "at_s": 200, "for_s": 50}]
+        self.logger = FakeLight(clock=self.clock, faults=faults)
+
+
 BENCHES = {
     "fake_own_clock": lambda _: FakeBench("own_clock", 16),
     "fake_monotonic": lambda _: FakeBench("monotonic", 0),
@@ -169,4 +214,7 @@ BENCHES = {
     "csv": CsvBench,
     "iio_polled": lambda folder: IioBench(folder, buffered=False),
     "iio_buffered": lambda folder: IioBench(folder, buffered=True),
+    "rts": lambda _: LightBench(ModemLines()),
+    "gpio": lambda folder: LightBench(GpioChip(folder)),
+    "fake_light": lambda _: FakeLightBench(),
 }

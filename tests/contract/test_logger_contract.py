@@ -34,10 +34,10 @@ def take(bench: Bench, count: int = COUNT) -> list[Readings]:
     return taken
 
 
-def test_it_says_what_was_found(info: LoggerInfo) -> None:
+def test_it_says_what_was_found(bench: Bench, info: LoggerInfo) -> None:
     assert info.driver in LOGGERS.available()
     assert info.model
-    assert len(set(info.channels)) == len(info.channels) == len(info.units) == 4
+    assert len(set(info.channels)) == len(info.channels) == len(info.units) == bench.columns
     assert info.dating in tuple(Dating)
     assert info.time_sigma_ns > 0
     assert info.rate_hz is None or info.rate_hz >= 100

@@ -50,7 +50,7 @@ def calibration(handedness: int = 1, covariance: np.ndarray | None = None, b=LEN
 
 
 @st.composite
-def views(draw):
+def views(draw, polynomials=("distortion", "correction")):
     """Any view near the reference rig, of either handedness, with any lens that a rig may have."""
     view = aimed(draw(st.sampled_from(["left", "right"])), draw(st.sampled_from([1, -1])))
     shares = draw(st.lists(st.floats(-1, 1), min_size=18, max_size=18))
@@ -59,7 +59,7 @@ def views(draw):
     values[:9] += np.array(shares[:9]) * spread
     values[9:] = np.array(shares[9:]) * np.array(LIMITS)
     assert len(values) == len(PARAMETERS)
-    return replace(view.with_vector(values))
+    return replace(view.with_vector(values), polynomial=draw(st.sampled_from(polynomials)))
 
 
 @st.composite

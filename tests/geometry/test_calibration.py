@@ -41,6 +41,15 @@ def test_a_document_gives_back_the_same_calibration_bit_for_bit():
     assert again.details == {"note": "kept"}
 
 
+def test_the_meaning_of_the_polynomials_is_stated_only_where_it_is_not_the_usual_one():
+    usual = document()
+    assert "polynomial" not in usual["views"]["left"]
+    usual["views"]["right"]["polynomial"] = "correction"
+    read = Calibration.from_document(usual)
+    assert (read.left.polynomial, read.right.polynomial) == ("distortion", "correction")
+    assert read.to_document()["views"] == usual["views"]
+
+
 def test_a_calibration_that_was_not_adjusted_has_no_covariance_in_its_document():
     plain = calibration().to_document()
     assert plain["covariance"] is None
@@ -78,6 +87,7 @@ def test_every_field_of_a_calibration_is_in_its_document():
         ("views.right.x0_px", "360", "views.right.x0_px: is '360', expected a finite number"),
         ("views.right.x0_px", True, "views.right.x0_px: is True"),
         ("views.left.handedness", 0, "views.left.handedness: is 0, expected 1 or -1"),
+        ("views.left.polynomial", "inverse", "views.left.polynomial: is 'inverse', expected 'distortion' or"),
         ("views.left.b", [0.0] * 8, "views.left.b: is [0.0"),
         ("views.left.first_column", 12.5, "views.left.first_column: is 12.5, expected a whole number"),
         ("views.middle", {}, "views.middle: unknown key"),

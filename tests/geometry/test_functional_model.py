@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from geometry.rigs import aimed, calibration, places, views
+from geometry.rigs import LENS, aimed, calibration, places, views
 from grabberd.geometry import (
     PARAMETERS,
     Rig,
     View,
-    approach,
     correct_all,
     distortion,
     linearise,
+    linearise_corrections,
+    linearise_parameters,
     parameter_derivatives,
     project,
     project_all,
@@ -21,7 +22,10 @@ from grabberd.geometry import (
 )
 from grabberd.geometry.functional_model import TOLERANCE_MM
 
-STEPS = (1e-4, 1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3, 1e-3, 1e-3, *(1e-5,) * 9)
+STEPS = (
+    *(1e-4, 1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3, 1e-3, 1e-3),
+    *(1e-5, 1e-5, 1e-6, 1e-7, 1e-8, 1e-6, 1e-6, 1e-6, 1e-6),
+)
 STRAIGHT = View("left", 0, 720, 0.01, 0.005, 1, 8.0, 100.0, 200.0, 0.0, 0.0, 0.0, 0.0, 0.0, 240.0)
 
 
@@ -41,7 +45,7 @@ def by_the_book(view, place):
     return view.x0_px + x / view.pixel_x_mm, view.y0_px - y / view.pixel_y_mm
 
 
-@given(views(), places())
+@given(views(["distortion"]), places())
 def test_it_is_equations_4_to_7(view, xyz):
     assert np.allclose(project(view, xyz), [by_the_book(view, place) for place in xyz], atol=1e-9)
 
@@ -139,13 +143,78 @@ def correct(view, xy_px):
     return correct_all(Rig.of_views([view]), xy_px.T[:, np.newaxis])[:, 0].T
 
 
-@given(views(), places())
+@given(views(["distortion"]), places())
 def test_distortion_added_to_the_corrected_point_gives_the_observed_one(view, xyz):
     pixels = project(view, xyz)
     ideal = correct(view, pixels)
     x, y = (ideal + distortion(view.b, ideal)).T
     observed = np.column_stack([view.x0_px + x / view.pixel_x_mm, view.y0_px - y / view.pixel_y_mm])
     assert np.abs(observed - pixels).max() * view.pixel_x_mm < TOLERANCE_MM
+
+
+@given(views(["correction"]), places())
+def test_a_correction_added_to_the_observed_point_gives_that_of_a_view_without_distortion(view, xyz):
+    observed = (project(view, xyz) - [view.x0_px, view.y0_px]) * [view.pixel_x_mm, -view.pixel_y_mm]
+    straight = project(replace(view, b=(0.0,) * 9), xyz) - [view.x0_px, view.y0_px]
+    ideal = straight * [view.pixel_x_mm, -view.pixel_y_mm]
+    assert np.abs(observed + distortion(view.b, observed) - ideal).max() < 1e-9
+
+
+def test_both_meanings_of_a_small_term_differ_by_the_sign_and_by_what_is_of_second_order():
+    added, corrected = (
+        aimed("left"),
+        replace(aimed("left", b=tuple(-np.array(LENS))), polynomial="correction"),
+    )
+    xyz = np.array([[10.0, 5.0, 0.0], [-30.0, 20.0, 8.0]])
+    assert 0.001 < np.abs(project(added, xyz) - project(corrected, xyz)).max() < 0.1
+
+
+def test_views_of_both_meanings_stand_in_one_rig():
+    both = aimed("left"), replace(aimed("right"), polynomial="correction")
+    xyz = np.random.default_rng(1).uniform(-20, 20, (50, 3))
+    together, slopes = linearise_parameters(Rig.of_views(both), xyz)
+    for index, view in enumerate(both):
+        assert np.allclose(together[:, index].T, project(view, xyz), rtol=0, atol=1e-10)
+        alone = parameter_derivatives(view, xyz).transpose(1, 2, 0)
+        assert np.allclose(slopes[:, index], alone, rtol=1e-9, atol=1e-9)
+    back = correct_all(Rig.of_views(both), together)
+    assert np.allclose(back, together_ideal(both, xyz), rtol=0, atol=1e-9)
+
+
+def together_ideal(views, xyz):
+    plain = Rig.of_views([replace(view, b=(0.0,) * 9) for view in views])
+    return (project_all(plain, xyz) - plain.origin_px) * plain.pixel_mm
+
+
+@settings(max_examples=50)
+@given(views(["correction"]), places())
+def test_derivatives_among_corrected_points_are_those_of_finite_differences(view, xyz):
+    observed = project(view, xyz + 0.3).T[:, np.newaxis]
+    excess, analytic = linearise_corrections(Rig.of_views([view]), xyz, observed)
+    ideal = together_ideal([view], xyz)
+    away = (ideal - correct_all(Rig.of_views([view]), observed)) / Rig.of_views([view]).pixel_mm
+    assert np.allclose(excess, away, rtol=0, atol=1e-6)
+    for index, (name, size) in enumerate(zip(PARAMETERS, STEPS, strict=True)):
+        step = np.zeros(18)
+        step[index] = size
+        above, below = (
+            linearise_corrections(
+                Rig.of_views([view.with_vector(view.vector() + sign * step)]), xyz, observed
+            )[0]
+            for sign in (1, -1)
+        )
+        numeric = (above - below) / (2 * size)
+        scale = max(1.0, np.abs(numeric).max())
+        assert np.allclose(analytic[:, :, index], numeric, atol=2e-6 * scale), name
+
+
+def test_what_lies_beyond_the_fold_of_the_correction_is_nan():
+    view = replace(FOLDED, polynomial="correction")
+    fold_mm = 1 / np.sqrt(3 * 0.05)
+    beyond = view.x0_px - 1.05 * fold_mm / view.pixel_x_mm
+    ideal = correct(view, np.array([[beyond, view.y0_px], [view.x0_px - 20, view.y0_px]]))
+    assert np.isnan(ideal[0]).all()
+    assert np.isfinite(ideal[1]).all()
 
 
 def test_one_step_would_not_be_enough():
@@ -179,48 +248,3 @@ def test_what_is_no_place_has_no_ray(bad):
 
 def test_no_points_give_no_rays():
     assert rays(aimed("left"), np.empty((0, 2)))[1].shape == (0, 3)
-
-
-LEFT = np.array([0.0, -10.0, 0.0])
-RIGHT = np.array([0.0, 10.0, 0.0])
-
-
-@given(places())
-def test_the_rays_of_one_point_meet_in_it(xyz):
-    left, right = aimed("left"), aimed("right", handedness=-1)
-    met = approach(*rays(left, project(left, xyz)), *rays(right, project(right, xyz)))
-    assert np.abs(met.distance_mm).max() < 1e-9
-    assert np.abs(met.middle_mm - xyz).max() < 1e-8
-
-
-def test_rays_that_pass_each_other_are_as_far_apart_as_their_shortest_connection():
-    along_x, along_z = np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]])
-    passed = approach(LEFT, along_x, RIGHT, along_z)
-    assert abs(passed.distance_mm[0]) == 20.0
-    assert np.array_equal(passed.middle_mm[0], [0.0, 0.0, 0.0])
-
-
-def test_the_side_of_passing_has_a_sign():
-    along_x, along_z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
-    assert (
-        approach(LEFT, along_x, RIGHT, along_z).distance_mm
-        == -approach(RIGHT, along_x, LEFT, along_z).distance_mm
-    )
-
-
-def test_parallel_rays_have_no_meeting_place():
-    met = approach(LEFT, np.array([[0.0, 0.0, 1.0]]), RIGHT, np.array([[0.0, 0.0, 1.0]]))
-    assert np.isnan(met.distance_mm).all()
-    assert np.isnan(met.middle_mm).all()
-
-
-def test_every_ray_of_one_view_can_be_compared_with_every_ray_of_the_other():
-    left, right = aimed("left"), aimed("right")
-    xyz = np.array([[x, 0.0, 0.0] for x in (-30.0, 0.0, 30.0)])
-    left_center, from_left = rays(left, project(left, xyz))
-    right_center, from_right = rays(right, project(right, xyz[:2]))
-    met = approach(left_center, from_left[:, np.newaxis], right_center, from_right[np.newaxis])
-    assert met.distance_mm.shape == (3, 2)
-    assert met.middle_mm.shape == (3, 2, 3)
-    near = np.abs(met.distance_mm) < 1.0
-    assert np.array_equal(near, [[True, False], [False, True], [False, False]])

@@ -9,7 +9,7 @@ from grabberd.field import Field, double_lines, quantise
 from grabberd.kernel import ANY_NOISE, KERNEL, NO_TABLE
 from grabberd.measurement import LocationSettings
 from grabberd.measurement.compiled.binary_location import ROOM, known_of, measure_compiled, takes
-from grabberd.measurement.location import measure_by_numpy
+from grabberd.measurement.location import measure_by_numpy, settings_for
 from measurement.rendering import grid_of_discs
 from measurement.test_any_picture import picture
 
@@ -43,16 +43,17 @@ def assert_same(packed, wanted):
     st.integers(0, 2**31),
     st.sampled_from(["noise", "blots", "bars", "holes"]),
     st.tuples(st.integers(2, 40), st.integers(2, 200)),
-    st.booleans(),
+    st.sampled_from(["intact", "doubled", "progressive"]),
     st.sampled_from([0.0, 0.12]),
 )
 # A blob whose place is sure, and lies at the edge of those searched:
-@example(45, "blots", (25, 25), False, 0.12)
-def test_of_any_picture(method, seed, kind, size, doubled, jitter_px):
+@example(45, "blots", (25, 25), "intact", 0.12)
+def test_of_any_picture(method, seed, kind, size, lines, jitter_px):
     luma = picture(np.random.default_rng(seed), kind, *size).astype(np.uint8)
-    field = Field.intact(luma, seed % 2)
-    packed = quantise(double_lines(field) if doubled else field, 1, 80)
-    assert_same(packed, LocationSettings(method, min_diameter_px=0.5, line_jitter_px=jitter_px))
+    field = Field.progressive(luma) if lines == "progressive" else Field.intact(luma, seed % 2)
+    packed = quantise(double_lines(field) if lines == "doubled" else field, 1, 80)
+    wanted = LocationSettings(method, min_diameter_px=0.5, line_jitter_px=jitter_px)
+    assert_same(packed, settings_for(packed, wanted))
 
 
 @pytest.mark.parametrize("method", METHODS)

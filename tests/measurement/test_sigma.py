@@ -78,8 +78,8 @@ def test_four_bits_whose_steps_hide_the_noise():
 
 def test_the_formula_of_the_binary_centroid_for_five_pixels():
     area = np.array([np.pi / 4 * 5**2])
-    assert binary_sigma_px(area, 2)[0] == pytest.approx([0.134, 0.190], abs=0.0005)
-    assert binary_sigma_px(area, 1)[0] == pytest.approx([0.105, 0.109], abs=0.0005)
+    assert binary_sigma_px(area, 2, doubled=False)[0] == pytest.approx([0.134, 0.190], abs=0.0005)
+    assert binary_sigma_px(area, 1, doubled=True)[0] == pytest.approx([0.105, 0.109], abs=0.0005)
 
 
 def test_the_formula_of_the_grey_centroid_for_a_sharp_disc():
@@ -88,6 +88,7 @@ def test_the_formula_of_the_grey_centroid_for_a_sharp_disc():
         np.array([np.pi * window**2]),
         np.array([contrast * np.pi * radius**2 / rows]),
         rows,
+        doubled=False,
         noise=noise,
         threshold_height=0.0,
     )
@@ -98,7 +99,7 @@ def test_the_formula_of_the_grey_centroid_for_a_sharp_disc():
 def test_sigma_grows_with_noise_and_with_the_threshold():
     def sigma(noise, height):
         return grey_sigma_px(
-            np.array([30.0]), np.array([2000.0]), 2, noise=noise, threshold_height=height
+            np.array([30.0]), np.array([2000.0]), 2, doubled=False, noise=noise, threshold_height=height
         ).max()
 
     assert sigma(2.0, 20.0) < sigma(4.0, 20.0)

@@ -5,7 +5,8 @@ from functools import cache
 import numpy as np
 
 from grabberd.analysis import Grid, TimedPoints
-from grabberd.processes.analysis.analyse import FieldPoints, analyse
+from grabberd.processes.analysis.analyse import analyse
+from grabberd.processes.analysis.field_points import FieldPoints
 from grabberd.processes.analysis.inputs import read_inputs
 from grabberd.reconstruction import ObjectModel, Points
 from grabberd_fake import FakeOptions, truth_of_wall

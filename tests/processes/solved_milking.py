@@ -4,7 +4,8 @@ from functools import cache
 
 from analysis.walls import solved
 from grabberd.analysis import TimedPoints
-from grabberd.processes.analysis.analyse import FieldPoints, analyse
+from grabberd.processes.analysis.analyse import analyse
+from grabberd.processes.analysis.field_points import FieldPoints
 from grabberd.processes.analysis.inputs import read_inputs
 
 FIELD_S, LINER_KPA = 0.02, 42.0

@@ -6,8 +6,9 @@ from functools import partial
 import numpy as np
 import pytest
 
+from grabberd.calibration import Network, Unknowns, adjust
 from grabberd.field import PackedField
-from grabberd.geometry import LocalField, Rig
+from grabberd.geometry import LocalField, Rig, rays
 from grabberd.kernel import KERNEL
 from grabberd.measurement import LocationSettings, location
 from grabberd.processes import measure as process
@@ -259,3 +260,39 @@ def test_an_object_whose_field_is_made_by_parts_is_not_covered(liner):
 def test_methods_that_numpy_alone_has_are_not_covered(bits, settings, covered):
     shape = (1, 8, 8) if bits == 8 else (bits, 8, 1)
     assert Engine.takes(PackedField(np.zeros(shape, np.uint8), bits, 8, 0, 0, 2, 60), settings) == covered
+
+
+def as_corrections(setup):
+    """The same rig, its polynomials fitted again as corrections; all but .01 px of its pictures."""
+    known = setup.calibration
+    views = []
+    for view in known.views:
+        columns, lines = np.meshgrid(np.arange(view.first_column, view.end_column, 20), np.arange(0, 576, 20))
+        xy_px = np.column_stack([columns.ravel(), lines.ravel()]).astype(np.float64)
+        center, directions = rays(view, xy_px)
+        places = np.concatenate([center + away * directions for away in (230.0, 250.0)])
+        start = replace(view, polynomial="correction", b=tuple(-value for value in view.b))
+        both = np.concatenate([xy_px, xy_px])
+        network = Network(
+            (start,),
+            np.zeros(len(both), np.intp),
+            np.arange(len(both)),
+            both,
+            np.full(both.shape, 0.01),
+            places,
+            np.zeros(places.shape),
+        )
+        fitted = adjust(network, Unknowns.of([start], [f"b{number}" for number in range(1, 10)]))
+        assert np.abs(fitted.residual_px).max() < 0.01
+        views += fitted.views
+    left, right = views
+    return replace(setup, calibration=replace(known, left=left, right=right))
+
+
+def test_a_rig_whose_polynomials_are_corrections_is_measured_by_numpy(liner):
+    few, setup = list(liner.packed(8, "field"))[:8], as_corrections(liner.setup)
+    judges = Correspondence(Rig.of(setup.calibration), setup.object_model, ImageNoise(0.1, 2, 2.0))
+    assert judges.identification is None
+    for one, other in zip(measure_fields(few, setup), measure_fields(few, liner.setup), strict=True):
+        assert np.array_equal(one.points.target, other.points.target)
+        assert np.abs(one.points.xyz_mm - other.points.xyz_mm).max() < 0.01

@@ -98,3 +98,90 @@ def test_targets_are_the_same_points_in_every_field_unless_the_file_says_otherwi
     assert not ObjectModel.from_document(document() | {"homologous": False}).homologous
     with pytest.raises(InputError, match="homologous: is 'no', expected true or false"):
         ObjectModel.from_document(document() | {"homologous": "no"})
+
+
+def refusal(change_all):
+    """What is said of a file of 108 targets, in each of which the same is changed."""
+    wrong = document(12, 9)
+    for target in wrong["targets"]:
+        change_all(target)
+    with pytest.raises(InputError) as caught:
+        ObjectModel.from_document(wrong)
+    return caught.value.message
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda t: t.pop("x_mm"), "targets[0].x_mm: is missing, expected a finite number (so in all 108"),
+        (
+            lambda t: t.update(x_mm="1.0"),
+            "targets[0].x_mm: is '1.0', expected a finite number (so in all 108",
+        ),
+        (
+            lambda t: t.update(x_mm=f"{t['id']},0"),
+            "targets[0].x_mm: is '0,0', expected a finite number (so in",
+        ),
+        (
+            lambda t: t.update(x_mm=float("nan")),
+            "targets[0].x_mm: is nan, expected a finite number (so in all",
+        ),
+        (lambda t: t.update(depth=t["id"]), "targets[0].depth: unknown key; known keys are id, x_mm, "),
+        (
+            lambda t: t.update(sigma_mm=-t["id"] - 1),
+            "targets[0].sigma_mm: is -1.0, expected a number from 0 (so",
+        ),
+        (
+            lambda t: t.update(row=0.5),
+            "targets[0].row: is 0.5, expected a whole number (so in all 108 targets",
+        ),
+    ],
+)
+def test_a_problem_of_every_target_is_told_once(change, said):
+    message = refusal(change)
+    assert said in message
+    assert message.count("targets[") == 1
+    assert "all 108 targets: ids 0, 1, 2, 3, 4, …" in message
+
+
+def test_each_of_several_problems_of_every_target_is_told_once():
+    message = refusal(lambda target: [target.pop(key) for key in ("x_mm", "y_mm", "id")])
+    assert message.count("is missing") == 3
+    assert "all 108 targets: targets[0], targets[1], targets[2], targets[3], targets[4], …" in message
+
+
+def test_a_problem_of_some_targets_names_them():
+    wrong = document(12, 9)
+    for index in (3, 50, 70):
+        del wrong["targets"][index]["z_mm"]
+    with pytest.raises(
+        InputError, match=r"targets\[3\]\.z_mm: is missing.*in 3 of 108 targets: ids 3, 55, 77\)"
+    ):
+        ObjectModel.from_document(wrong)
+
+
+def test_ids_that_are_given_twice_are_told_once():
+    assert "targets[1].id: 5 is given twice (so in 107 of 108 targets" in refusal(lambda t: t.update(id=5))
+
+
+def test_entries_that_are_no_mappings_are_told_once():
+    message = (
+        "targets[0]: is 0, expected a mapping of id, x_mm, y_mm, z_mm, row, column (so in all 108 targets"
+    )
+    with pytest.raises(InputError) as caught:
+        ObjectModel.from_document(document() | {"targets": [*range(108)]})
+    assert message in caught.value.message
+
+
+def test_a_file_of_nothing_but_problems_tells_the_first_ones():
+    wrong = document(12, 9)
+    for target in wrong["targets"]:
+        target[f"x{target['id']}"] = 1
+    with pytest.raises(InputError, match=r"targets\[0\]\.x0: unknown.*; and 88 more") as caught:
+        ObjectModel.from_document(wrong)
+    assert caught.value.message.count("unknown key") == 20
+
+
+def test_the_kind_of_file_is_named():
+    with pytest.raises(InputError, match="the calibration frame's file cannot be used"):
+        ObjectModel.from_document({}, "the calibration frame's file")

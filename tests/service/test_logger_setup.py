@@ -76,7 +76,7 @@ def test_problems_of_all_loggers_are_named_at_once(tmp_path: Path) -> None:
 """,
     )
     assert (
-        "there is no driver 'lpt'; installed are: csv, fake, iio, mqtt, serial"
+        "there is no driver 'lpt'; installed are: csv, fake, fake_light, gpio, iio, mqtt, rts, serial"
         in found["loggers.two.options"]
     )
     assert "baud" in found["loggers.one.options"] or "port: missing" in found["loggers.one.options"]
@@ -98,7 +98,7 @@ def test_a_device_has_each_quantity_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("channel", "says"),
     [
-        ("pulsation: {column: p1}", "Field required"),
+        ("pulsation: {column: p1}", "'sigma_kpa' is missing"),
         ("pulsation: {column: p1, sigma_kpa: 0}", "greater than 0"),
         ("pulsation: {column: p1, sigma_kpa: .3, gain: 0}", "gain 0"),
         ("pulsation: {column: p1, sigma_kpa: .3, unit: V}", "unit V requires gain"),

@@ -29,7 +29,7 @@ def test_systemd_accepts_the_units_with_every_drop_in_and_finds_them_little_expo
         [SYSTEMD / "check-units.sh"], capture_output=True, text=True, timeout=120, check=False
     )
     assert result.returncode == 0, result.stdout
-    assert result.stdout.count("of at most 1.0") == 4
+    assert result.stdout.count("of at most 1.0") == 5
     assert result.stdout.count("of at most 1.5") == 2
 
 

@@ -10,6 +10,7 @@ META_PACKAGE = "linux-image-amd64"
 MODULE_FOLDERS = (
     "drivers/block",
     "drivers/char",
+    "drivers/gpio",
     "drivers/hid",
     "drivers/input",
     "drivers/i2c",

@@ -47,6 +47,7 @@ def test_style_sheets_and_catalogues_are_served_as_one(tmp_path: Path) -> None:
     edition = Files(small(tmp_path)).edition
     assert edition.files["page.css"].content == b"a {}\nb {}"
     assert json.loads(edition.files["texts/en.json"].content) == {"core": {"skip": "Skip"}}
+    assert set(edition.files) == {"page.css", "texts/en.json", "texts/nb.json"}
 
 
 def test_the_order_of_the_layers_is_said_before_any_of_them_begins() -> None:

@@ -12,6 +12,7 @@ import pytest
 from grabberd.config import shipped_configs
 from grabberd.errors import Cause
 from grabberd.processes.calibration import acceptance
+from grabberd.processes.liner_tests.recipes import RECIPES
 from grabberd.reconstruction.coverage.verdict import CoverageVerdict, FindingCode
 from grabberd.reconstruction.miss import Miss
 from grabberd.web.files import LANGUAGES, STATIC
@@ -111,6 +112,14 @@ def test_the_reference_explains_every_finding_and_miss_of_a_run() -> None:
 def test_the_reference_explains_every_reason_of_an_acceptance() -> None:
     page = (shipped_configs().parent / "docs" / "reference" / "acceptance.md").read_text("utf-8")
     assert [code for code in reason_codes() if f"`{code}`" not in page] == []
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_step_of_a_guided_test_has_plain_words_of_its_own(language: str) -> None:
+    known = catalogue(language)["tests"]
+    steps = {kind: {step.name for step in recipe.steps} for kind, recipe in RECIPES.items()}
+    assert {kind: set(words) for kind, words in known["step"].items()} == steps
+    assert set(known["kind"]) == set(known["about"]) == set(RECIPES)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -12,7 +12,16 @@ what numbers and times go by, `standstill` why the program was late. No threads 
 from grabberd.acquisition.causes import LossCause, cause_of_loss
 from grabberd.acquisition.checks.content_check import Content, ContentCheck
 from grabberd.acquisition.clock import Clock, SystemClock
-from grabberd.acquisition.device import FieldOrder, GrabbedField, Grabber, Signal, StreamInfo
+from grabberd.acquisition.device import (
+    NTSC_HZ,
+    PAL_HZ,
+    FieldOrder,
+    GrabbedField,
+    Grabber,
+    Signal,
+    StreamInfo,
+    standard_rate_hz,
+)
 from grabberd.acquisition.discovery import FoundDevice, Verdict, discover
 from grabberd.acquisition.ledger import UNCERTAIN, Ledger, LedgerEntry, Outcome
 from grabberd.acquisition.numbering import FieldNumbering, Numbered
@@ -24,6 +33,8 @@ from grabberd.acquisition.standstill import Standstill
 __all__ = [
     "GRABBERS",
     "LOGGERS",
+    "NTSC_HZ",
+    "PAL_HZ",
     "UNCERTAIN",
     "Clock",
     "Content",
@@ -52,5 +63,6 @@ __all__ = [
     "cause_of_loss",
     "discover",
     "numbers_off",
+    "standard_rate_hz",
     "too_high_by",
 ]

@@ -14,6 +14,16 @@ from typing import NamedTuple, Protocol
 
 from grabberd.field import Field
 
+PAL_HZ = 50.0
+NTSC_HZ = 60_000 / 1001
+"""Fields per second of the video with 625 and with 525 lines."""
+_NTSC_LINES = (480, 486)
+
+
+def standard_rate_hz(frame_lines: int) -> float:
+    """Fields per second of the video standard whose frames have so many lines to be seen."""
+    return NTSC_HZ if frame_lines in _NTSC_LINES else PAL_HZ
+
 
 class FieldOrder(StrEnum):
     """Order in which a driver delivers the fields of a frame."""
@@ -22,6 +32,13 @@ class FieldOrder(StrEnum):
     TOP_FIRST = "top_first"
     BOTTOM_FIRST = "bottom_first"
     ONE_PARITY = "one_parity"
+    PROGRESSIVE = "progressive"
+    """No fields: whole pictures, each of which is taken for a field with all its lines."""
+
+    @property
+    def has_parity(self) -> bool:
+        """True if fields of both parities come by turns."""
+        return self not in (FieldOrder.ONE_PARITY, FieldOrder.PROGRESSIVE)
 
 
 class Signal(StrEnum):
@@ -41,8 +58,8 @@ class StreamInfo:
         card: The device's own name.
         standard: Video standard, e.g. "PAL".
         columns: Pixels per row.
-        field_rows: Rows of one delivered field.
-        rate_hz: Fields per second.
+        field_rows: Rows of one delivered field, or of a progressive picture.
+        rate_hz: Fields per second, or whole pictures where there are no fields.
         field_order: See `FieldOrder`.
         pixel_format: E.g. "GREY".
         buffers: Number of fields that the driver holds while nobody dequeues: two for each buffer of a frame.

@@ -3,7 +3,9 @@
 import threading
 import weakref
 from collections import deque
+from collections.abc import Iterable, Iterator
 from enum import StrEnum
+from itertools import chain
 from typing import NamedTuple, Self
 
 from grabberd.acquisition.ledger import LedgerEntry, Outcome
@@ -12,6 +14,9 @@ from grabberd.errors import RingOverrun
 from grabberd.field import NumberedField
 
 OVERRUN_REASON = "ring overrun"
+TOLD = 256
+"""Slots whose losses and changes of numbers and times the ring remembers after it has overwritten them: a
+loose cable tells of a few a second, and a reader that has missed more has waited for a minute."""
 
 
 class Slot(NamedTuple):
@@ -39,6 +44,14 @@ class Slot(NamedTuple):
     def first_n(self) -> int:
         """First number that this slot accounts for."""
         return self.lost_before[0].first_n if self.lost_before else self.n
+
+
+class _Told(NamedTuple):
+    """Losses and changes that a slot told of, and its position among all slots ever put."""
+
+    position: int
+    losses: tuple[LedgerEntry, ...]
+    rebases: tuple[LedgerEvent, ...]
 
 
 class Policy(StrEnum):
@@ -71,6 +84,8 @@ class Ring:
         # Weak: a reader that its owner dropped without closing it does not count as waiting for ever.
         self._readers: weakref.WeakSet[RingReader] = weakref.WeakSet()
         self._kept: deque[Slot] = deque(maxlen=slots)
+        # What slots told besides their field outlives them: an unplugged camera stays one for a late reader.
+        self._told: deque[_Told] = deque(maxlen=TOLD)
         self._head = 0
         self._first_n: int | None = None
         self._closed = False
@@ -82,6 +97,8 @@ class Ring:
             if self._first_n is None:
                 self._first_n = slot.first_n
             self._kept.append(slot)
+            if slot.lost_before or slot.rebases:
+                self._told.append(_Told(self._head, slot.lost_before, slot.rebases))
             self._head += 1
             self._changed.notify_all()
 
@@ -120,8 +137,8 @@ class RingReader:
     """One reader's position in a ring; used by one thread.
 
     Attributes:
-        policy: Reaction to being overtaken: `count` reports it in the next slot's `lost_before`, `stop`
-            raises `RingOverrun`, at once and on every later call.
+        policy: Reaction to being overtaken: `count` reports it in the next slot's `lost_before`, beside what
+            the overwritten slots told, `stop` raises `RingOverrun`, at once and on every later call.
         deepest: Greatest number of the ring's slots that ever waited for this reader.
         oldest: The first pre-trigger slot, or None.
     """
@@ -155,10 +172,7 @@ class RingReader:
             self._ring._changed.wait_for(self._ready, timeout_s)
             if self._closed or not self._waiting:
                 return None
-            slot, missed = self._advance()
-        if missed is None:
-            return slot
-        return slot._replace(lost_before=(missed, *slot.lost_before))
+            return self._advance()
 
     def close(self) -> None:
         """Detach from the ring; a `take` in another thread returns None. Safe to call twice."""
@@ -191,26 +205,42 @@ class RingReader:
     def _ready(self) -> bool:
         return self._closed or self._ring._closed or self._waiting > 0
 
-    def _advance(self) -> tuple[Slot, LedgerEntry | None]:
+    def _advance(self) -> Slot:
         if self._before:
-            return self._before.popleft(), None
+            return self._before.popleft()
         ring = self._ring
         fill = ring._head - self._next
         self.deepest = max(self.deepest, self._fill)
         ring.deepest = max(ring.deepest, self._fill)
-        missed = self._skip(fill - ring.slots) if fill > ring.slots else None
-        slot = ring._kept[self._next - ring._head]
+        slot = self._skip(fill - ring.slots) if fill > ring.slots else ring._kept[-fill]
         self._next += 1
         self._next_n = slot.n + 1
-        return slot, missed
+        return slot
 
-    def _skip(self, overwritten: int) -> LedgerEntry:
-        """Skip overwritten slots; fields lost among them count as overrun too."""
-        self._next += overwritten
+    def _skip(self, overwritten: int) -> Slot:
+        """Skip overwritten slots; take the next one with what they told.
+
+        Their fields are overrun; fields that were lost among them keep their reason, as far as the ring
+        remembers it.
+        """
+        slot = self._ring._kept[0]
         first_n = self._next_n if self._next_n is not None else self._ring._first_n
         assert first_n is not None  # something has been put
-        entry = LedgerEntry(first_n, self._ring._kept[0].first_n - first_n, Outcome.OVERRUN, OVERRUN_REASON)
+        begin, self._next = self._next, self._next + overwritten
         if self.policy is Policy.STOP:
-            self._overrun = RingOverrun(entry.first_n, entry.count)
+            self._overrun = RingOverrun(first_n, slot.first_n - first_n)
             raise self._overrun
-        return entry
+        told = [one for one in self._ring._told if begin <= one.position < self._next]
+        missed = _overrun_between(first_n, chain(*(one.losses for one in told)), slot.first_n)
+        rebases = chain(*(one.rebases for one in told), slot.rebases)
+        return slot._replace(lost_before=(*missed, *slot.lost_before), rebases=tuple(rebases))
+
+
+def _overrun_between(first_n: int, losses: Iterable[LedgerEntry], end_n: int) -> Iterator[LedgerEntry]:
+    """The losses, and an overrun for the fields before, between and after them."""
+    for loss in (*losses, LedgerEntry(end_n, 0, Outcome.OVERRUN, OVERRUN_REASON)):
+        if loss.first_n > first_n:
+            yield LedgerEntry(first_n, loss.first_n - first_n, Outcome.OVERRUN, OVERRUN_REASON)
+        if loss.count:
+            yield loss
+        first_n = loss.end_n

@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from grabberd.analysis.estimate import Estimate
 
 
@@ -32,6 +34,8 @@ class Finding(NamedTuple):
         sigma: one standard deviation.
         reason: why nothing was found; empty if something was.
         verdict: by the limit that a standard sets; empty if there is none.
+        common: part of `sigma` that captures analysed with the same liner values, gauges and model share;
+            averaging captures does not lessen it. NaN if nothing was found.
     """
 
     quantity: Quantity
@@ -39,13 +43,24 @@ class Finding(NamedTuple):
     sigma: float
     reason: str = ""
     verdict: str = ""
+    common: float = 0.0
 
     @classmethod
-    def of(cls, quantity: Quantity, found: Estimate) -> "Finding":
+    def of(cls, quantity: Quantity, found: Estimate, common: float = 0.0) -> "Finding":
         """A finding."""
-        return cls(quantity, float(found.value), float(found.sigma))
+        return cls(quantity, float(found.value), float(found.sigma), common=common)
+
+    @classmethod
+    def shared(cls, quantity: Quantity, found: Estimate) -> "Finding":
+        """A finding whose σ cannot be split, so that captures are taken to share all of it."""
+        return cls.of(quantity, found, float(found.sigma))
 
     @classmethod
     def missing(cls, quantity: Quantity, reason: str) -> "Finding":
         """Nothing, with the reason."""
-        return cls(quantity, float("nan"), float("nan"), reason)
+        return cls(quantity, float("nan"), float("nan"), reason, common=float("nan"))
+
+    @property
+    def estimate(self) -> Estimate:
+        """Value with σ; NaN if nothing was found."""
+        return Estimate(np.asarray(self.value), np.asarray(self.sigma))

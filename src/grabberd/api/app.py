@@ -23,17 +23,21 @@ from grabberd.api.reading.readings import Readings
 from grabberd.api.routes import (
     analyses,
     calibrations,
+    capture_batches,
     capture_contents,
     capture_groups,
+    capture_replay,
     captures,
     devices,
     jobs,
+    liner_tests,
     live,
     metrics,
     page,
     profiles,
     sessions,
     settings,
+    studies,
     system,
 )
 from grabberd.api.shortcuts import Shortcuts
@@ -81,11 +85,15 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
     app.add_middleware(Gate, front=front, authenticator=authenticator)
     for part in (
         captures,
+        capture_batches,
         capture_groups,
         capture_contents,
+        capture_replay,
         analyses,
         calibrations,
         profiles,
+        studies,
+        liner_tests,
         jobs,
         sessions,
         live,

@@ -4,7 +4,7 @@ A `Network` states which blob is which target in which view, and their σ; `Unkn
 parameters are free, held, shared or tied; `adjust` estimates them, for any number of views and targets.
 `mean_images` averages the pictures beforehand and `identification` names the targets in them; afterwards
 `statistics` and `acceptance` judge the result, `local_field` describes what the model leaves, and
-`glass_transfer` carries a calibration over to a glass plate.
+`glass_transfer` carries a calibration over to a glass plate. `exchange` reads networks of other programs.
 """
 
 from grabberd.calibration.acceptance.check_length import CheckLength, MeasuredLength, measured_length
@@ -25,13 +25,26 @@ from grabberd.calibration.acceptance.rig_quantities import (
 )
 from grabberd.calibration.acceptance.stillness import Stillness, stillness
 from grabberd.calibration.adjustment.adjustment import Adjustment, adjust
+from grabberd.calibration.adjustment.frame_poses import (
+    FramePose,
+    PosedUnknowns,
+    frame_poses,
+    joined,
+    of_first_pose,
+)
 from grabberd.calibration.adjustment.levenberg_marquardt import AdjustmentSettings
 from grabberd.calibration.adjustment.network import Network
 from grabberd.calibration.adjustment.propagation import intersect_network, propagate
 from grabberd.calibration.adjustment.rank import check_depth, check_rank
 from grabberd.calibration.adjustment.resection import resect
+from grabberd.calibration.adjustment.starting_values import POSE, pose, with_starting_values
 from grabberd.calibration.adjustment.unknowns import LENS, Unknowns
 from grabberd.calibration.adjustment.unmodelled import with_unmodelled
+from grabberd.calibration.exchange.photomodeler import (
+    ControlPoint,
+    read_control_points,
+    read_photomodeler,
+)
 from grabberd.calibration.glass_transfer import with_glass
 from grabberd.calibration.identification.acceptance import IdentificationSettings, handedness_hint
 from grabberd.calibration.identification.frame_identification import (
@@ -56,14 +69,17 @@ from grabberd.calibration.statistics.volume_sigma import VolumeSigma, volume_sig
 
 __all__ = [
     "LENS",
+    "POSE",
     "Adjustment",
     "AdjustmentSettings",
     "Blunder",
     "CheckLength",
+    "ControlPoint",
     "Difference",
     "DisplacedTarget",
     "Elimination",
     "FieldImages",
+    "FramePose",
     "GridOrder",
     "Identification",
     "IdentificationSettings",
@@ -75,6 +91,7 @@ __all__ = [
     "Network",
     "Normality",
     "Pattern",
+    "PosedUnknowns",
     "RigQuantity",
     "Stillness",
     "Symmetry",
@@ -95,15 +112,21 @@ __all__ = [
     "eliminate",
     "exchanged_axes",
     "f_tests",
+    "frame_poses",
     "grid_order",
     "handedness_hint",
     "identify_by_hand",
     "identify_frame",
     "intersect_network",
+    "joined",
     "mean_images",
     "measured_length",
     "normality",
+    "of_first_pose",
+    "pose",
     "propagate",
+    "read_control_points",
+    "read_photomodeler",
     "resect",
     "residual_patterns",
     "spatial_blocks",
@@ -114,6 +137,7 @@ __all__ = [
     "undecided",
     "volume_sigma",
     "with_glass",
+    "with_starting_values",
     "with_stated_covariance",
     "with_unmodelled",
     "without_blunders",

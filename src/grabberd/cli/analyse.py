@@ -15,19 +15,8 @@ if TYPE_CHECKING:
     from grabberd.service.jobs.analysis import AnalysisOutput
     from grabberd.service.profiles.profiles import FoundProfiles
 
-_SHOWN = (
-    "period_s",
-    "rate_per_min",
-    "wall_a_s",
-    "wall_b_s",
-    "wall_c_s",
-    "wall_d_s",
-    "wall_ratio",
-    "iso_ratio",
-    "offset_s",
-    "opening_lag_s",
-    "closing_lag_s",
-)
+_SHOWN = ("period_s", "offset_s")
+"""Columns of the summary that are no quantities of the field."""
 
 
 def analyse(  # noqa: PLR0913, PLR0917 - options of a command
@@ -81,7 +70,7 @@ def analyse(  # noqa: PLR0913, PLR0917 - options of a command
 
     Example: grabberd analyse b1.grab --bursts b2.grab --bursts b3.grab --inputs liner.yaml --out out
     """
-    from grabberd.service.jobs.analysis import analyse_file, with_log  # noqa: PLC0415
+    from grabberd.service.jobs.analysis import AnalysisOptions, analyse_file, with_log  # noqa: PLC0415
     from grabberd.service.setup import read_yaml  # noqa: PLC0415
     from grabberd.storage.disk import results_folder  # noqa: PLC0415
     from grabberd.storage.export.analysis_export import check_formats, write_analysis  # noqa: PLC0415
@@ -89,7 +78,7 @@ def analyse(  # noqa: PLR0913, PLR0917 - options of a command
     wanted = [name.strip() for name in formats.split(",") if name.strip()]
     check_formats(wanted)
     given = read_yaml(inputs) if inputs else {}
-    log = _text(vacuum_log) if vacuum_log else None
+    log = text_of(vacuum_log) if vacuum_log else None
     found = _found(capture, config, label or [], profiles)
     sources = {**dict.fromkeys(given, str(inputs)), **({"vacuum.log": str(vacuum_log)} if vacuum_log else {})}
     with results_folder(out):
@@ -99,9 +88,9 @@ def analyse(  # noqa: PLR0913, PLR0917 - options of a command
                 path=capture,
                 inputs=with_log(given, log),
                 bursts=bursts or [],
-                run=run,
                 profiles=found,
                 sources=sources,
+                options=AnalysisOptions(run=run),
             )
         with progress_bar("writing"):
             # First the report: a table that a format has no room for must not cost it.
@@ -138,7 +127,12 @@ def _found(capture: Path, config: Path | None, words: list[str], wanted: bool) -
     return None
 
 
-def _text(path: Path) -> str:
+def text_of(path: Path) -> str:
+    """The text of a vacuum logger's file.
+
+    Raises:
+        InputError: It cannot be read.
+    """
     from grabberd.bounded_documents import LARGEST_TABLE, read_text  # noqa: PLC0415
 
     try:
@@ -153,7 +147,7 @@ def _document(made: "AnalysisOutput", written: list[Path]) -> dict[str, Any]:
         **made.about,
         "summary": {name: _known(value) for name, value in _summary(made).items()},
         "quantities": [
-            {**one, **{key: _known(one[key]) for key in ("value", "sigma_value")}}
+            {**one, **{key: _known(one[key]) for key in ("value", "sigma_value", "sigma_common")}}
             for one in _quantities(made)
         ],
         "lacks": list(made.analysis.inputs.lacks),
@@ -174,7 +168,7 @@ def _summary(made: "AnalysisOutput") -> dict[str, float]:
 def _quantities(made: "AnalysisOutput") -> list[dict[str, Any]]:
     """Rows of the table `quantities`, without definition and source."""
     table = made.tables["quantities"]
-    names = ("name", "value", "sigma_value", "unit", "verdict", "reason")
+    names = ("name", "value", "sigma_value", "sigma_common", "unit", "verdict", "reason")
     columns = [table.column(name).tolist() for name in names]
     return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
 
@@ -207,7 +201,7 @@ def _ranges(made: "AnalysisOutput") -> list[tuple[str, str, str]]:
     from grabberd.reports.numbers import measured  # noqa: PLC0415
 
     fields, rows = made.tables["fields"], []
-    for name in ("movement_mm", "area_mm2", "mean_contact_kpa", "greatest_contact_kpa"):
+    for name in ("area_mm2", "mean_contact_kpa", "greatest_contact_kpa"):
         values, sigma = fields.column(name), fields.column(f"sigma_{name}")
         if np.isfinite(values).any():
             median = float(np.nanmedian(sigma))

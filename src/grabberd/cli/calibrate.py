@@ -13,7 +13,7 @@ from grabberd.cli.options import (
     JsonOption,
     check_absent,
     check_folder,
-    follow_link,
+    follow_links,
     load,
     only_device,
     print_json,
@@ -39,8 +39,12 @@ VERDICTS = {
 
 
 def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
-    capture: Annotated[
-        Path, typer.Argument(help="Capture of the calibration frame, NAME.grab.", callback=follow_link)
+    captures: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Capture of the calibration frame, NAME.grab; several: one for each of its poses.",
+            callback=follow_links,
+        ),
     ],
     calibration_frame: Annotated[Path, typer.Option(help="Targets of the calibration frame (YAML).")],
     out: Annotated[Path, typer.Option(help="Calibration file to write (JSON); never overwrites.")],
@@ -89,7 +93,9 @@ def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
 ) -> None:
     """Calibrate both virtual cameras from a capture of the calibration frame.
 
-    The rig's nominal geometry is taken from the capture's configuration, or from --config.
+    The rig's nominal geometry is taken from the capture's configuration, or from --config. Several captures,
+    with the calibration frame turned and moved in between and the rig untouched, calibrate better than a
+    longer one; the first defines the coordinates.
 
     Exit code 0: its acceptance passed, with remarks or without; 3: it failed, for the reasons printed. The
     calibration is written in either case.
@@ -110,7 +116,7 @@ def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
         check_length=_length(check_length),
     )
     rig = load(config).devices[only_device(load(config), device, config)].rig if config else None
-    made = _calibrated(capture, calibration_frame, options, note, rig, identifications, previous)
+    made = _calibrated(captures, calibration_frame, options, note, rig, identifications, previous)
     _write(out, json_module.dumps(made.calibration.to_document(), indent=2))
     document = made.report.model_dump(mode="json", by_alias=True)
     if report:
@@ -159,7 +165,7 @@ def _check_new(*paths: Path | None) -> None:
 
 
 def _calibrated(
-    capture: Path,
+    captures: list[Path],
     calibration_frame: Path,
     options: "CalibrationOptions",
     note: str,
@@ -167,15 +173,15 @@ def _calibrated(
     identifications: Path | None,
     previous: Path | None,
 ) -> "CalibrationOutput":
-    from grabberd.service.jobs.calibration import calibrate_file  # noqa: PLC0415
+    from grabberd.service.jobs.calibration import calibrate_files  # noqa: PLC0415
     from grabberd.service.setup import read_documents, read_yaml  # noqa: PLC0415
     from grabberd.storage.input_files import read_identifications  # noqa: PLC0415
 
     by_hand = read_identifications(identifications) if identifications else None
     with progress_bar("calibrating") as progress:
-        return calibrate_file(
+        return calibrate_files(
             progress,
-            path=capture,
+            paths=captures,
             calibration_frame=read_yaml(calibration_frame),
             options=options,
             note=note,
@@ -211,6 +217,11 @@ def _show(out: Path, path: Path | None, report: "CalibrationReport") -> None:
     table.add_row("residuals x, px rms", *(f"{result.rms_px[name].x:.3f}" for name in views))
     table.add_row("residuals y, px rms", *(f"{result.rms_px[name].y:.3f}" for name in views))
     console.print(table)
+    for number, pose in enumerate(result.poses, start=2):
+        console.print(
+            f"pose {number}: turned by {pose.turn_deg:.1f} degrees, {pose.image_points} image points, "
+            f"residuals {pose.tau:.2f} of their sigma"
+        )
     if report.validation:
         words = ", ".join(f"{axis.upper()} {rmse:.3f}" for axis, rmse in report.validation.rmse_mm)
         console.print(f"held-out targets, RMSE in mm: {words}")

@@ -89,7 +89,7 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     """
     picture = {"bits": bits, "lines": lines, "pre_trigger_fields": pre_trigger}
     kept = {"on_interruption": on_interruption, "note": note, "labels": labels_of(label or [])}
-    request = _validated({**_length(fields, duration, armed=armed), **picture, **kept})
+    request = validated({**_length(fields, duration, armed=armed), **picture, **kept})
     check_folder(out)
     if group_devices and device is not None:
         raise typer.BadParameter("give either --device or --together, not both")
@@ -119,7 +119,7 @@ def _length(fields: int | None, duration_s: float | None, *, armed: bool) -> dic
     return {"armed": True, "post_trigger_fields": fields}
 
 
-def _validated(request: dict[str, Any]) -> dict[str, Any]:
+def validated(request: dict[str, Any]) -> dict[str, Any]:
     """Validate the options as the API would, with errors in terms of the command line."""
     from pydantic import ValidationError  # noqa: PLC0415
 

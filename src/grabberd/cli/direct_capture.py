@@ -2,6 +2,7 @@
 
 import contextlib
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,14 @@ from grabberd.storage.capture.recording_folder import interrupted_captures, reco
 
 POLL_S = 0.05
 OPEN_TIMEOUT_S = 10.0
+CLOCK_SIGMA_NS, CLOCK_TIMEOUT_S = 1_000_000, 6.0
+"""σ to which a logger's clock has to be known before the first field, and how long that may take.
+
+A millisecond is .7 kPa while a pulsator switches. Two seconds of readings give it on a quiet computer; a
+daemon, whose loggers run all the time, has it long before a capture.
+"""
+CLOCK_KNOWN_S = 0.5
+"""Time for which it has been known: what is recorded begins before the first field, by `MARGIN_NS`."""
 
 
 def capture_directly(
@@ -54,6 +63,8 @@ def capture_directly(
     try:
         _wait_until_it_accepts(instrument)
         warn(instrument.board.now.warnings)
+        if config.loggers:
+            _wait_for_clocks(loggers)
         request = _request(options, instrument.rate_hz)
         # In a hidden folder beside the output until it is sealed; the next run names what a crash left there.
         with recording_folder(out.parent) as folder:
@@ -78,6 +89,22 @@ def _wait_until_it_accepts(instrument: Instrument) -> None:
             board.now.hint
             or "check the grabber and the configuration; 'grabberd devices' lists all grabbers",
         )
+
+
+def _wait_for_clocks(loggers: Loggers) -> None:
+    """Let loggers that were just opened relate their clocks to ours; one that cannot holds nothing up."""
+    now_s = known_s = time.monotonic()
+    end_s = now_s + CLOCK_TIMEOUT_S
+    with progress_console.status("synchronising with the loggers' clocks"):
+        while now_s < end_s and now_s - known_s < CLOCK_KNOWN_S:
+            time.sleep(POLL_S)
+            now_s = time.monotonic()
+            known_s = now_s if loggers.unsettled(CLOCK_SIGMA_NS) else known_s
+    warn(
+        f"logger {name}: the times of its first readings are uncertain by more than "
+        f"{CLOCK_SIGMA_NS / 1e6:g} ms; the analysis takes that into account"
+        for name in loggers.unsettled(CLOCK_SIGMA_NS)
+    )
 
 
 def _request(options: dict[str, Any], rate_hz: float) -> CaptureRequest:

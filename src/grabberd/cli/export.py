@@ -14,9 +14,9 @@ def export(
     capture: Annotated[Path, typer.Argument(help="Capture file, NAME.grab.", callback=follow_link)],
     out: Annotated[Path, typer.Option("--out", "-o", help="New or empty folder for the results.")],
     format: Annotated[
-        Literal["csv", "ply", "parquet", "mat", "c3d", "png"],
+        Literal["csv", "ply", "parquet", "hdf5", "mat", "c3d", "png"],
         typer.Option(
-            help="csv, parquet: points; mat: points for MATLAB; c3d: points for motion analysis; "
+            help="csv, parquet, hdf5, mat (MATLAB), c3d (motion analysis): points and channels; "
             "ply: point cloud; png: fields as pictures."
         ),
     ] = "csv",
@@ -46,12 +46,13 @@ def export(
         writers: dict[str, Callable[[Path, Path, int | None, list[Damage] | None], int]] = {
             "csv": storage.export_csv,
             "parquet": storage.export_parquet,
+            "hdf5": storage.export_hdf5,
             "mat": storage.export_mat,
             "c3d": storage.export_c3d,
             "ply": partial(storage.export_ply, field=field),
         }
         points = writers[format](capture, out, run, left_out if field is None else None)
-        words = f"{out}/points.{format}: {points} points"
+        words = f"{out}/points.{'h5' if format == 'hdf5' else format}: {points} points"
     typer.echo(words)
     warn(left_out_in_words(left_out))
     if left_out:

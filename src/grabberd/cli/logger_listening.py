@@ -22,7 +22,14 @@ from grabberd.errors import ConfigError, DriverMissing, InputError, Problem
 from grabberd.service.logger_setup import set_up_loggers
 
 _WAIT_S = 0.2
-_MAIN_OPTIONS = {"serial": "port", "csv": "path", "iio": "device", "fake": None}
+_MAIN_OPTIONS = {
+    "serial": "port",
+    "csv": "path",
+    "iio": "device",
+    "rts": "port",
+    "fake": None,
+    "fake_light": None,
+}
 """The option that stands behind the colon, by driver."""
 _DATINGS = {
     Dating.ARRIVAL: "by the arrival of each reading, which may be late",
@@ -196,7 +203,7 @@ def _channels(heard: Heard) -> dict[str, Any]:
             "column": channel.column,
             "sigma_kpa": channel.sigma_kpa,
             "calibrated": channel.calibrated,
-            "kpa": _summary(values),
+            "kpa" if channel.quantity.is_vacuum else "level": _summary(values),
         }
         for channel, values in zip(vacuum.channels, kpa.T, strict=True)
     }
@@ -247,10 +254,14 @@ def _print_columns(heard: Heard) -> None:
 def _print_channels(heard: Heard, vacuum: VacuumChannels) -> None:
     table = Table("channel", "unit", "least", "mean", "greatest", "newest", "noise (σ)")
     for name, about in _channels(heard).items():
-        table.add_row(name, "kPa", *_cells(about["kpa"]))
-    _print("In kPa below atmosphere, as configured:")
+        unit, summary = ("kPa", about["kpa"]) if "kpa" in about else ("–", about["level"])
+        table.add_row(name, unit, *_cells(summary))
+    _print("In kPa below atmosphere, as configured; a light as it is:")
     console.print(table)
     for channel in vacuum.channels:
+        if not channel.quantity.is_vacuum:
+            _print(f"  {channel.name}: column {channel.column}, a light")
+            continue
         day = f"calibrated on {channel.calibrated}" if channel.calibrated else "never calibrated"
         _print(f"  {channel.name}: column {channel.column}, σ {channel.sigma_kpa:g} kPa, {day}")
 

@@ -54,6 +54,11 @@ def follow_link(path: Path | None) -> Path | None:
     return path.resolve() if path is not None and path.is_symlink() else path
 
 
+def follow_links(paths: list[Path]) -> list[Path]:
+    """The files that links named by the user lead to."""
+    return [follow_link(path) or path for path in paths]
+
+
 def load(config: Path | None) -> "Config":
     """Load the configuration named on the command line, or the simulated grabber's."""
     from grabberd.config import default_config_file, load_config  # noqa: PLC0415

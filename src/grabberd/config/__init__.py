@@ -15,6 +15,7 @@ from grabberd.config.device import (
     OnInterruption,
     RigConfig,
     RingConfig,
+    TargetsConfig,
     ThresholdConfig,
 )
 from grabberd.config.logger import ChannelConfig, LoggerConfig
@@ -42,6 +43,7 @@ __all__ = [
     "RigConfig",
     "RingConfig",
     "StorageConfig",
+    "TargetsConfig",
     "ThresholdConfig",
     "TlsConfig",
     "default_config_file",

@@ -122,6 +122,23 @@ class LocationConfig(Section):
     )
 
 
+class TargetsConfig(Section):
+    """Sizes on the object that count as a target: limits of a blob's diameter, for every object."""
+
+    least_mm: Millimetres | None = Field(
+        None, gt=0, le=100, description="least diameter; default: .43 of the object's `target_diameter_mm`"
+    )
+    most_mm: Millimetres | None = Field(
+        None, gt=0, le=100, description="greatest diameter; default: 2.6 times `target_diameter_mm`"
+    )
+
+    @model_validator(mode="after")
+    def _least_below_most(self) -> Self:
+        if self.least_mm is not None and self.most_mm is not None and self.least_mm >= self.most_mm:
+            raise ValueError(f"least_mm {self.least_mm:g} is not below most_mm {self.most_mm:g}")
+        return self
+
+
 class CaptureConfig(Section):
     """Defaults of captures."""
 
@@ -157,6 +174,7 @@ class DeviceConfig(Section):
     ring: RingConfig = RingConfig()
     threshold: ThresholdConfig = ThresholdConfig()
     location: LocationConfig = LocationConfig()
+    targets: TargetsConfig = TargetsConfig()
     capture: CaptureConfig = CaptureConfig()
     analysis: AnalysisConfig = AnalysisConfig()
     line_jitter_px: float = Field(0.12, ge=0, le=2)

@@ -14,9 +14,9 @@ ChannelName = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]{0,3
 
 
 class ChannelConfig(Section):
-    """One channel: a column of the logger as a vacuum.
+    """One channel: a column of the logger as a vacuum, or as the light in the picture.
 
-    Pressure in kPa is number × unit × gain + offset_kpa.
+    Pressure in kPa is number × unit × gain + offset_kpa. A light has nothing but its column and its devices.
     """
 
     quantity: Quantity | None = Field(None, description="default: the channel's name, if it is a quantity")
@@ -28,8 +28,11 @@ class ChannelConfig(Section):
         description="for pressures 1; for V, mV, mA and counts required: kPa for each V, mA or count",
     )
     offset_kpa: float = Field(0.0, allow_inf_nan=False, description="pressure at 0")
-    sigma_kpa: float = Field(
-        gt=0, le=20, description="σ of the gauge that it was compared with: the same for all readings"
+    sigma_kpa: float | None = Field(
+        None,
+        gt=0,
+        le=20,
+        description="σ of the gauge that it was compared with, the same for all readings; not for a light",
     )
     calibrated: date | None = Field(None, description="day of the calibration; default: never")
     reference: Reference = Field(Reference.VACUUM, description="what the sensor's numbers are above or below")
@@ -65,8 +68,12 @@ class LoggerConfig(Section):
     delay_ms: float = Field(
         0.0, ge=-1000, le=1000, description="time by which all readings are late, by filters and cables"
     )
-    delay_sigma_ms: float = Field(
-        5.0, ge=0, le=1000, description="its σ; 5 ms is an adapter whose shortest way nobody has measured"
+    delay_sigma_ms: float | None = Field(
+        None,
+        ge=0,
+        le=1000,
+        description="its σ; default: what the driver knows, else 5 ms, as for an adapter whose shortest way "
+        "nobody has measured",
     )
     channels: dict[ChannelName, ChannelConfig] = Field(min_length=1)
 
@@ -81,6 +88,19 @@ class LoggerConfig(Section):
             )
         return self
 
+    @model_validator(mode="after")
+    def _a_vacuum_is_calibrated_and_a_light_is_not(self) -> Self:
+        problems = []
+        for name, one in self.channels.items():
+            if _quantity(name, one).is_vacuum and one.sigma_kpa is None:
+                problems.append(f"channel {name}: 'sigma_kpa' is missing, the σ of its calibration")
+            given = sorted(one.model_fields_set & _OF_A_VACUUM)
+            if not _quantity(name, one).is_vacuum and given:
+                problems.append(f"channel {name}: a light has no {', '.join(given)}")
+        if problems:
+            raise ValueError("; ".join(problems))
+        return self
+
     @property
     def delay_ns(self) -> int:
         """Time by which all readings are late."""
@@ -92,14 +112,19 @@ class LoggerConfig(Section):
 
 
 _QUANTITIES = tuple(quantity.value for quantity in Quantity)
+_OF_A_VACUUM = frozenset(ChannelConfig.model_fields) - {"quantity", "column", "devices"}
+
+
+def _quantity(name: str, config: ChannelConfig) -> Quantity:
+    return config.quantity or Quantity(name)
 
 
 def _channel(name: str, config: ChannelConfig) -> Channel:
     return Channel(
         name=name,
-        quantity=config.quantity or Quantity(name),
+        quantity=_quantity(name, config),
         column=config.column,
-        sigma_kpa=config.sigma_kpa,
+        sigma_kpa=config.sigma_kpa or 0.0,
         unit=config.unit,
         gain=config.gain,
         offset_kpa=config.offset_kpa,

@@ -21,6 +21,11 @@ class QuantityDocument(Document):
     unit: str
     value: float | None = Field(description="Null if nothing was found.")
     sigma: float | None = Field(description="Its standard deviation, in the same unit.")
+    sigma_common: float | None = Field(
+        None,
+        description="Part of `sigma` that captures analysed with the same liner values, gauges and model "
+        "share: averaging them does not lessen it. Null in earlier ones.",
+    )
     verdict: str = Field("", description="By the limit that a standard sets; empty if there is none.")
     reason: str = Field("", description="Why nothing was found.")
 
@@ -74,6 +79,32 @@ class AnalysisList(Document):
     """A capture's analyses, newest first."""
 
     analyses: list[AnalysisRow]
+
+
+class AnalysisPreparation(Document):
+    """Inputs that an analysis would be made with if it were asked for now; nothing is computed or kept."""
+
+    run: int = Field(description="Run whose points would be analysed.")
+    inputs: JsonObject = Field(description="The inputs, completed; the text of a vacuum log is left out.")
+    sources: dict[str, str] = Field(
+        default_factory=dict,
+        description="Where inputs come from that the request lacks, by name, such as `vacuum.liner`.",
+    )
+    profiles: list[ProfileUse] = Field(
+        default_factory=list, description="Versions of the profiles that inputs come from."
+    )
+    obtained: dict[str, str] = Field(
+        default_factory=dict,
+        description="How the values of the wall were obtained, by name, as the liner's profile tells.",
+    )
+    recorded: list[str] = Field(
+        default_factory=list, description="Quantities that were recorded with the capture."
+    )
+    lacks: list[str] = Field(default_factory=list, description="Missing inputs and their consequences.")
+    problems: list[str] = Field(
+        default_factory=list, description="Everything for which the analysis would be refused."
+    )
+    hint: str = Field("", description="What to do about these.")
 
 
 class ColumnDocument(Document):

@@ -76,6 +76,23 @@ class PixelAxes(Document):
     y: float
 
 
+class PoseRow(Document):
+    """A pose of the calibration frame, in the coordinates of its first."""
+
+    capture: str | None = Field(None, description="Id of the capture that shows it.")
+    turn_deg: float = Field(description="Angle of the rotation from the first pose.")
+    x_mm: float
+    y_mm: float
+    z_mm: float
+    sigma_x_mm: float
+    sigma_y_mm: float
+    sigma_z_mm: float
+    image_points: int
+    tau: float = Field(
+        description="Root mean square of its standardised residuals: 1 where it agrees with the other poses."
+    )
+
+
 class AdjustmentResult(Document):
     """Result of the adjustment as a whole."""
 
@@ -87,6 +104,9 @@ class AdjustmentResult(Document):
     targets: int
     rms_px: dict[str, PixelAxes] = Field(description="Root mean square of the residuals, by view.")
     unmodelled_px: float = Field(description="σ of what no parameter describes.")
+    poses: list[PoseRow] = Field(
+        default_factory=list, description="Poses of the calibration frame after the first."
+    )
 
 
 class ParameterRow(Document):

@@ -104,6 +104,11 @@ class CalibratedView(Document):
     Y0_mm: float
     Z0_mm: float
     b: list[float]
+    polynomial: Literal["distortion", "correction"] = Field(
+        "distortion",
+        description="What b1 to b9 give: the distortion, added to the ideal point, or the correction, added "
+        "to the observed point.",
+    )
     local_field: LocalFieldDocument | None = None
 
 

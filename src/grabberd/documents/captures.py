@@ -10,7 +10,7 @@ from grabberd.documents.capture_analyses import CaptureAnalysis
 from grabberd.documents.channels import ChannelsSummary
 from grabberd.documents.coverage import CoverageDocument, CoverageSummary
 from grabberd.documents.devices import ObjectModelDocument
-from grabberd.documents.document import DescribedBy, Document, Next, with_examples
+from grabberd.documents.document import DescribedBy, Document, with_examples
 from grabberd.documents.examples import CAPTURE, GROUP
 from grabberd.documents.field_order import FieldOrderDocument
 from grabberd.documents.named_types import CaptureState, JsonObject, Verdict
@@ -79,6 +79,13 @@ class WholeRunDocument(RunDocument):
     made_with: MadeWith
 
 
+class MarkDocument(Document):
+    """A field that somebody has marked."""
+
+    n: int = Field(description="Number of the field.")
+    name: str
+
+
 class GroupDocument(Document):
     """The group to which a capture belongs."""
 
@@ -122,6 +129,11 @@ class CaptureDocument(Document):
         description="Number of fields in the capture with their pictures, damaged ones and those without a "
         "signal included."
     )
+    length_fields: int | None = Field(
+        None,
+        description="Length that was asked for, in fields, lost ones included, while it is recording; null "
+        "for one that lasts until it is stopped, and afterwards.",
+    )
     ledger: LedgerDocument
     runs: list[RunDocument]
     coverage: CoverageSummary | None = Field(
@@ -140,6 +152,7 @@ class CaptureDocument(Document):
     )
     labels: dict[str, str]
     note: str
+    marks: list[MarkDocument] = Field(default_factory=list, description="Marked fields, in order.")
     pinned: bool
     size_bytes: int
     rig: JsonObject | None = Field(
@@ -159,13 +172,6 @@ class CaptureDocument(Document):
         return self.model_copy(
             update={"state": "disarmed", "ended_because": "stopped before it was triggered"}
         )
-
-
-class CaptureList(Document):
-    """A page of captures, newest first."""
-
-    captures: list[CaptureDocument]
-    next: str | None = Next
 
 
 class CaptureGroup(GroupDocument):

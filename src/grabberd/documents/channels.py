@@ -18,8 +18,10 @@ class ChannelValueDocument(Document):
     column: str = Field(description="The logger's column.")
     devices: list[str] = Field(description="Devices whose captures record it; empty: all of them.")
     kpa: float | None = Field(
-        description="Vacuum in kPa below atmosphere, the mean of the last half second; null while none comes."
+        description="Vacuum in kPa below atmosphere, the mean of the last half second; null while none "
+        "comes, and for a light."
     )
+    level: float | None = Field(None, description="Newest reading of a light; null for a vacuum.")
     sigma_kpa: float = Field(description="Standard deviation of its calibration.")
     calibrated: str | None = Field(description="Date of its calibration; null if it was never calibrated.")
 
@@ -42,6 +44,7 @@ class LoggerDocument(Document):
     anomalies: dict[str, int] = Field(
         description="What else it said since then, and readings that it did not say, by reason."
     )
+    lost: int = Field(description="Number of readings that are missing because of these, where it is known.")
     warnings: list[str] = Field(description="Warnings for people, in sentences.")
     channels: dict[str, ChannelValueDocument]
 
@@ -104,7 +107,8 @@ class ChannelDocument(Document):
     gap_s: float
     gaps: list[ChannelGapDocument] = Field(description="The first hundred gaps.")
     time_s: list[float] = Field(description="Times of every k-th reading, from the capture's first field on.")
-    kpa: list[float]
+    kpa: list[float] = Field(description="Vacuum below atmosphere; empty for a light.")
+    level: list[float] = Field(description="Readings of a light as measured; empty for a vacuum.")
 
 
 class CaptureChannelsDocument(Document):

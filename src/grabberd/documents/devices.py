@@ -10,7 +10,9 @@ from grabberd.documents.capture_analyses import DeviceAnalysis
 from grabberd.documents.document import Document
 from grabberd.documents.faults import FaultDocument
 from grabberd.documents.field_order import FieldOrderDocument
-from grabberd.documents.named_types import JsonObject, LackKind, Latency, ViewCounts
+from grabberd.documents.health import DeviceHealth, HealthPart
+from grabberd.documents.liner_tests import DeviceTest
+from grabberd.documents.named_types import JsonObject, Latency, ViewCounts
 from grabberd.documents.states import DeviceState, Rung
 from grabberd.errors import Cause
 from grabberd.reconstruction.accuracy.drift_check import RigVerdict
@@ -37,7 +39,7 @@ class ViewColumnsDocument(Document):
 class DeviceLackDocument(Document):
     """A reason why a device cannot measure."""
 
-    lacks: LackKind
+    lacks: HealthPart
     message: str
     hint: str
     cause_code: Cause | None = Field(description="Machine-readable code of the cause.")
@@ -91,6 +93,13 @@ class RigDocument(Document):
     fields: int
 
 
+class LastMinute(Document):
+    """Fields of the last minute."""
+
+    due: int = Field(description="Fields that should have come.")
+    lost: int = Field(description="Those of them that did not come whole: lost, damaged or overrun.")
+
+
 class ComputerDocument(Document):
     """The computer, as far as it lets the program take fields in time."""
 
@@ -124,6 +133,7 @@ class DeviceDocument(Document):
     losses: dict[LossCause, int] = Field(
         description="Fields since the daemon started that were not received, by where to look for the cause."
     )
+    last_minute: LastMinute
     rebases: dict[Rebase, int] = Field(
         description="Changes of what the numbers and times of fields go by, since the daemon started."
     )
@@ -138,8 +148,9 @@ class DeviceDocument(Document):
     views: dict[str, ViewColumnsDocument]
     calibration: ActiveCalibration | None
     lacks: list[DeviceLackDocument] = Field(
-        description="What keeps the device from measuring, as /readyz reports it."
+        description="What keeps the device from measuring as it should, as /readyz reports it."
     )
+    health: DeviceHealth
     warnings: list[str] = Field(description="Warnings for people, in sentences.")
     capture_id: str | None = Field(description="The capture that is being recorded.")
     armed_capture_id: str | None = Field(description="The capture that is waiting for its trigger.")
@@ -151,7 +162,10 @@ class DeviceDocument(Document):
     latest_analysis: DeviceAnalysis | None = Field(
         None, description="Null until one has ended; those of the last month are known after a restart."
     )
-    live: LiveDocument | None
+    latest_test: DeviceTest | None = Field(
+        None, description="Null until one has ended; those of the last month are known after a restart."
+    )
+    live: LiveDocument | None = Field(description="Null unless a field of the last seconds was measured.")
 
 
 class DeviceList(Document):
@@ -207,6 +221,10 @@ class ViewLightDocument(Document):
     background: int = Field(description="Median grey value of the pixels outside the targets.")
     brightest: int = Field(description="Grey value that one pixel in a thousand exceeds.")
     clipped: float = Field(description="Fraction of the targets' pixels at the camera's white level.")
+    sharpness: float | None = Field(
+        description="Sharpness of the targets' edges along the lines, whatever their brightness: 1 where "
+        "only the pixels blur them; null if too few targets can be judged."
+    )
 
 
 class LightDocument(Document):
@@ -227,7 +245,7 @@ class PulsationDocument(Document):
 
 
 class ReadyDocument(Document):
-    """Every device can measure."""
+    """Every device measures as it should."""
 
     status: Literal["ready"] = "ready"
     faults: list[FaultDocument] = Field(description="What is wrong with the daemon itself.")

@@ -44,15 +44,20 @@ class FieldOrderDocument(Document):
         return cls(order=fit.order, fields=fit.fields, **known)
 
     @property
-    def warning(self) -> str | None:
-        """Problem and remedy in a sentence; None where nothing is known to be wrong."""
+    def problem(self) -> tuple[str, str] | None:
+        """Problem and remedy; None where nothing is known to be wrong."""
         if self.order not in _WRONG:
             return None
         wrong, remedy = _WRONG[self.order]
         size = (
             "" if self.zigzag_mm is None else f": points of moving targets zigzag by {self.zigzag_mm:.2f} mm"
         )
-        return f"{wrong}{size}; {remedy}"
+        return f"{wrong}{size}", remedy
+
+    @property
+    def warning(self) -> str | None:
+        """Problem and remedy in a sentence; None where nothing is known to be wrong."""
+        return "; ".join(self.problem) if self.problem else None
 
 
 def _known(value: float) -> float | None:

@@ -4,6 +4,8 @@ from grabberd.acquisition import Outcome
 from grabberd.documents.capture_analyses import AnalysisState
 from grabberd.documents.channels import ChannelsVerdict
 from grabberd.documents.document import Document
+from grabberd.documents.health import HealthLevel, HealthPart
+from grabberd.documents.liner_tests import CheckVerdict, LinerTestKind
 from grabberd.documents.named_types import CaptureState, Verdict
 from grabberd.documents.states import DeviceState
 from grabberd.errors import Cause
@@ -26,6 +28,10 @@ class DeviceStateMessage(Document):
     since_utc: str
     cause: str | None
     cause_code: Cause | None
+    health: HealthLevel
+    health_part: HealthPart | None
+    health_word: str | None
+    hint: str
     signal: str
     rate_hz: int | None
     fields_lost: int
@@ -56,6 +62,23 @@ class AnalysisMessage(Document):
     analysis: int | None
     created_utc: str | None
     quantities: dict[str, MeasuredValue]
+    problem: str | None
+    hint: str | None
+
+
+class LinerTestMessage(Document):
+    """The guided test that ended last of those of a device's captures."""
+
+    device: str
+    capture_id: str
+    state: AnalysisState
+    test: str | None
+    kind: LinerTestKind | None
+    liner: str | None
+    verdict: CheckVerdict | None
+    created_utc: str | None
+    quantities: dict[str, MeasuredValue]
+    offers: bool
     problem: str | None
     hint: str | None
 

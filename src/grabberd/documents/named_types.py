@@ -8,9 +8,13 @@ from typing_extensions import TypeAliasType
 from grabberd.config import BitDepth, Lines, OnInterruption
 
 MOST_LABELS = 32
+MOST_MARKS = 200
 
 Label = Annotated[str, StringConstraints(max_length=200)]
 Note = Annotated[str, StringConstraints(max_length=2000)]
+MarkName = Annotated[str, StringConstraints(strip_whitespace=True, pattern=r"\S", max_length=200)]
+MarkedField = Annotated[str, StringConstraints(pattern=r"^[0-9]{1,8}$")]
+"""Number of a field as JSON has it for a key."""
 
 Bits = TypeAliasType("Bits", BitDepth)
 LinesKind = TypeAliasType("LinesKind", Lines)
@@ -20,10 +24,18 @@ CaptureState = TypeAliasType(
     "CaptureState", Literal["armed", "recording", "sealing", "sealed", "unsealed", "damaged", "disarmed"]
 )
 Verdict = TypeAliasType("Verdict", Literal["complete", "incomplete"])
+ListedVerdict = TypeAliasType("ListedVerdict", Literal["complete", "incomplete", "damaged"])
 AcceptanceVerdict = TypeAliasType("AcceptanceVerdict", Literal["passed", "passed_with_remarks", "failed"])
 Labels = TypeAliasType("Labels", Annotated[dict[Label, Label], Field(max_length=MOST_LABELS)])
 LabelChanges = TypeAliasType(
     "LabelChanges", Annotated[dict[Label, Label | None], Field(max_length=MOST_LABELS)]
+)
+MarkChanges = TypeAliasType(
+    "MarkChanges",
+    Annotated[
+        dict[MarkedField, MarkName | None],
+        Field(max_length=MOST_MARKS, json_schema_extra={"additionalProperties": False}),
+    ],
 )
 Weights = TypeAliasType("Weights", Literal["honest", "equal"])
 CalibrationFrameTreatment = TypeAliasType("CalibrationFrameTreatment", Literal["weighted", "held"])
@@ -31,7 +43,6 @@ Handedness = TypeAliasType("Handedness", Literal[-1, 1])
 CalibrationOrigin = TypeAliasType("CalibrationOrigin", Literal["capture", "import", "configuration"])
 Glass = TypeAliasType("Glass", dict[str, float])
 ImageSize = TypeAliasType("ImageSize", dict[str, int])
-LackKind = TypeAliasType("LackKind", Literal["device", "signal", "calibration"])
 Latency = TypeAliasType("Latency", dict[str, float])
 ViewCounts = TypeAliasType("ViewCounts", dict[str, int])
 JsonObject = TypeAliasType("JsonObject", dict[str, Any])

@@ -6,6 +6,7 @@ from pydantic import Field, StringConstraints, model_validator
 
 from grabberd.config import ThresholdConfig
 from grabberd.documents.document import Document, with_examples
+from grabberd.documents.liner_tests import LinerTestKind
 from grabberd.documents.named_types import (
     AllDevices,
     Bits,
@@ -17,6 +18,7 @@ from grabberd.documents.named_types import (
     LabelChanges,
     Labels,
     LinesKind,
+    MarkChanges,
     Note,
     OverrunPolicy,
     Weights,
@@ -117,7 +119,7 @@ class NewCaptureGroup(CaptureOptions):
 
 
 class CapturePatch(Document):
-    """Changes to a capture's note, labels and pin; whatever is left out stays."""
+    """Changes to a capture's note, labels, marks and pin; whatever is left out stays."""
 
     model_config = with_examples({"pinned": True, "labels": {"cow": "113", "teat": None}})
 
@@ -127,6 +129,11 @@ class CapturePatch(Document):
     )
     labels: LabelChanges | None = Field(
         None, description="Labels to add to the present ones; null removes a label."
+    )
+    marks: MarkChanges | None = Field(
+        None,
+        description="Names of fields to mark, by their numbers; a name replaces an earlier one, null removes "
+        "a mark.",
     )
 
 
@@ -169,6 +176,38 @@ class AnalysisRequest(Document):
         description="Complete the inputs from the profiles that the capture's labels `liner`, `pulsator`, "
         "`cup` and `cow` name; what is in `inputs` wins.",
     )
+    configured: bool = Field(
+        False,
+        description="Take the inputs that the configuration names for the device, "
+        "`devices.NAME.analysis.inputs`, where `inputs` has none, as analyses do that follow a capture by "
+        "themselves.",
+    )
+
+
+class LinerTestRequest(Document):
+    """A guided test to make of captures that were taken for it."""
+
+    model_config = with_examples(
+        {"kind": "artificial-teat", "captures": ["20260301T093000125Z-barn", "20260301T093100250Z-barn"]}
+    )
+
+    kind: LinerTestKind = Field(description="The recipe.")
+    captures: list[CaptureName] = Field(
+        min_length=1,
+        max_length=100,
+        description="Ids of the captures, in any order; their labels find the profiles that complete the "
+        "inputs, and state the known pressures and the milkings.",
+    )
+    inputs: JsonObject = Field(
+        default_factory=dict,
+        description="Inputs of the analyses that win over profiles and recipe, as in `AnalysisRequest`.",
+    )
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Self:
+        if len(set(self.captures)) < len(self.captures):
+            raise ValueError("captures name one twice: each counts once")
+        return self
 
 
 class CertifiedLength(Document):

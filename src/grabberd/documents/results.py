@@ -10,6 +10,7 @@ from grabberd.documents.coverage import CoverageDocument
 from grabberd.documents.document import Document
 from grabberd.documents.field_order import FieldOrderDocument
 from grabberd.documents.job_problem import JobProblem
+from grabberd.documents.liner_tests import CheckVerdict, LinerTestKind
 
 
 class AnalysisResult(AnalysisRecord):
@@ -126,4 +127,20 @@ class IdentificationResult(Document):
     problem: JobProblem | None = Field(description="Why it is unclear which target is which.")
 
 
-JobResult = AnalysisResult | CheckResult | IdentificationResult | MeasurementResult | CalibrationResult
+class LinerTestResult(Document):
+    """Result of a job `test`: a guided test of a liner."""
+
+    test: str = Field(description="Id of the test.")
+    kind: LinerTestKind
+    verdict: CheckVerdict
+    analyses: list[int] = Field(description="Number of the analysis of each capture, the oldest first.")
+
+
+JobResult = (
+    AnalysisResult
+    | CheckResult
+    | IdentificationResult
+    | LinerTestResult
+    | MeasurementResult
+    | CalibrationResult
+)

@@ -2,13 +2,15 @@
 
 An interlaced frame is split into two fields; the missing lines of a field may be interpolated; grey values
 are quantised to a few bits and packed. Every field carries `y0` and `y_step`, so that row `k` is frame line
-`y0 + k * y_step` and no later room needs to know about parity.
+`y0 + k * y_step` and no later room needs to know about parity. A progressive picture is a field with all
+its lines.
 """
 
 from grabberd.field.field import (
     BIT_DEPTHS,
     BOTTOM,
     LARGEST_SIDE_PX,
+    PROGRESSIVE,
     TOP,
     Field,
     NumberedField,
@@ -25,6 +27,7 @@ __all__ = [
     "BIT_DEPTHS",
     "BOTTOM",
     "LARGEST_SIDE_PX",
+    "PROGRESSIVE",
     "TOP",
     "Field",
     "KernelPacking",

@@ -12,6 +12,8 @@ TOP = 0
 """Parity of the field with frame lines 0, 2, 4 …; for PAL the older one of a frame."""
 BOTTOM = 1
 """Parity of the field with frame lines 1, 3, 5 …"""
+PROGRESSIVE = 2
+"""In place of a parity: a picture of a progressive camera, which has every line of the frame."""
 BIT_DEPTHS = (1, 2, 3, 4, 5, 6, 8)
 """Bit depths that a field can be quantised to."""
 LARGEST_SIDE_PX = 4096
@@ -27,11 +29,14 @@ MEDIAN_EVERY = 8
 class Field:
     """Grey values of one field; row k is frame line `y0 + k * y_step`.
 
+    A progressive picture is a field that has all lines: every camera's pictures are fields from here on.
+
     Attributes:
         luma: (rows, columns) uint8. Often a view into a driver's buffer: copy it to keep it.
-        parity: `TOP` or `BOTTOM`, of the field that the camera delivered.
+        parity: `TOP` or `BOTTOM`, of the field that the camera delivered, or `PROGRESSIVE`.
         y0: Frame line of row 0.
-        y_step: Frame lines from row to row: 2 if intact, 1 if the missing lines have been interpolated.
+        y_step: Frame lines from row to row: 2 if intact, 1 if the missing lines have been interpolated or
+            none is missing.
     """
 
     luma: NDArray[np.uint8]
@@ -45,6 +50,11 @@ class Field:
         uint8.
         """
         return cls(luma, parity, y0=parity, y_step=2)
+
+    @classmethod
+    def progressive(cls, luma: NDArray[np.uint8]) -> "Field":
+        """Make a field of a whole progressive picture; luma (lines, columns) uint8."""
+        return cls(luma, PROGRESSIVE, y0=0, y_step=1)
 
     @property
     def rows(self) -> int:
@@ -76,7 +86,7 @@ def double_lines(field: Field, interpolation: str = "linear") -> Field:
 
     A missing line is the mean of its neighbours, rounded half up; beyond the outermost line the only
     neighbour is repeated. A field already doubled is returned as it is, so a recording of doubled fields
-    passes through unchanged. The field must have at least two rows.
+    passes through unchanged, and so does a progressive picture. The field must have at least two rows.
 
     Raises:
         ValueError: The interpolation is not one of `INTERPOLATIONS`.
@@ -127,7 +137,7 @@ class PackedField:
             columns).
         bits: Bits per pixel, one of `BIT_DEPTHS`.
         columns: Pixels per row.
-        parity: Parity of the field that the camera delivered.
+        parity: Parity of the field that the camera delivered, or `PROGRESSIVE`.
         y0: Frame line of row 0.
         y_step: Frame lines from row to row.
         threshold: Grey value in force: at 1 bit a pixel is set if its luma exceeds it; with more bits it is
@@ -146,6 +156,26 @@ class PackedField:
     def rows(self) -> int:
         """Number of rows."""
         return int(self.data.shape[1])
+
+    @property
+    def frame_lines(self) -> int:
+        """Number of lines of the frame that it belongs to."""
+        return self.rows * self.y_step
+
+    @property
+    def is_doubled(self) -> bool:
+        """True if every other row has been interpolated."""
+        return self.y_step == 1 and self.parity != PROGRESSIVE
+
+    @property
+    def lines_apart(self) -> int:
+        """Frame lines from one line that the camera delivered to the next, whatever the rows are."""
+        return 1 if self.parity == PROGRESSIVE else 2
+
+    @property
+    def first_delivered(self) -> int:
+        """Row of the first line that the camera delivered."""
+        return self.parity if self.is_doubled else 0
 
 
 class NumberedField(NamedTuple):

@@ -10,7 +10,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.field.field import Field, PackedField, double_lines, packed_shape, quantise, smooths_lines
+from grabberd.field.field import (
+    PROGRESSIVE,
+    Field,
+    PackedField,
+    double_lines,
+    packed_shape,
+    quantise,
+    smooths_lines,
+)
 from grabberd.kernel import KERNEL, Kernel
 
 NO_MAP: NDArray[np.uint8] = np.empty(0, np.uint8)
@@ -65,7 +73,8 @@ class KernelPacking(NamedTuple):
         y0, y_step = (0, 1) if doubles else (field.y0, field.y_step)
         packed = PackedField(data, packing.bits, columns, field.parity, y0, y_step, packing.threshold)
         smooths = int(smooths_lines(packing.interpolation))
-        how = packing.bits, int(doubles), smooths, field.parity, packing.threshold
+        parity = 0 if field.parity == PROGRESSIVE else field.parity  # of lines that are missing
+        how = packing.bits, int(doubles), smooths, parity, packing.threshold
         by_pixel = packing.map_for((rows, columns))
         return cls(how, NO_MAP if by_pixel is None else np.ascontiguousarray(by_pixel), packed)
 

@@ -7,13 +7,15 @@ frame pixels and in millimetres of the object's frame; nothing here knows about 
 adjustments.
 """
 
+from grabberd.geometry.approach import approach
 from grabberd.geometry.calibration import Calibration
 from grabberd.geometry.document_reader import Reading
 from grabberd.geometry.functional_model import (
-    approach,
     correct_all,
     directions_all,
+    image,
     linearise,
+    linearise_corrections,
     linearise_parameters,
     parameter_derivatives,
     parameter_slopes,
@@ -47,7 +49,9 @@ __all__ = [
     "correct_all",
     "directions_all",
     "distortion",
+    "image",
     "linearise",
+    "linearise_corrections",
     "linearise_parameters",
     "parameter_derivatives",
     "parameter_slopes",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from grabberd.errors import CalibrationMismatch
 from grabberd.geometry.document_reader import Reading, is_number
 from grabberd.geometry.local_field import LocalField
-from grabberd.geometry.view import PARAMETERS, View
+from grabberd.geometry.view import PARAMETERS, Polynomial, View
 
 SCHEMA = "grabberd/calibration/1"
 LARGEST_SIDE_PX = 4096
@@ -29,6 +29,7 @@ _KEYS = (
     "glass",
     "details",
 )
+_POLYNOMIALS: tuple[Polynomial, ...] = ("distortion", "correction")
 _EXTENT = ("first_column", "end_column", "pixel_x_mm", "pixel_y_mm", "handedness")
 _GLASS = ("thickness_mm", "refractive_index")
 _SIZE = 2 * len(PARAMETERS)
@@ -165,7 +166,7 @@ def _time(reading: Reading, document: Mapping[str, Any]) -> str:
 def _view(reading: Reading, views: Mapping[str, object], name: str) -> View:
     where = f"views.{name}."
     values = reading.mapping(views, name, "views.")
-    reading.keys(where, values, (*_EXTENT, *PARAMETERS[:9], "b", "local_field"))
+    reading.keys(where, values, (*_EXTENT, *PARAMETERS[:9], "b", "polynomial", "local_field"))
     numbers = {key: reading.number(values, key, where, positive=key == "f_mm") for key in PARAMETERS[:9]}
     handedness = reading.integer(values, "handedness", where)
     if values.get("handedness") is not None and handedness not in {-1, 1}:
@@ -178,14 +179,26 @@ def _view(reading: Reading, views: Mapping[str, object], name: str) -> View:
         pixel_y_mm=reading.number(values, "pixel_y_mm", where, positive=True),
         handedness=handedness,
         b=tuple(reading.numbers(values.get("b"), where + "b", (9,)).tolist()),
+        polynomial=_polynomial(reading, where, values.get("polynomial")),
         **numbers,
     )
+
+
+def _polynomial(reading: Reading, where: str, value: object) -> Polynomial:
+    for known in _POLYNOMIALS:
+        if value == known:
+            return known
+    if value is not None:
+        reading.refuse(where + "polynomial", value, " or ".join(map(repr, _POLYNOMIALS)))
+    return _POLYNOMIALS[0]
 
 
 def _view_document(view: View, local_field: LocalField | None) -> dict[str, Any]:
     numbers = {key: getattr(view, key) for key in (*_EXTENT, *PARAMETERS[:9])}
     beyond = None if local_field is None else local_field.to_document()
-    return {**numbers, "b": list(view.b), "local_field": beyond}
+    # Not stated where it is as ever, so that earlier versions read the document.
+    meaning = {} if view.polynomial == _POLYNOMIALS[0] else {"polynomial": view.polynomial}
+    return {**numbers, "b": list(view.b), **meaning, "local_field": beyond}
 
 
 def _local_field(reading: Reading, views: Mapping[str, Any], name: str) -> LocalField | None:

@@ -1,6 +1,7 @@
 """Reader for external documents: checks every value and collects all problems before refusing anything."""
 
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeGuard, TypeVar, cast
 
@@ -10,6 +11,11 @@ from numpy.typing import NDArray
 from grabberd.errors import InputError
 
 _SHOWN = 60
+_MOST_TOLD = 20
+"""Problems in a message: whoever has more corrects these first."""
+_NAMED = 5
+_VALUE = re.compile(r": is .*, expected |: .* is given twice$", re.DOTALL)
+"""What differs in the same problem of several entries."""
 _LARGEST = (1 << 31) - 1
 T = TypeVar("T")
 
@@ -31,10 +37,11 @@ class Reading:
         """Finish reading.
 
         Raises:
-            InputError: Something was refused; the message lists every problem.
+            InputError: Something was refused; the message lists the problems, the first of very many.
         """
         if self.problems:
-            listing = "; ".join(self.problems)
+            more = len(self.problems) - _MOST_TOLD
+            listing = "; ".join([*self.problems[:_MOST_TOLD], *([f"and {more} more"] if more > 0 else [])])
             raise InputError(f"{self.what} cannot be used: {listing}", hint)
 
     def keys(self, where: str, found: Iterable[object], known: Sequence[str]) -> None:
@@ -107,6 +114,36 @@ class Reading:
         else:
             self.refuse(where + key, value, expected)
         return harmless
+
+
+def told_once(name: str, labels: Sequence[str], problems: Iterable[Sequence[str]]) -> list[str]:
+    """Problems of a list's entries, each of them once, with the number of entries that have it and the first.
+
+    Args:
+        name: Key of the list.
+        labels: How each entry is called; numbers are ids.
+        problems: Of each entry, as `Reading` has them, in the same order.
+    """
+    alike: dict[str, list[tuple[int, str]]] = {}
+    for index, found in enumerate(problems):
+        for problem in found:
+            alike.setdefault(_VALUE.sub("", problem), []).append((index, problem))
+    return [
+        f"{name}[{places[0][0]}]{places[0][1]}"
+        + _others(name, labels, list(dict.fromkeys(index for index, _ in places)))
+        for places in alike.values()
+    ]
+
+
+def _others(name: str, labels: Sequence[str], places: Sequence[int]) -> str:
+    """Entries that have the same problem; empty if it is one alone."""
+    if len(places) < 2:
+        return ""
+    share = f"all {len(labels)}" if len(places) == len(labels) else f"{len(places)} of {len(labels)}"
+    own = list(dict.fromkeys(labels[index] for index in places))
+    first = own[:_NAMED] + ["…"] * (len(own) > _NAMED)
+    ids = "ids " if first[0].isdecimal() else ""
+    return f" (so in {share} {name}: {ids}{', '.join(first)})"
 
 
 def is_integer(value: object) -> TypeGuard[int]:

@@ -5,7 +5,8 @@
 x and y are in mm, reduced to the principal point, y up. The camera looks along −z, so points in front have
 w < 0; a point in or behind the plane of the projection centre gives NaN.
 
-Its inverse leads from frame pixels back to the ideal point and its ray; two rays have a closest approach.
+Where a view's polynomial is a correction, (dx, dy) is added to the observed point and gives the ideal one, so
+that the image is iterated. The inverse leads from frame pixels back to the ideal point and its ray.
 """
 
 from functools import lru_cache
@@ -95,18 +96,83 @@ def linearise_parameters(rig: Rig, xyz_mm: Array) -> tuple[Array, Array]:
     slopes[0, :, 1] = slopes[1, :, 2] = 1.0
     slopes[:, :, 3:6] = seen.pixel_slopes(_angle_slopes(rig, ideal))
     slopes[:, :, 6:9] = -seen.pixel_slopes(_object_slopes(rig, ideal))
-    slopes[:, :, 9:] = basis(ideal.xy_mm) / rig.pixel_mm[:, :, np.newaxis]
+    slopes[:, :, 9:] = _polynomial_slopes(rig, ideal.xy_mm, seen)
     return seen.pixels, slopes
 
 
+def _polynomial_slopes(rig: Rig, ideal_mm: Array, seen: Image) -> Array:
+    """(2, V, 9, N) derivatives of the frame pixels by b1…b9."""
+    distorted: Array = basis(ideal_mm) / rig.pixel_mm[:, :, np.newaxis]
+    if not rig.corrects.any():
+        return distorted
+    observed_mm = (seen.pixels - rig.origin_px) * rig.pixel_mm
+    corrected = -seen.pixel_slopes(basis(observed_mm))
+    return np.where(rig.corrects[:, np.newaxis, np.newaxis], corrected, distorted)
+
+
+def linearise_corrections(rig: Rig, xyz_mm: Array, observed_px: Array) -> tuple[Array, Array]:
+    """Compare ideal points with observed ones after their correction, with derivatives by the `PARAMETERS`.
+
+    Programs that correct observed points compare there and not in the picture, where the errors arise: a
+    polynomial that stretches the picture stretches the residuals with it.
+
+    Args:
+        rig: Views whose polynomials are corrections.
+        xyz_mm: (N, 3) object points.
+        observed_px: (2, V, N) frame pixels.
+
+    Returns:
+        (2, V, N) ideal minus corrected points in frame pixels, and (2, V, 18, N).
+    """
+    ideal = _ideal(rig, xyz_mm)
+    straight = rig.pixel_mm[:, :, np.newaxis]
+    observed_mm = (observed_px - rig.origin_px) * rig.pixel_mm
+    corrected = _polynomials(rig, observed_mm)
+    slopes = np.zeros((2, len(rig.views), len(PARAMETERS), len(xyz_mm)))
+    slopes[:, :, 0] = ideal.xy_mm / rig.f_mm / rig.pixel_mm
+    slopes[0, :, 1], slopes[1, :, 2] = corrected.own * rig.pixel_mm
+    slopes[0, :, 2], slopes[1, :, 1] = corrected.other * rig.pixel_mm[::-1]
+    slopes[:, :, 3:6] = _angle_slopes(rig, ideal) / straight
+    slopes[:, :, 6:9] = -_object_slopes(rig, ideal) / straight
+    slopes[:, :, 9:] = -basis(observed_mm) / straight
+    return rig.origin_px + ideal.xy_mm / rig.pixel_mm - corrected.pixels, slopes
+
+
 def image(rig: Rig, ideal_mm: Array) -> Image:
-    """Map ideal points (2, V, N) to frame pixels, with slopes (paper eqs. 4–7)."""
-    values = (rig.image @ monomials(ideal_mm)).reshape(len(rig.views), 4, 2, -1)
+    """Map ideal points (2, V, N) to frame pixels, with slopes; NaN where a correction leads from nowhere."""
+    distorted = _polynomials(rig, ideal_mm)
+    if not rig.corrects.any():
+        return distorted
+    observed_mm = _solved(rig, rig.origin_px + ideal_mm / rig.pixel_mm)
+    there = _polynomials(rig, observed_mm)
+    area = _area(there) * rig.pixel_mm
+    corrected = Image(
+        rig.origin_px + observed_mm / rig.pixel_mm,
+        there.own[::-1] / (area * rig.pixel_mm),
+        -there.other / (area * rig.pixel_mm[::-1]),
+    )
+    return Image(*(_by_view(rig, *both) for both in zip(corrected, distorted, strict=True)))
+
+
+def _polynomials(rig: Rig, xy_mm: Array) -> Image:
+    """Add equations (6) and (7) to points (2, V, N), with slopes; in frame pixels."""
+    values = (rig.image @ monomials(xy_mm)).reshape(len(rig.views), 4, 2, -1)
     own, other, own_slope, other_slope = values.transpose(1, 2, 0, 3)
-    pixels = ideal_mm * own
-    pixels += ideal_mm[::-1] * other
+    pixels = xy_mm * own
+    pixels += xy_mm[::-1] * other
     pixels += rig.origin_px
     return Image(pixels, own_slope, other_slope)
+
+
+def _area(seen: Image) -> Array:
+    """(V, N) determinant of the slopes, whose sign changes at the fold of the polynomials."""
+    determinant: Array = seen.own[0] * seen.own[1] - seen.other[0] * seen.other[1]
+    return determinant
+
+
+def _by_view(rig: Rig, corrected: Array, distorted: Array) -> Array:
+    """Select by the meaning of each view's polynomial; both are (…, V, N)."""
+    return np.where(rig.corrects[:, np.newaxis], corrected, distorted)
 
 
 @lru_cache(maxsize=64)
@@ -155,28 +221,45 @@ def rays(view: View, xy_px: Array) -> tuple[Array, Array]:
 def correct_all(rig: Rig, xy_px: Array) -> Array:
     """Compute ideal points from observed ones: distortion removed, reduced to the principal point.
 
-    Newton's iteration until its step is below `TOLERANCE_MM`, never a single step.
+    Newton's iteration until its step is below `TOLERANCE_MM`, never a single step; where the polynomial is a
+    correction, none is needed.
 
     Args:
         rig: Views that they were observed in.
         xy_px: (2, V, N) float64, frame pixels.
 
     Returns:
-        (2, V, N) float64, mm, y up. NaN where the iteration does not converge, or converges beyond the fold
-        of the distortion, where no object point can be seen; NaN in gives NaN out.
+        (2, V, N) float64, mm, y up. NaN where the iteration does not converge, or leads beyond the fold of
+        the polynomial, where no object point can be seen; NaN in gives NaN out.
     """
-    ideal = (xy_px - rig.origin_px) * rig.pixel_mm
-    # Pixels count down where y points up: not folded, the determinant has the sign of both pitches together.
-    upright = np.sign(rig.pixel_mm[0] * rig.pixel_mm[1])
+    if not rig.corrects.any():
+        return _solved(rig, xy_px)
+    with np.errstate(over="ignore", invalid="ignore"):
+        there = _polynomials(rig, (xy_px - rig.origin_px) * rig.pixel_mm)
+        corrected = (there.pixels - rig.origin_px) * rig.pixel_mm
+        corrected[:, ~_unfolded(rig, _area(there))] = np.nan
+    return _by_view(rig, corrected, _solved(rig, xy_px))
+
+
+def _solved(rig: Rig, xy_px: Array) -> Array:
+    """(2, V, N) points in mm from which the polynomials lead to frame pixels; NaN where there is none."""
+    point = (xy_px - rig.origin_px) * rig.pixel_mm
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for _ in range(_MOST_STEPS):
-            step, area = _newton_step(rig, ideal, xy_px)
-            ideal -= step
+            step, area = _newton_step(rig, point, xy_px)
+            point -= step
             unsettled = ~(np.abs(step).max(axis=0) < TOLERANCE_MM)
             if not (unsettled & np.isfinite(area)).any():
                 break
-        ideal[:, unsettled | ~(area * upright > 0.0)] = np.nan
-    return ideal
+        point[:, unsettled | ~_unfolded(rig, area)] = np.nan
+    return point
+
+
+def _unfolded(rig: Rig, area: Array) -> NDArray[np.bool_]:
+    """(V, N) True where the polynomials' determinant has the sign that it has in the middle."""
+    # Pixels count down where y points up: not folded, the determinant has the sign of both pitches together.
+    inside: NDArray[np.bool_] = area * np.sign(rig.pixel_mm[0] * rig.pixel_mm[1]) > 0.0
+    return inside
 
 
 def directions_all(rig: Rig, ideal_mm: Array) -> Array:
@@ -189,54 +272,9 @@ def directions_all(rig: Rig, ideal_mm: Array) -> Array:
     return rig.rotation.swapaxes(1, 2) @ camera
 
 
-def _newton_step(rig: Rig, ideal: Array, observed_px: Array) -> tuple[Array, Array]:
-    """The step (2, V, N) in mm, and the slopes' determinant (V, N), whose sign changes at the fold."""
-    seen = image(rig, ideal)
-    excess = seen.pixels - observed_px
-    area = seen.own[0] * seen.own[1] - seen.other[0] * seen.other[1]
+def _newton_step(rig: Rig, point: Array, goal_px: Array) -> tuple[Array, Array]:
+    """The step (2, V, N) in mm, and the slopes' determinant (V, N)."""
+    seen = _polynomials(rig, point)
+    excess = seen.pixels - goal_px
+    area = _area(seen)
     return (excess * seen.own[::-1] - seen.other * excess[::-1]) / area, area
-
-
-class Approach(NamedTuple):
-    """Closest approach of pairs of rays.
-
-    Attributes:
-        distance_mm: (…) shortest distance, signed: positive if the right ray passes on the side of left
-            direction × right direction.
-        middle_mm: (…, 3) middle of the shortest connection.
-    """
-
-    distance_mm: Array
-    middle_mm: Array
-
-
-def approach(left_center: Array, left: Array, right_center: Array, right: Array) -> Approach:
-    """Compute the closest approach of rays; (N, 1, 3) directions against (1, M, 3) compare every pair.
-
-    Args:
-        left_center: (3,) mm, object's frame.
-        left: (…, 3) unit vectors from it.
-        right_center: (3,) mm.
-        right: (…, 3) unit vectors from it.
-
-    Returns:
-        Distances and middles; NaN for parallel rays. Two rays of the same object point pass at distance 0:
-        the epipolar condition in mm.
-    """
-    base = right_center - left_center
-    cosine = _dot(left, right)
-    along_left, along_right = _dot(left, base), _dot(right, base)
-    slenderness = 1.0 - cosine * cosine
-    # Rays less than 1e-6 rad apart: their closest approach is rounding alone.
-    slenderness = np.where(slenderness > 1e-12, slenderness, np.nan)
-    reach_left = (along_left - cosine * along_right) / slenderness
-    reach_right = (cosine * along_left - along_right) / slenderness
-    on_left = reach_left[..., np.newaxis] * left
-    on_right = reach_right[..., np.newaxis] * right
-    middle = left_center + 0.5 * (on_left + on_right + base)
-    return Approach(_dot(np.cross(left, right), base) / np.sqrt(slenderness), middle)
-
-
-def _dot(first: Array, second: Array) -> Array:
-    product: Array = (first * second).sum(axis=-1)
-    return product

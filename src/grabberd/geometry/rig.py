@@ -25,8 +25,9 @@ class Rig:
         f_mm: (V, 1), focal lengths.
         origin_px: (2, V, 1), x0 and y0.
         pixel_mm: (2, V, 1), mm per frame pixel; negative in y, because y of the sensor points up.
-        image: (V, 8, 15), `polynomials` of the views in frame pixels, including the ideal point itself:
+        image: (V, 8, 15), `polynomials` of the views in frame pixels, including the point itself:
             column, line = origin + own·P + other·Q, with S and T their slopes in px/mm.
+        corrects: (V,) bool, True where they lead from the observed point to the ideal one.
         factor: (V, 18, K), L of the calibration's covariance C = L·Lᵀ in the parameters' order; None if C is
             zero or unknown.
         local_fields: Local field of each view; empty if no view has one. `project` and the like do not
@@ -41,6 +42,7 @@ class Rig:
     origin_px: Array
     pixel_mm: Array
     image: Array
+    corrects: NDArray[np.bool_]
     factor: Array | None = None
     local_fields: tuple[LocalField | None, ...] = ()
 
@@ -61,6 +63,7 @@ class Rig:
                 [[[view.pixel_x_mm] for view in views], [[-view.pixel_y_mm] for view in views]]
             ),
             image=np.array([_image(view) for view in views]),
+            corrects=np.array([view.polynomial == "correction" for view in views], np.bool_),
             factor=factor,
         )
 
@@ -82,7 +85,7 @@ class Rig:
 
 
 def _image(view: View) -> Array:
-    """(8, 15) polynomials of the image, from those of the distortion."""
+    """(8, 15) polynomials in frame pixels, from those of the distortion or correction."""
     table = polynomials(view.b)
     table[[0, 2], :, 0] += 1.0
     table[:, 0] /= view.pixel_x_mm

@@ -1,6 +1,7 @@
 """View: one virtual camera, as the parameters of the functional model, with its rotation and distortion.
 
-The distortion by lens and mirrors is added to the ideal point (paper eqs. 6 and 7).
+The distortion by lens and mirrors is added to the ideal point (paper eqs. 6 and 7); other programs state the
+correction to be added to the observed point, by the same equations.
 
 With x, y reduced to the principal point and r² = x² + y²:
 
@@ -18,7 +19,7 @@ so that a few products and one matrix multiplication give everything, for all po
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,7 @@ PARAMETERS = (
     *(f"b{i}" for i in range(1, 10)),
 )
 """The 18 parameters of a view that an adjustment may estimate, in the order of vectors and covariances."""
+Polynomial = Literal["distortion", "correction"]
 Array = NDArray[np.float64]
 _ONE, _X, _Y, _XX, _YY, _XY, _R2, _R4, _R6, _XX2, _YY2, _XY2, _XX4, _YY4, _XY4 = range(15)
 """Indices of the monomials; x²r² is _XX2, x²r⁴ is _XX4."""
@@ -57,6 +59,8 @@ class View:
         omega_rad, phi_rad, kappa_rad: Rotation, R = Rκ·Rφ·Rω.
         X0_mm, Y0_mm, Z0_mm: Projection centre in the object's frame.
         b: b1…b9 in 1, 1, mm⁻², mm⁻⁴, mm⁻⁶, mm⁻¹, mm⁻¹, mm⁻², mm⁻².
+        polynomial: Meaning of equations (6) and (7): the distortion, added to the ideal point, or the
+            correction, added to the observed one. Neither can be converted into the other exactly.
     """
 
     name: str
@@ -75,6 +79,7 @@ class View:
     Y0_mm: float
     Z0_mm: float
     b: tuple[float, ...] = (0.0,) * 9
+    polynomial: Polynomial = "distortion"
 
     def vector(self) -> NDArray[np.float64]:
         """(18,) float64, the values of `PARAMETERS`."""
@@ -194,7 +199,7 @@ def _written_out(b: Sequence[float]) -> Array:
 
 
 def monomials(xy_mm: Array) -> Array:
-    """Evaluate the monomials, (V, 15, N), at the ideal points (2, V, N) in mm."""
+    """Evaluate the monomials, (V, 15, N), at points (2, V, N) in mm."""
     _, views, count = xy_mm.shape
     powers = np.empty((15, views, count))
     powers[_ONE] = 1.0
@@ -210,7 +215,7 @@ def monomials(xy_mm: Array) -> Array:
 
 
 def distortion(b: Sequence[float], xy_mm: Array) -> Array:
-    """(N, 2) float64, dx and dy in mm at N ideal points (N, 2) in mm; b holds b1…b9 (paper eqs. 6 and 7)."""
+    """(N, 2) float64, dx and dy in mm at N points (N, 2) in mm; b holds b1…b9 (paper eqs. 6 and 7)."""
     at = xy_mm.T
     own, other, _, _ = np.tensordot(polynomials(b), monomials(at[:, np.newaxis])[0], axes=1)
     added: Array = at * own + at[::-1] * other
@@ -218,7 +223,7 @@ def distortion(b: Sequence[float], xy_mm: Array) -> Array:
 
 
 def basis(xy_mm: Array) -> Array:
-    """(2, V, 9, N) derivatives of dx and dy by b1…b9 at the ideal points (2, V, N) in mm."""
+    """(2, V, 9, N) derivatives of dx and dy by b1…b9 at points (2, V, N) in mm."""
     x, y = xy_mm
     xx, yy, xy = x * x, y * y, x * y
     r2 = xx + yy

@@ -112,11 +112,15 @@ double median_of(double *values, int64_t count); /* of one at least; reorders th
 double ranked(double *values, int64_t count, int64_t rank); /* the one with so many before it; likewise */
 void write_blob(const Component *, const Place *, double common_px, double y0, double y_step, double *out, int64_t capacity, int64_t k);
 
+enum { PROGRESSIVE = 2 }; /* in place of a parity: every row was delivered */
+
+/* True if every other row has been interpolated. */
+INLINE bool is_doubled(const Picture *picture) { return picture->y_step == 1 && picture->parity != PROGRESSIVE; }
 INLINE bool is_delivered(const Picture *picture, int32_t row) {
-    return picture->y_step != 1 || (row & 1) == picture->parity;
+    return !is_doubled(picture) || (row & 1) == picture->parity;
 }
 /* Row of the first line that the camera delivered. */
-INLINE int64_t first_row(const Picture *picture) { return picture->y_step == 1 ? picture->parity : 0; }
+INLINE int64_t first_row(const Picture *picture) { return is_doubled(picture) ? picture->parity : 0; }
 /* As rint of what is below 2^51, without a call into the library. */
 INLINE double rounded(double value) {
     const double whole = 6755399441055744.0;

@@ -68,10 +68,10 @@ static void place(const Work *work, const Settings *settings, int64_t blob, cons
     pattern_of(picture, own, work->sizes + blob, work->kinds->kinds + work->kinds->of[blob], &pattern);
     at->x = pattern.middle_x / 10.0 + found->x / pattern.wider;
     at->row = pattern.middle_y / (8.0 * y_step) + (double)first_row(picture) + found->y / pattern.higher / y_step;
-    double xx = found->variance_x / (pattern.wider * pattern.wider) * (picture->y_step == 1 ? 1.15 : 1.0);
+    double xx = found->variance_x / (pattern.wider * pattern.wider) * (is_doubled(picture) ? 1.15 : 1.0);
     double lines = sqrt(4 / PI) / 2 * sqrt(own->area_px) / 2;
     double jitter = JITTER_OF_CENTRE * (settings->line_jitter_px * settings->line_jitter_px) / lines;
-    xx -= smaller((picture->y_step == 1 ? 0.25 : 0.5) * jitter, MOST_JITTER * xx);
+    xx -= smaller((is_doubled(picture) ? 0.25 : 0.5) * jitter, MOST_JITTER * xx);
     at->sigma_x = sqrt(xx);
     at->sigma_y = sqrt(found->variance_y / (pattern.higher * pattern.higher));
 }

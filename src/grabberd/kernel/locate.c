@@ -4,7 +4,7 @@
 /* As sigma.binary_sigma_px. */
 static void start(const Picture *picture, const Component *own, Place *place) {
     double root = sqrt(sqrt(4 / PI * own->area_px)), y_step = (double)picture->y_step;
-    double x = picture->y_step == 1 ? 0.235 : 0.2122 * sqrt(y_step), y = picture->y_step == 1 ? 0.244 : 0.2122 * y_step;
+    double x = is_doubled(picture) ? 0.235 : 0.2122 * sqrt(y_step), y = is_doubled(picture) ? 0.244 : 0.2122 * y_step;
     *place = (Place){own->x, own->row, x / root, y / root};
 }
 
@@ -32,7 +32,7 @@ static bool is_sound(const Picture *picture, const Settings *settings) {
     return picture->bits && settings && picture->rows > 0 && picture->stride > 0 && picture->rows < 1 << 24 &&
            picture->stride < 1 << 24 && picture->rows * picture->stride <= picture->length &&
            picture->rows * picture->stride < 1 << 28 && (picture->y_step == 1 || picture->y_step == 2) &&
-           (picture->parity == 0 || picture->parity == 1) && picture->columns > 0 &&
+           picture->parity >= 0 && picture->parity <= (picture->y_step == 1 ? PROGRESSIVE : 1) && picture->columns > 0 &&
            picture->columns < INT64_C(1) << 27 && picture->stride == (picture->columns + 7) / 8 &&
            settings->table_count >= 0 && settings->fullness_count >= 0;
 }

@@ -10,7 +10,7 @@ int threshold_fraction(const Picture *picture, const Settings *settings, const S
                        double *fraction, Outcome *outcome) {
     double across = 0, down = 0, of_delivered = 0, of_all = 0, blobs = 0;
     *fraction = NOMINAL_FRACTION;
-    if (picture->y_step != 1) return DONE;
+    if (!is_doubled(picture)) return DONE;
     for (int64_t i = 0; i < seen->component_count; i++) {
         if (!seen->components[i].whole) continue;
         across += sizes[i].half_width_px, down += sizes[i].half_height_px;

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.field import PackedField, unpack
+from grabberd.field import PROGRESSIVE, PackedField, unpack
 
 LEAST_NOISE = 12**-0.5
 """Standard deviation of rounding to whole grey values, the least that any picture has."""
@@ -39,7 +39,8 @@ def background_of(histogram: NDArray[np.integer]) -> Background:
 
 def background_in(packed: PackedField) -> Background:
     """Estimate the background from some of the delivered lines; interpolated ones have less noise."""
-    lines = packed.data[:, packed.parity :: SAMPLED_EVERY_PX // packed.y_step]
+    first = 0 if packed.parity == PROGRESSIVE else packed.parity
+    lines = packed.data[:, first :: SAMPLED_EVERY_PX // packed.y_step]
     step = 256 >> packed.bits
     levels = unpack(replace(packed, data=lines)).luma // step
     level, noise = background_of(np.bincount(levels.ravel(), minlength=2**packed.bits))

@@ -1,13 +1,13 @@
 """Location: from a packed field to its blobs (paper 3.5)."""
 
-from functools import cache
+from functools import cache, lru_cache
 from importlib import import_module
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.field import PackedField
+from grabberd.field import PROGRESSIVE, PackedField
 from grabberd.kernel import KERNEL
 from grabberd.measurement.blobs import Blobs
 from grabberd.measurement.compiled.binary_location import measure_compiled, takes
@@ -33,6 +33,7 @@ def measure(packed: PackedField, windows: NDArray[np.float64] | None, settings: 
     Returns:
         Blobs in frame pixels, whatever the field's parity and bits; empty if nothing exceeds the threshold.
     """
+    settings = settings_for(packed, settings)
     if KERNEL and takes(packed, settings):
         blobs = measure_compiled(KERNEL, packed, settings)
     elif KERNEL and takes_grey(packed, settings):
@@ -42,10 +43,21 @@ def measure(packed: PackedField, windows: NDArray[np.float64] | None, settings: 
     return blobs if windows is None else blobs.select(_inside(blobs, windows))
 
 
+@lru_cache(maxsize=16)
+def _for_progressive(settings: LocationSettings) -> LocationSettings:
+    return settings.for_progressive
+
+
+def settings_for(packed: PackedField, settings: LocationSettings) -> LocationSettings:
+    """The settings as they apply to a field: lines of a progressive picture do not shift."""
+    return _for_progressive(settings) if packed.parity == PROGRESSIVE else settings
+
+
 def measure_by_numpy(packed: PackedField, settings: LocationSettings) -> Blobs:
     """Locate all targets with numpy, for any method and bit depth: the reference that the kernel must
     equal.
     """
+    settings = settings_for(packed, settings)
     runs, label, count = by_component(find_runs(target_bits(packed)))
     seen = Seen(packed, runs, label, shapes_of(runs, label, count), settings)
     located = _locator(settings.method, packed.bits)(seen)

@@ -1,7 +1,7 @@
 """Settings of target location, and the locators that they can name."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 AUTOMATIC = "automatic"
@@ -19,6 +19,8 @@ LOCATORS: Mapping[str, str] = MappingProxyType(
 )
 """Module and function of each locator, relative to this room. They are text, so that the locators kept for
 comparison (edge, correlation, vernier, tian-huhns) are not imported by a program that never uses them."""
+USUAL_LIMITS_PX = (2.5, 15.0)
+"""Limits of a blob's diameter for targets of 5 to 6 pixels, those of the reference rig."""
 METHODS = (AUTOMATIC, *LOCATORS)
 """Values of `LocationSettings.method`."""
 
@@ -31,8 +33,9 @@ class LocationSettings:
         method: One of `METHODS`; "automatic" picks the most accurate for the field's bits, "locale" at 1 bit
             and "template" with more; "weighted" is nearly as accurate as "template" in half the time;
             "centroid" weights all pixels equally at 1 bit, and by g − T with more bits (paper eqs. 1, 2).
-        min_diameter_px: Blobs smaller than a disc of this diameter, in frame pixels, are not targets.
-        max_diameter_px: Blobs larger than a disc of this diameter are not targets.
+        min_diameter_px: Blobs smaller than a disc of this diameter, in frame pixels, are not targets; None
+            if it is not known what to expect, then that of `USUAL_LIMITS_PX`.
+        max_diameter_px: Blobs larger than a disc of this diameter are not targets; None likewise.
         noise_levels: Standard deviation of a pixel in grey values; None takes it from each field's
             background.
         target_px: Diameter of the targets' discs in frame pixels; None takes it from the field's own blobs.
@@ -48,8 +51,8 @@ class LocationSettings:
     """
 
     method: str = "automatic"
-    min_diameter_px: float = 2.5
-    max_diameter_px: float = 15.0
+    min_diameter_px: float | None = None
+    max_diameter_px: float | None = None
     noise_levels: float | None = None
     target_px: float | None = None
     spread_px: float = 0.8
@@ -60,14 +63,38 @@ class LocationSettings:
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise ValueError(f"unknown method {self.method!r}; choose from {', '.join(METHODS)}")
-        if not 0 <= self.min_diameter_px < self.max_diameter_px:
-            limits = f"min_diameter_px {self.min_diameter_px} and max_diameter_px {self.max_diameter_px}"
+        least_px, most_px = self.limits_px
+        if not 0 <= least_px < most_px:
+            limits = f"min_diameter_px {least_px} and max_diameter_px {most_px}"
             raise ValueError(f"no blob can meet {limits}")
         if self.target_px is not None and not self.target_px > 0:
             raise ValueError(f"target_px {self.target_px} is not positive")
         if not (self.spread_px > 0 and self.line_jitter_px >= 0):
             lengths = f"spread_px {self.spread_px} and line_jitter_px {self.line_jitter_px}"
             raise ValueError(f"{lengths} are out of range (above 0; at least 0)")
+
+    @property
+    def for_progressive(self) -> "LocationSettings":
+        """The settings for progressive pictures, whose lines do not shift."""
+        return replace(self, line_jitter_px=0.0, line_shifts=None)
+
+    @property
+    def limits_px(self) -> tuple[float, float]:
+        """Least and greatest diameter of a target's blob, frame pixels."""
+        return self._limits(*USUAL_LIMITS_PX)
+
+    def limited(self, least_px: float, most_px: float) -> "LocationSettings":
+        """The same settings with these limits of a blob's diameter, but for those that are set."""
+        least_px, most_px = self._limits(least_px, most_px)
+        return replace(self, min_diameter_px=least_px, max_diameter_px=most_px)
+
+    def _limits(self, least_px: float, most_px: float) -> tuple[float, float]:
+        # A limit that is set stands; the other one gives way to it.
+        if self.min_diameter_px is not None:
+            least_px, most_px = self.min_diameter_px, max(most_px, 2 * self.min_diameter_px)
+        if self.max_diameter_px is not None:
+            least_px, most_px = min(least_px, self.max_diameter_px / 2), self.max_diameter_px
+        return least_px if self.min_diameter_px is None else self.min_diameter_px, most_px
 
     def solves_line_shifts(self, bits: int) -> bool:
         """True if shifts are solved for in fields of so many bits."""

@@ -17,7 +17,7 @@ MEAN_OF_PEAK = 0.65
 """Mean weight of a blurred disc's pixels as a share of the highest."""
 
 
-def binary_sigma_px(area_px: NDArray[np.float64], y_step: int) -> NDArray[np.float64]:
+def binary_sigma_px(area_px: NDArray[np.float64], y_step: int, *, doubled: bool) -> NDArray[np.float64]:
     """Compute the standard deviation of a centre whose pixels are weighted equally.
 
     Intact rows: sx = .2122 √(py/D), sy = .2122 py/√D with py = `y_step`. Doubled rows (py 1): .105 and .109
@@ -26,12 +26,13 @@ def binary_sigma_px(area_px: NDArray[np.float64], y_step: int) -> NDArray[np.flo
     Args:
         area_px: (N,) float64, square frame pixels; D is the diameter of a disc of this area.
         y_step: frame lines from row to row.
+        doubled: True if every other row has been interpolated.
 
     Returns:
         (N, 2) float64, x and y, frame pixels.
     """
     root = np.sqrt(np.sqrt(4 / np.pi * area_px))
-    x, y = (0.235, 0.244) if y_step == 1 else (0.2122 * y_step**0.5, 0.2122 * y_step)
+    x, y = (0.235, 0.244) if doubled else (0.2122 * y_step**0.5, 0.2122 * y_step)
     return np.stack([x / root, y / root], axis=1)
 
 
@@ -40,6 +41,7 @@ def grey_sigma_px(
     weight: NDArray[np.float64],
     y_step: int,
     *,
+    doubled: bool,
     noise: float,
     threshold_height: float,
 ) -> NDArray[np.float64]:
@@ -53,17 +55,17 @@ def grey_sigma_px(
         area_px: (N,) float64, square frame pixels above the threshold.
         weight: (N,) float64, Σ(g−T) over the pixels, grey values.
         y_step: frame lines from row to row.
+        doubled: True if every other row has been interpolated.
         noise: sn, standard deviation of a pixel, grey values.
         threshold_height: T above the background, grey values.
 
     Returns:
         (N, 2) float64, x and y, frame pixels.
     """
-    shared = NOISE_SHARED_BY_DOUBLED_ROWS if y_step == 1 else 1.0
+    shared = NOISE_SHARED_BY_DOUBLED_ROWS if doubled else 1.0
     from_noise = shared * noise * area_px / (np.sqrt(4 * np.pi * y_step) * weight)
     peak = threshold_height + weight * y_step / (area_px * MEAN_OF_PEAK)
-    cut_off = (
-        (threshold_height / peak)[:, np.newaxis] * GREY_SHARE_OF_BINARY * binary_sigma_px(area_px, y_step)
-    )
+    binary = binary_sigma_px(area_px, y_step, doubled=doubled)
+    cut_off = (threshold_height / peak)[:, np.newaxis] * GREY_SHARE_OF_BINARY * binary
     sigma: NDArray[np.float64] = np.hypot(from_noise[:, np.newaxis], cut_off)
     return sigma

@@ -171,8 +171,8 @@ def requantised(fields: Iterable[NumberedField], bits: int, *, doubled: bool) ->
 
 
 def _grey(packed: PackedField) -> Field:
-    if packed.bits != _MOST_BITS or packed.y_step == 1:
-        kind = "doubled" if packed.y_step == 1 else "intact"
+    if packed.bits != _MOST_BITS or packed.is_doubled:
+        kind = "doubled" if packed.is_doubled else "intact"
         raise InputError(
             f"fields of {packed.bits} bits with {kind} lines cannot be requantised",
             "capture with --bits 8 --lines field",

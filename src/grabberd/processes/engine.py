@@ -15,6 +15,7 @@ from grabberd.kernel import MORE_ROOM, UNSOUND, Kernel
 from grabberd.measurement import LocationSettings
 from grabberd.measurement.compiled.binary_location import COLUMNS, ROOM, takes
 from grabberd.measurement.compiled.grey_location import takes_grey
+from grabberd.measurement.location import settings_for
 from grabberd.processes.engine_inputs import Following, Inputs
 from grabberd.processes.engine_way import (
     FOUND_INDICES,
@@ -61,7 +62,8 @@ class Engine:
     @staticmethod
     def takes(packed: PackedField, settings: LocationSettings) -> bool:
         """True if the kernel covers this field and these settings."""
-        return takes(packed, settings) or takes_grey(packed, settings)
+        own = settings_for(packed, settings)
+        return takes(packed, own) or takes_grey(packed, own)
 
     def run(
         self, fields: Sequence[PackedField], passed_s: Sequence[float], settings: LocationSettings

@@ -9,6 +9,7 @@ from grabberd.kernel import NO_FULLNESS, NO_TABLE
 from grabberd.measurement import LocationSettings
 from grabberd.measurement.compiled.binary_location import Kept, fail, known_of
 from grabberd.measurement.compiled.grey_location import grey_settings
+from grabberd.measurement.location import settings_for
 from grabberd.processes.engine_way import Head
 from grabberd.reconstruction import Tracker
 from grabberd.reconstruction.correspondence.compiled_identification import Identifying
@@ -69,7 +70,8 @@ class Inputs:
     def __init__(self, packed: PackedField, settings: LocationSettings) -> None:
         self.picture = _picture(packed)
         self._of = settings
-        self._known = known_of(settings, packed.y_step) if packed.bits == 1 else None
+        own = settings_for(packed, settings)
+        self._known = known_of(own, packed.y_step, packed.lines_apart) if packed.bits == 1 else None
         if self._known is None:
             self.settings = grey_settings(settings)
 

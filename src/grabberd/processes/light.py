@@ -1,13 +1,14 @@
 """Illumination of a grey field, view by view, for setting lamp and lens."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.field import Field, quantise
-from grabberd.measurement import LocationSettings, measure
+from grabberd.measurement import Blobs, LocationSettings, measure
+from grabberd.processes.focus import edge_sharpness
 from grabberd.processes.locating import whole
 
 CLIPPED_LEVEL = 250
@@ -26,6 +27,7 @@ class ViewLight:
         diameter_px: mean diameter in frame pixels of discs of the same area; None without targets.
         background: median of the pixels outside targets; `brightest`: exceeded by one pixel in a thousand.
         clipped: share of the targets' pixels at the camera's white level; 0 without targets.
+        sharpness: of the targets' edges, 1 where only the pixels blur them; None if too few can be judged.
     """
 
     histogram: NDArray[np.int64]
@@ -34,34 +36,45 @@ class ViewLight:
     background: int
     brightest: int
     clipped: float
+    sharpness: float | None
 
 
-def light_of(field: Field, threshold: int, views: Mapping[str, tuple[int, int]]) -> dict[str, ViewLight]:
+def light_of(
+    field: Field,
+    threshold: int,
+    views: Mapping[str, tuple[int, int]],
+    location: LocationSettings = QUICK,
+) -> dict[str, ViewLight]:
     """Illumination of a field in every view.
 
     Args:
         field: field of 8 bits with its original lines.
         threshold: grey value above which pixels belong to targets.
         views: first and end column of each view.
+        location: settings of target location, for the limits of a target's size.
     """
-    blobs = measure(quantise(field, 1, threshold), None, QUICK)
+    quick = replace(QUICK, min_diameter_px=location.min_diameter_px, max_diameter_px=location.max_diameter_px)
+    blobs = measure(quantise(field, 1, threshold), None, quick)
     lights = {}
     for name, (first, end) in views.items():
         seen = blobs.select(whole(blobs, first, end))
         counts = np.bincount(field.luma[:, first:end].ravel(), minlength=256)
-        lights[name] = _light(counts, threshold, seen.area_px)
+        lights[name] = _light(field, counts, threshold, seen)
     return lights
 
 
-def _light(counts: NDArray[np.int64], threshold: int, area_px: NDArray[np.float64]) -> ViewLight:
-    above = counts[threshold + 1 :].sum()
+def _light(field: Field, counts: NDArray[np.int64], threshold: int, seen: Blobs) -> ViewLight:
+    area_px, above = seen.area_px, counts[threshold + 1 :].sum()
+    diameter_px = float(2 * np.sqrt(area_px / np.pi).mean()) if len(area_px) else None
+    sharpness = None if diameter_px is None else edge_sharpness(field, seen.xy_px, diameter_px, CLIPPED_LEVEL)
     return ViewLight(
         histogram=counts,
         targets=len(area_px),
-        diameter_px=float(2 * np.sqrt(area_px / np.pi).mean()) if len(area_px) else None,
+        diameter_px=diameter_px,
         background=_level(counts[: threshold + 1], 0.5),
         brightest=_level(counts, 0.999),
         clipped=float(counts[CLIPPED_LEVEL:].sum() / above) if above else 0.0,
+        sharpness=sharpness,
     )
 
 

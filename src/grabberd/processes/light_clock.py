@@ -1,4 +1,4 @@
-"""The offset of a logger's clock, found through a light that is in the picture and in the log."""
+"""The offset of a logger's clock, found through a light that is in the picture and in its readings."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.analysis.vacuum.channel_curve import ChannelCurve
 from grabberd.analysis.vacuum.light_clock import LightClock, relate_clocks
 from grabberd.analysis.vacuum.light_signal import LightSignal, agreement_at_best
 from grabberd.errors import AnalysisError, InputError
@@ -31,11 +32,24 @@ class FoundLight(NamedTuple):
     Attributes:
         clock: Relation of the clocks.
         x_px: Column of the light's middle, frame pixels; `y_px`: its frame line.
+        logger: Name of the logger that recorded it with the capture; None for that of a log.
+        delay_sigma_s: σ of what all of that one's readings are late by.
     """
 
     clock: LightClock
     x_px: float
     y_px: float
+    logger: str | None = None
+    delay_sigma_s: float = 0.0
+
+    def sigma_s(self, curve: ChannelCurve, camera_s: Array) -> float:
+        """σ of a recorded channel's times on the camera's clock, at times (F,) of the camera.
+
+        What all readings of one logger are late by, its light has seen as well.
+        """
+        delays_s = 0.0 if curve.logger == self.logger else np.hypot(curve.delay_sigma_s, self.delay_sigma_s)
+        scatter_s = np.sqrt(max(curve.time_sigma_s**2 - curve.delay_sigma_s**2, 0.0))
+        return float(np.sqrt(self.clock.sigma_s(camera_s) ** 2 + delays_s**2 + scatter_s**2))
 
 
 def find_light(fields: Iterable[NumberedField], first_ns: int, logged: LightSignal) -> FoundLight:
@@ -95,8 +109,13 @@ def steady_times(number: NDArray[np.int64], time_s: Array) -> Array:
     return fitted if np.median(departure) < _MOST_SCATTER_S else time_s
 
 
-def logged_light(time_s: Array, level: Array) -> LightSignal:
-    """The light's states in a log, from a column in any unit.
+def logged_light(time_s: Array, level: Array, source: str = "the vacuum log's light") -> LightSignal:
+    """The light's states in a log or a channel, from levels in any unit.
+
+    Args:
+        time_s: (K,) times of the readings.
+        level: (K,) levels.
+        source: What they are called for people.
 
     Raises:
         InputError: It has not two states.
@@ -105,7 +124,7 @@ def logged_light(time_s: Array, level: Array) -> LightSignal:
     near = np.minimum(np.abs(level - low), np.abs(level - high)) <= 0.25 * (high - low)
     if not high > low or near.mean() < _LEAST_SWING:
         raise InputError(
-            f"the vacuum log's light goes from {low:g} to {high:g} without two states",
+            f"{source} goes from {low:g} to {high:g} without two states",
             "record the voltage at the light, or 1 while it is on and 0 while it is off",
         )
     return LightSignal(time_s, level > (low + high) / 2)

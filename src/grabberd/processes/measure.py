@@ -1,5 +1,6 @@
 """Fields in, points out: location, correspondence and intersection (paper figures 4 and 10)."""
 
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby, islice
@@ -8,12 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from grabberd.errors import CalibrationMismatch, MeasurementError
-from grabberd.field import NumberedField
+from grabberd.field import NumberedField, PackedField
 from grabberd.geometry import Calibration, Rig
 from grabberd.kernel import KERNEL
 from grabberd.measurement import Blobs, LocationSettings
 from grabberd.processes.engine import Engine
 from grabberd.processes.locating import Locating, whole_blobs
+from grabberd.processes.target_sizes import HINT, OtherSizes, px_per_mm_of, sized
 from grabberd.reconstruction import (
     CoverageTally,
     ImageNoise,
@@ -47,6 +49,16 @@ class MeasureSetup:
     line_jitter_px: float = 0.12
     location: LocationSettings = field(default_factory=LocationSettings)
     tracking: TrackingSettings = field(default_factory=TrackingSettings)
+
+    @property
+    def scale(self) -> float:
+        """Pixels of the picture for a millimetre on the object."""
+        return px_per_mm_of(self.calibration.views)
+
+    @property
+    def sized(self) -> LocationSettings:
+        """Settings for locating blobs, with limits of their size that suit the object's targets."""
+        return sized(self.location, self.scale, self.object_model.target_diameter_mm)
 
 
 class MeasuredField(NamedTuple):
@@ -95,7 +107,8 @@ def measured_groups(
         CalibrationMismatch: a field's size differs from the calibration's.
         MeasurementError: there are no fields, or no points in any of them.
     """
-    measured = measure_fields(_fitting(fields, setup), setup, tally, FIELDS_AT_ONCE)
+    newest: deque[NumberedField] = deque(maxlen=1)
+    measured = measure_fields(_fitting(fields, setup, newest), setup, tally, FIELDS_AT_ONCE)
     count = points = 0
     while group := list(islice(measured, FIELDS_A_GROUP)):
         count += len(group)
@@ -106,15 +119,24 @@ def measured_groups(
             "the capture has no undamaged field to measure", "the capture's ledger gives the reasons"
         )
     if not points:
-        raise MeasurementError(
-            f"no target of the object model was found in any of {count} fields",
-            "check that calibration and object model belong to this capture's rig and object",
-        )
+        raise _no_points(count, newest[-1].packed, setup)
 
 
-def _fitting(fields: Iterable[NumberedField], setup: MeasureSetup) -> Iterator[NumberedField]:
+def _no_points(count: int, packed: PackedField, setup: MeasureSetup) -> MeasurementError:
+    halves = [(view.first_column, view.end_column) for view in setup.calibration.views]
+    sizes = OtherSizes(packed, halves, setup.sized, setup.scale).in_words()
+    return MeasurementError(
+        f"no target of the object model was found in any of {count} fields" + (f": {sizes}" if sizes else ""),
+        HINT if sizes else "check that calibration and object model belong to this capture's rig and object",
+    )
+
+
+def _fitting(
+    fields: Iterable[NumberedField], setup: MeasureSetup, newest: deque[NumberedField]
+) -> Iterator[NumberedField]:
     known = setup.calibration
     for numbered in fields:
+        newest.append(numbered)
         lines = numbered.packed.rows * numbered.packed.y_step
         if (numbered.packed.columns, lines) != (known.columns, known.lines):
             raise CalibrationMismatch(
@@ -133,7 +155,7 @@ class _Step:
         self._tally = tally
         known, rig = setup.calibration, Rig.of(setup.calibration)
         self._halves = tuple(zip(known.views, known.local_fields, strict=True))
-        self._locating = Locating(setup.location, setup.line_jitter_px)
+        self._locating = Locating(setup.sized, setup.line_jitter_px)
         noise = ImageNoise.of(rig, setup.object_model, setup.line_jitter_px, y_step)
         self._tracker = Tracker(rig, setup.object_model, noise, setup.tracking)
         # From the object model alone, never from an earlier track: points are a function of the fields given.

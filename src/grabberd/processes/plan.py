@@ -226,7 +226,9 @@ def _pointing(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> Array:
     if settings.sigma_px:
         return np.tile(np.array(settings.sigma_px), (len(xyz_mm), 1))
     diameter = settings.target_diameter_mm * np.sqrt(_px_per_mm(rig, xyz_mm).prod(axis=1))
-    binary = binary_sigma_px(0.25 * np.pi * diameter**2, 1 if settings.doubled else 2)
+    binary = binary_sigma_px(
+        0.25 * np.pi * diameter**2, 1 if settings.doubled else 2, doubled=settings.doubled
+    )
     if settings.bits == 1:
         return binary
     bound = settings.noise * np.sqrt(4.0 * settings.spread_px / (math.sqrt(math.pi) * 0.5 * diameter))

@@ -42,7 +42,7 @@ class _Searching:
 
     def __init__(self, setup: MeasureSetup, y_step: int) -> None:
         self.y_step = y_step
-        self._locating = Locating(setup.location, setup.line_jitter_px)
+        self._locating = Locating(setup.sized, setup.line_jitter_px)
         known, model = setup.calibration, setup.object_model
         self._halves = tuple(zip(known.views, known.local_fields, strict=True))
         rig = Rig.of(known)

@@ -1,18 +1,84 @@
 """Object model: nominal positions of an object's targets, and their grid."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.geometry import Reading
+from grabberd.geometry.document_reader import is_integer, told_once
 
-_KEYS = ("name", "target_diameter_mm", "sigma_mm", "homologous", "targets")
-_TARGET_KEYS = ("id", "x_mm", "y_mm", "z_mm", "row", "column")
+
+class FileKey(NamedTuple):
+    """Key of an object file.
+
+    Attributes:
+        kind: What its value is, with the values that are allowed.
+        unit: Unit of its value; empty for none.
+        default: Value that it has when it is left out; None if it is required.
+        meaning: What it stands for.
+    """
+
+    kind: str
+    unit: str
+    default: str | None
+    meaning: str
+
+
+KEYS: Mapping[str, FileKey] = MappingProxyType(
+    {
+        "name": FileKey("text", "", None, "What reports and messages call it."),
+        "target_diameter_mm": FileKey(
+            "number above 0",
+            "mm",
+            None,
+            "Diameter of the discs. With the rig it tells how large a target is in the picture.",
+        ),
+        "sigma_mm": FileKey(
+            "number from 0",
+            "mm",
+            None,
+            "Standard deviation of each coordinate of the nominal places: as in the certificate (.01), or of "
+            "targets put on by hand (.3).",
+        ),
+        "homologous": FileKey(
+            "`true` or `false`",
+            "",
+            "true",
+            "Whether a target marks the same point of the surface in all fields; `false` for projected ones.",
+        ),
+        "targets": FileKey("list", "", None, "The targets, one or more, in any order."),
+    }
+)
+"""Keys of an object file."""
+TARGET_KEYS: Mapping[str, FileKey] = MappingProxyType(
+    {
+        "id": FileKey("whole number from 0", "", None, "Number of the target, its own in the file."),
+        "x_mm": FileKey("number", "mm", None, "Nominal place in the object's frame: X, down the picture."),
+        "y_mm": FileKey("number", "mm", None, "Y, to the right, along the base."),
+        "z_mm": FileKey("number", "mm", None, "Z, toward the cameras."),
+        "row": FileKey(
+            "whole number",
+            "",
+            None,
+            "Row of the target in the grid: neighbours differ by one in row or column, holes are allowed.",
+        ),
+        "column": FileKey("whole number", "", None, "Column of the target; no two share row and column."),
+        "sigma_mm": FileKey(
+            "number from 0",
+            "mm",
+            "the file's `sigma_mm`",
+            "Standard deviation of this place, of a target that stands less surely than the others.",
+        ),
+    }
+)
+"""Keys of a target."""
 _OWN_SIGMA = "sigma_mm"
+_PLACE_KEYS = tuple(key for key in TARGET_KEYS if key != _OWN_SIGMA)
 _HINT = "fix the file; every target needs its own id and its own grid position"
 
 
@@ -60,15 +126,19 @@ class ObjectModel:
         return len(self.target)
 
     @classmethod
-    def from_document(cls, document: Mapping[str, object]) -> "ObjectModel":
+    def from_document(cls, document: Mapping[str, object], what: str = "the object file") -> "ObjectModel":
         """Read the model from a YAML file's content.
+
+        Args:
+            document: The content.
+            what: How a refusal calls the file.
 
         Raises:
             InputError: A key is missing, unknown or of the wrong type, or an id or grid position is given
-                twice; the message lists every problem.
+                twice; the message lists every problem, and one that many targets have only once.
         """
-        reading = Reading("the object file")
-        reading.keys("", document, _KEYS)
+        reading = Reading(what)
+        reading.keys("", document, tuple(KEYS))
         name = reading.text(document, "name")
         diameter = reading.number(document, "target_diameter_mm", positive=True)
         sigma = reading.number(document, "sigma_mm")
@@ -78,8 +148,8 @@ class ObjectModel:
         if not isinstance(homologous, bool):
             reading.refuse("homologous", homologous, "true or false")
         targets = _targets(reading, document.get("targets"))
-        _check_unique(reading, "id", [(target.id,) for target in targets])
-        _check_unique(reading, "row, column", [(target.row, target.column) for target in targets])
+        _check_unique(reading, "id", targets, lambda target: (target.id,))
+        _check_unique(reading, "row, column", targets, lambda target: (target.row, target.column))
         reading.finish(_HINT)
         columns = tuple(zip(*sorted(targets), strict=True))
         return cls(
@@ -120,15 +190,24 @@ def _targets(reading: Reading, entries: object) -> list[_Target]:
     if isinstance(entries, str) or not isinstance(entries, Sequence) or not entries:
         reading.refuse("targets", entries, "a list of targets")
         return []
-    return [_target(reading, entry, f"targets[{index}]") for index, entry in enumerate(entries)]
+    each = [Reading("") for _ in entries]
+    targets = [_target(own, entry) for own, entry in zip(each, entries, strict=True)]
+    reading.problems += told_once("targets", _labels(entries), [own.problems for own in each])
+    return targets
 
 
-def _target(reading: Reading, entry: object, where: str) -> _Target:
+def _labels(entries: Sequence[object]) -> list[str]:
+    """Ids of the entries, or their places where they have none."""
+    ids = [entry.get("id") if isinstance(entry, Mapping) else None for entry in entries]
+    return [str(one) if is_integer(one) else f"targets[{index}]" for index, one in enumerate(ids)]
+
+
+def _target(reading: Reading, entry: object) -> _Target:
     if not isinstance(entry, Mapping):
-        reading.refuse(where, entry, f"a mapping of {', '.join(_TARGET_KEYS)}")
+        reading.refuse("", entry, f"a mapping of {', '.join(_PLACE_KEYS)}")
         return _Target(-1, 0.0, 0.0, 0.0, 0, 0)
-    where += "."
-    reading.keys(where, entry, (*_TARGET_KEYS, _OWN_SIGMA))
+    where = "."
+    reading.keys(where, entry, tuple(TARGET_KEYS))
     own_sigma_mm = reading.number(entry, _OWN_SIGMA, where) if _OWN_SIGMA in entry else math.nan
     if own_sigma_mm < 0:
         reading.refuse(where + _OWN_SIGMA, own_sigma_mm, "a number from 0")
@@ -143,13 +222,15 @@ def _target(reading: Reading, entry: object, where: str) -> _Target:
     )
 
 
-def _check_unique(reading: Reading, key: str, values: Sequence[tuple[int, ...]]) -> None:
+def _check_unique(
+    reading: Reading, key: str, targets: Sequence[_Target], value_of: Callable[[_Target], tuple[int, ...]]
+) -> None:
     """Check that values are unique; skipped after problems, since placeholders prove nothing."""
     if reading.problems:
         return
     seen: set[tuple[int, ...]] = set()
-    for index, value in enumerate(values):
-        if value in seen:
-            shown = ", ".join(map(str, value))
-            reading.problems.append(f"targets[{index}].{key}: {shown} is given twice")
+    each: list[list[str]] = []
+    for value in map(value_of, targets):
+        each.append([f".{key}: {', '.join(map(str, value))} is given twice"] if value in seen else [])
         seen.add(value)
+    reading.problems += told_once("targets", [str(target.id) for target in targets], each)

@@ -153,10 +153,13 @@ def _distances(tables: Tables, height: float) -> list[str]:
 
 
 def _cycle_shares(summary: Columns) -> dict[str, float]:
-    period = summary.value("period_s")
-    names = [f"{kind}_{letter}_s" for kind in ("wall", "iso") for letter in "abcd"]
-    known = {name: summary.value(name) for name in names}
-    return {name: value / period for name, value in known.items() if period and value is not None}
+    """Share of each phase in the cycle of its own kind, the wall's or the vacuum's."""
+    shares: dict[str, float] = {}
+    for kind in ("wall", "iso"):
+        known = {f"{kind}_{letter}_s": summary.value(f"{kind}_{letter}_s") for letter in "abcd"}
+        durations = {name: value for name, value in known.items() if value is not None}
+        shares |= {name: value / sum(durations.values()) for name, value in durations.items()}
+    return shares
 
 
 def _given(given: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:

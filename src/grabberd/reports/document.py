@@ -9,12 +9,21 @@ from grabberd.errors import InputError
 
 CALIBRATION = "grabberd/calibration-report/1"
 ANALYSIS = "grabberd/analysis-report/1"
+STUDY = "grabberd/study/1"
+LINER_TEST = "grabberd/liner-test/1"
 
 _NEEDED = {
     CALIBRATION: ("id", "created_utc", "result", "views"),
     ANALYSIS: ("id", "created_utc", "inputs", "tables", "states"),
+    STUDY: ("created_utc", "question", "tables"),
+    LINER_TEST: ("kind", "created_utc", "captures", "checks"),
 }
-_COMMANDS = {CALIBRATION: "calibrate … --report FILE", ANALYSIS: "analyse … --out DIR"}
+_COMMANDS = {
+    CALIBRATION: "calibrate … --report FILE",
+    ANALYSIS: "analyse … --out DIR",
+    STUDY: "study … --out DIR",
+    LINER_TEST: "test … --out DIR",
+}
 
 
 def document_json(document: Mapping[str, Any]) -> str:

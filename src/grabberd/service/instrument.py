@@ -7,7 +7,7 @@ from pathlib import Path
 
 from grabberd.acquisition.clock import SystemClock, UtcClock
 from grabberd.config import DeviceConfig
-from grabberd.errors import CalibrationMismatch
+from grabberd.errors import InputError
 from grabberd.geometry import Calibration
 from grabberd.service.capture import capture_start
 from grabberd.service.capture.capture_request import ArmedCapture, CaptureRequest, NewCapture
@@ -188,6 +188,6 @@ class Instrument:
         """The reason why the calibration does not fit the pictures that come, or None."""
         try:
             self.captures.check_measurable()
-        except CalibrationMismatch as error:
+        except InputError as error:
             return f"{error.message}: no points are measured"
         return None

@@ -1,7 +1,8 @@
 """The service: all instruments, their captures and the jobs, on which the API and the commands stand."""
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ from grabberd import __version__
 from grabberd.acquisition.clock import SystemClock, UtcClock, iso_utc
 from grabberd.config import Config
 from grabberd.documents.devices import DeviceDocument
+from grabberd.documents.jobs import JobDocument
 from grabberd.documents.state import StateDocument, StorageDocument
 from grabberd.errors import StorageError
 from grabberd.geometry import Calibration
@@ -17,14 +19,16 @@ from grabberd.service.access import Access
 from grabberd.service.archive.annotations import CaptureAnnotations
 from grabberd.service.archive.archive import Archive
 from grabberd.service.archive.capture_analyses import CaptureAnalyses
+from grabberd.service.archive.capture_end import CaptureEnd
 from grabberd.service.archive.retention import Policy, Retention
 from grabberd.service.archive.scrub import Scrub
 from grabberd.service.archive.upkeep import Upkeep
+from grabberd.service.archive.width_courses import WidthCourses
 from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
 from grabberd.service.calibrations.calibration_catalog import CalibrationCatalog, configured_calibrations
 from grabberd.service.calibrations.calibration_documents import Document
 from grabberd.service.capture.capture_control import CaptureControl
-from grabberd.service.capture.device_captures import NOMINAL_RATE_HZ, CurrentCaptures, of_device
+from grabberd.service.capture.device_captures import CurrentCaptures, of_device
 from grabberd.service.capture.disk_guard import GB, DiskGuard
 from grabberd.service.capture.recording import Recording
 from grabberd.service.capture.unsealed_captures import UnsealedCaptures
@@ -38,22 +42,25 @@ from grabberd.service.jobs.job_queue import JobQueue
 from grabberd.service.jobs.kinds import KINDS
 from grabberd.service.jobs.runner import JobRunner
 from grabberd.service.jobs.sealed_analyses import SealedAnalyses
+from grabberd.service.liner_tests.liner_tests import LinerTests
 from grabberd.service.live.device_document import device_document
+from grabberd.service.live.health import Surroundings
 from grabberd.service.liveness import Liveness
 from grabberd.service.logger_setup import LoggerSetup
 from grabberd.service.mqtt.publisher_setup import create_publisher
+from grabberd.service.own_process import OwnProcesses
 from grabberd.service.profiles.profiles import Profiles
 from grabberd.service.profiles.quantity_process import problems_in_process
 from grabberd.service.secrets import without_secrets
 from grabberd.service.settings import Settings, configuration_document
 from grabberd.service.setup import DeviceSetup
 from grabberd.storage.capture.captures_folder import CapturesFolder
-from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.analysis_store import AnalysisStore
 from grabberd.storage.state.annotation_store import AnnotationStore
 from grabberd.storage.state.calibration_store import CalibrationRecord
 from grabberd.storage.state.idempotency_store import IdempotencyStore
 from grabberd.storage.state.job_store import JobStore
+from grabberd.storage.state.liner_test_store import LinerTestStore
 from grabberd.storage.state.state_backups import CAPTURES_FOLDER, STATE
 from grabberd.storage.state.state_store import StateStore
 
@@ -75,10 +82,12 @@ class Service:
         annotations: Pins, notes and labels of captures, and their deletion by hand.
         retention: Deletion of old captures, where it is configured.
         analyses: Analyses of the captures' points.
+        liner_tests: Guided tests of liners.
         profiles: Profiles of liners, pulsators, cups and cows.
         job_contexts: Where a job finds its captures and leaves its results.
         capture_analyses: The latest of each capture, and of each device.
-        sealed_analyses: Queues analyses of captures that are sealed.
+        sealed_analyses: Queues analyses and tests of captures that are sealed.
+        width_courses: The course of the wall's width of each capture in few numbers.
         calibrations: The calibrations that there are.
         active: The calibration that each device measures with.
         access: Tokens and browser sessions.
@@ -90,6 +99,7 @@ class Service:
         configuration: The configuration as it was read, without secrets.
         jobs: The jobs that wait, run, and have ended.
         job_runner: Runs them.
+        processes: What takes the core to answer.
         idempotency: Requests that must take effect once only.
         publisher: Publishes states and captures to a broker; None if none is configured.
     """
@@ -106,19 +116,20 @@ class Service:
         retention: Policy | None = None,
         loggers: Mapping[str, LoggerSetup] | None = None,
     ) -> None:
-        self._clock = clock or SystemClock()
+        self._clock = clock = clock or SystemClock()
         self._disk = disk or DiskGuard()
         fair_lock = FairLock()
-        self.faults = FaultBoard(self._clock)
-        self.loggers = Loggers(loggers or {}, self._clock, self.faults)
+        self.faults = FaultBoard(clock)
+        self.processes = OwnProcesses()
+        self.loggers = Loggers(loggers or {}, clock, self.faults)
         self.instruments = {
             name: Instrument(
                 setup,
-                self._clock,
+                clock,
                 site=site,
                 queue_s=queue_s,
                 disk=self._disk,
-                on_sealed=self._sealed,
+                on_sealed=self._ended,
                 fair_lock=fair_lock,
                 loggers=self.loggers,
             )
@@ -126,7 +137,7 @@ class Service:
         }
         self.liveness = Liveness(one.board for one in self.instruments.values())
         self._current = CurrentCaptures({name: one.captures for name, one in self.instruments.items()})
-        self.state_keeper = StateKeeper(directory, self.faults, self._clock)
+        self.state_keeper = StateKeeper(directory, self.faults, clock)
         state, heal = directory / STATE, self.state_keeper.heal
         self._state_store = StateStore(state, heal)
         store = AnnotationStore(state, heal)
@@ -139,32 +150,32 @@ class Service:
             folder=CapturesFolder.kept_in(self._state_store, CAPTURES_FOLDER, directory / "captures"),
             faults=self.faults,
         )
+        self._capture_end = end = CaptureEnd(self.archive, self.instruments)
         self.unsealed = UnsealedCaptures(
-            self.archive.check, self._entered, self._count, self.faults, self._clock
+            self.archive.check, end.sealed_after_all, end.count, self.faults, clock
         )
-        self.capture_control = CaptureControl(self._current, self.archive, store, self._clock)
+        end.unsealed, end.told = self.unsealed.add, self._sealed
+        self.capture_control = CaptureControl(self._current, self.archive, store, clock)
         self.calibrations = CalibrationCatalog(directory / "calibrations", configured_calibrations(setups))
-        self.access = Access(directory, self._clock, heal)
+        self.access = Access(directory, clock, heal)
         self.settings = Settings(self._state_store, self.instruments)
         self.configuration = configuration_document(setups)
-        self.active = ActiveCalibrations(self.calibrations, self._state_store, self.instruments, self._clock)
-        self.profiles = Profiles(state, problems_in_process, self._clock, heal)
+        self.active = ActiveCalibrations(self.calibrations, self._state_store, self.instruments, clock)
+        self.profiles = Profiles(state, partial(problems_in_process, self.processes), clock, heal)
         self.analyses = AnalysisStore(directory / "analyses")
         job_store = JobStore(directory)
-        self.jobs = JobQueue(self._clock, job_store, KINDS, self.faults)
-        self.job_contexts = JobContexts(self.archive, self.analyses, self.calibrations.store)
+        self.jobs = JobQueue(clock, job_store, KINDS, self.faults)
+        tests = LinerTestStore(directory / "tests")
+        self.liner_tests = LinerTests(tests, self.archive, self.profiles)
+        self.job_contexts = JobContexts(self.archive, self.analyses, self.calibrations.store, tests)
         self.job_runner = JobRunner(self.jobs, job_store, self.job_contexts.of, self.faults)
         self.capture_analyses = CaptureAnalyses(self.analyses, self.jobs, self.archive.index)
         self.archive.analysis = self.capture_analyses.of
-        self.jobs.ended = self.capture_analyses.ended
+        self.archive.library.analysed = self.analyses.among
+        self.width_courses = WidthCourses(self.archive)
+        self.jobs.ended = self._job_ended
         self.sealed_analyses = SealedAnalyses(
-            self.jobs,
-            self.archive,
-            self.capture_analyses,
-            self._state_store,
-            setups,
-            self.profiles,
-            self._clock,
+            self.jobs, self.archive, self.capture_analyses, self._state_store, setups, self.profiles, clock
         )
         self.annotations = CaptureAnnotations(self.archive, store, self.jobs, self.analyses)
         self.idempotency = IdempotencyStore(state, heal)
@@ -172,7 +183,7 @@ class Service:
             self.archive,
             retention or Policy(),
             self._disk,
-            self._clock,
+            clock,
             self._spared,
             self.annotations.delete,
         )
@@ -180,12 +191,11 @@ class Service:
             self.archive,
             self._state_store,
             self.faults,
-            self._clock,
+            clock,
             lambda: bool(self._current.recordings()),
         )
-        self.upkeep = Upkeep(
-            self.archive, self.unsealed, self.state_keeper, self.loggers, self.sealed_analyses.look
-        )
+        looks = self.sealed_analyses.look, self.width_courses.look
+        self.upkeep = Upkeep(self.archive, self.unsealed, self.state_keeper, self.loggers, looks)
         self.state_keeper.restored = self._keep_what_is_in_force
         self.publisher: Publisher | None = None
         self._started = False
@@ -231,6 +241,7 @@ class Service:
         self.open_stores()
         self.access.key.make()
         self.capture_analyses.open(reversed(self.jobs.list()))
+        self.liner_tests.open(reversed(self.jobs.list()))
         self._started = True
         if slower := what_is_slower():
             log.warning("%s", slower)
@@ -262,6 +273,7 @@ class Service:
         """
         self.calibrations.store.open()
         self.analyses.open()
+        self.liner_tests.store.open()
         self.jobs.open()
         self._state_store.open()
         self.profiles.open()
@@ -287,6 +299,7 @@ class Service:
         if self.publisher is not None:
             self.publisher.stop()
         self.job_runner.stop()
+        self.processes.end()
         self.upkeep.stop()
         self.access.key.remove()
         self.archive.close()
@@ -314,24 +327,15 @@ class Service:
         stored_utc = iso_utc(self._clock.utc_now())
         return self.calibrations.add(document, CalibrationRecord(instrument.name, "import", stored_utc, note))
 
-    def activate_calibration(
-        self, calibration_id: str, device: str | None, *, despite_failure: bool = False
-    ) -> None:
-        """Makes a device measure with a calibration from the next field on.
-
-        Raises:
-            NotFound, CalibrationMismatch, Conflict, CaptureRunning: see `ActiveCalibrations.activate`.
-        """
-        self.active.activate(calibration_id, self.instrument(device), despite_failure=despite_failure)
-
     def state(self) -> StateDocument:
         """State of the devices, the disk and the daemon at a glance."""
+        around = self.surroundings()
         return StateDocument(
             version=__version__,
-            devices={name: self.device_document(one) for name, one in self.instruments.items()},
+            devices={name: self.device_document(one, around) for name, one in self.instruments.items()},
             loggers=self.loggers.document(),
-            storage=self.storage_document(),
-            faults=self.faults.now,
+            storage=around.storage,
+            faults=list(around.faults),
             mqtt=self.publisher.document() if self.publisher else None,
         )
 
@@ -345,9 +349,19 @@ class Service:
             removed_bytes=self.retention.removed_bytes,
         )
 
-    def device_document(self, instrument: Instrument) -> DeviceDocument:
+    def surroundings(self) -> Surroundings:
+        """Surroundings of all devices at this moment."""
+        return Surroundings(self.storage_document(), self.faults.now, self._clock)
+
+    def device_document(self, instrument: Instrument, around: Surroundings | None = None) -> DeviceDocument:
         """A device at this moment."""
-        return device_document(instrument, self.active, self.capture_analyses.latest.get(instrument.name))
+        return device_document(
+            instrument,
+            self.active,
+            around or self.surroundings(),
+            self.capture_analyses.latest.get(instrument.name),
+            self.liner_tests.latest.get(instrument.name),
+        )
 
     def recordings(self) -> list[Recording]:
         """The captures that are being recorded or sealed, or could not be sealed yet."""
@@ -357,6 +371,7 @@ class Service:
     def _keep_what_is_in_force(self) -> None:
         """Stores again what a recovered state has lost, as far as it is known."""
         self.archive.folder.identify()
+        self.archive.library.note()
         self.settings.keep()
         self.active.keep()
         self.sealed_analyses.keep()
@@ -368,32 +383,16 @@ class Service:
             )
         return self.annotations.spared()
 
-    def _sealed(self, recording: Recording) -> None:
-        if recording.seal_failure is None:
-            self._enter_in_index(recording)
-        else:
-            self.unsealed.add(recording)
-        if recording.failure is not None:
-            log.error("capture %s: %s; %s", recording.id, recording.failure.message, recording.failure.hint)
-        received = recording.recorder.ledger.in_words(NOMINAL_RATE_HZ)
-        log.info("capture %s has ended, %s; received: %s", recording.id, recording.verdict, received)
+    def _ended(self, recording: Recording) -> None:
+        self._capture_end.ended(recording)
 
-    def _entered(self, recording: Recording) -> None:
-        """Takes note of a capture that was sealed after all."""
-        self._count(recording)
-        self._enter_in_index(recording)
-        log.info("capture %s is sealed now, %s", recording.id, recording.verdict)
-
-    def _count(self, recording: Recording) -> None:
-        self.instrument(recording.meta.device["name"]).captures.count(recording)
-
-    def _enter_in_index(self, recording: Recording) -> None:
-        # The capture has ended all the same if the index cannot be written; it is entered later.
-        try:
-            with storage_errors(recording.path):
-                self.archive.index.add(recording.path)
-        except StorageError as error:
-            log.error("capture %s is not in the index: %s; %s", recording.id, error.message, error.hint)
-        self.sealed_analyses.sealed(recording.id, str(recording.meta.device["name"]))
+    def _sealed(self, capture_id: str, device: str) -> None:
+        self.width_courses.sealed(capture_id)
+        self.sealed_analyses.sealed(capture_id, device)
         if self.publisher is not None:
             self.publisher.capture_ended()
+
+    def _job_ended(self, job: JobDocument, captures: Sequence[str]) -> None:
+        self.archive.ended(job.subject, captures)
+        self.capture_analyses.ended(captures)
+        self.liner_tests.ended(job)

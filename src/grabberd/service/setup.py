@@ -13,9 +13,10 @@ from grabberd.bounded_documents import parse_yaml, read_text
 from grabberd.config import Config, DeviceConfig, RigConfig
 from grabberd.documents.named_types import JsonObject
 from grabberd.errors import CalibrationMismatch, ConfigError, DriverMissing, InputError, Problem
-from grabberd.geometry import Calibration
+from grabberd.geometry import Calibration, NominalRig
 from grabberd.measurement import LocationSettings
 from grabberd.processes.measure import MeasureSetup
+from grabberd.processes.target_sizes import px_per_mm_of
 from grabberd.reconstruction import ObjectModel
 from grabberd.storage.json_value import read_json
 
@@ -24,6 +25,8 @@ _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 """The loader in C if PyYAML has it: it reads an object model ten times as fast, so a daemon starts sooner."""
 INCLUDE_DAMAGED = "include_damaged"
 """Setting of a run: True if damaged fields were measured too."""
+TARGETS = "targets"
+"""Setting of a measurement: limits of the targets' sizes on the object."""
 _EXAMPLES = "see the examples of calibrations, objects and calibration frames in the folder configs/"
 
 
@@ -132,6 +135,8 @@ def _read(path: Path, parse: Callable[[str], Any]) -> JsonObject:
     except ValueError as error:
         reason = " ".join(str(error).split())
         raise InputError(f"{path} cannot be read: {reason}", _EXAMPLES) from error
+    if document is None:
+        raise InputError(f"{path} is empty: it has no keys", _EXAMPLES)
     if not isinstance(document, dict):
         raise InputError(f"{path} has no keys: it is {str(document)[:40]!r}", _EXAMPLES)
     return document
@@ -152,9 +157,10 @@ def measure_setup(documents: JsonObject, settings: JsonObject) -> MeasureSetup:
     Raises:
         InputError: A document or a setting is invalid.
     """
-    location = location_settings(settings)
+    calibration = Calibration.from_document(documents["calibration"])
+    location = location_settings(settings, px_per_mm_of(calibration.views))
     return MeasureSetup(
-        calibration=Calibration.from_document(documents["calibration"]),
+        calibration=calibration,
         object_model=ObjectModel.from_document(documents["object"]),
         line_jitter_px=location.line_jitter_px,
         location=location,
@@ -163,27 +169,64 @@ def measure_setup(documents: JsonObject, settings: JsonObject) -> MeasureSetup:
 
 def settings_of(config: DeviceConfig) -> JsonObject:
     """The settings of a measurement as a capture file stores them."""
-    own = {"line_jitter_px": config.line_jitter_px, "spread_px": config.spread_px}
-    return own | config.location.model_dump()
+    own: JsonObject = {"line_jitter_px": config.line_jitter_px, "spread_px": config.spread_px}
+    limits = config.targets.model_dump(exclude_none=True)
+    return own | config.location.model_dump() | ({TARGETS: limits} if limits else {})
 
 
 def settings_of_capture(config: Mapping[str, Any]) -> JsonObject:
     """The same settings, from a device's configuration as a capture file stores it."""
-    own = {key: config[key] for key in ("line_jitter_px", "spread_px") if key in config}
+    own = {key: config[key] for key in ("line_jitter_px", "spread_px", TARGETS) if key in config}
     return own | dict(config.get("location") or {})
 
 
-def location_settings(settings: JsonObject) -> LocationSettings:
+def location_settings(settings: JsonObject, scale: float | None = None) -> LocationSettings:
     """Settings of the locators; missing ones take the defaults of `LocationSettings`.
+
+    Args:
+        settings: As a capture file stores them.
+        scale: Pixels of the picture for a millimetre on the object; without it, limits of the targets' sizes
+            are left out.
 
     Raises:
         InputError: A setting is invalid.
     """
     known = {one.name for one in fields(LocationSettings)}
+    own = {key: settings[key] for key in settings if key in known}
+    limits = settings.get(TARGETS) or {}
+    for name, key in (("min_diameter_px", "least_mm"), ("max_diameter_px", "most_mm")):
+        if scale is not None and limits.get(key) is not None:
+            own[name] = scale * limits[key]
     try:
-        return LocationSettings(**{key: settings[key] for key in settings if key in known})
+        return LocationSettings(**own)
     except ValueError as error:
         raise InputError(str(error), "'automatic' suits most fields") from error
+
+
+def misfit(rig: RigConfig, columns: int, lines: int) -> InputError:
+    """The error for pictures of another size than the rig's."""
+    return InputError(
+        f"the pictures have {columns}x{lines} pixels, the rig's {rig.columns}x{rig.lines}: its views "
+        "would be in the wrong places",
+        "give their size and views under 'rig' in the configuration: 'grabberd inspect' writes them",
+    )
+
+
+def nominal_rig(rig: RigConfig) -> NominalRig:
+    """Converts a configured rig to the type that the core takes."""
+    return NominalRig(
+        columns=rig.columns,
+        lines=rig.lines,
+        left=(rig.views.left.first_column, rig.views.left.end_column),
+        right=(rig.views.right.first_column, rig.views.right.end_column),
+        distance_mm=rig.distance_mm,
+        base_mm=rig.base_mm,
+        convergence_deg=rig.convergence_deg,
+        focal_length_mm=rig.focal_length_mm,
+        pixel_x_mm=rig.pixel_x_mm,
+        pixel_y_mm=rig.pixel_y_mm,
+        handedness=(rig.views.left.handedness, rig.views.right.handedness),
+    )
 
 
 def check_rig(calibration: Calibration, rig: RigConfig) -> None:

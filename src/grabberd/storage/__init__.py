@@ -19,6 +19,7 @@ from grabberd.storage.export.points_export import (
     points_csv,
     points_ply,
 )
+from grabberd.storage.export.points_hdf5 import export_hdf5
 from grabberd.storage.export.points_mat import export_mat
 from grabberd.storage.state.capture_index import CaptureIndex
 
@@ -32,6 +33,7 @@ __all__ = [
     "append_run",
     "export_c3d",
     "export_csv",
+    "export_hdf5",
     "export_mat",
     "export_parquet",
     "export_ply",

@@ -24,6 +24,8 @@ from grabberd.storage.export.field_pictures import field_png
 from grabberd.storage.export.points_c3d import points_c3d
 from grabberd.storage.export.points_document import points_json
 from grabberd.storage.export.points_export import points_csv, points_ply
+from grabberd.storage.export.replay_stretches import replay_pictures, replay_points
+from grabberd.storage.export.thumbnail import thumbnail_png
 from grabberd.storage.patience import Patience, check_patience, given_up, within
 
 log = logging.getLogger(__name__)
@@ -41,8 +43,12 @@ NICED = f"import os; os.nice({NICENESS})"
 """Begins the program: to import the rest takes half a second of processor time."""
 PROGRAM = f"{NICED}; from {__name__} import CONTENTS, main; main(CONTENTS)"
 _KEPT = KeptReaders()
+_LEAFED: tuple[Callable[..., Any], ...] = (
+    *(points_json, field_png, thumbnail_png, channels_json),
+    *(replay_points, replay_pictures),
+)
 CONTENTS: dict[str, Callable[..., Any]] = {
-    **{read.__name__: partial(read, opened=_KEPT.opened) for read in (points_json, field_png, channels_json)},
+    **{read.__name__: partial(read, opened=_KEPT.opened) for read in _LEAFED},
     **{read.__name__: read for read in (points_csv, points_ply, points_c3d, channels_csv)},
 }
 """What can be read, by name: as bytes, or as a generator of pieces."""

@@ -3,6 +3,7 @@
 import gzip
 import hashlib
 import json
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +12,7 @@ from pathlib import Path
 STATIC = Path(__file__).parent / "static"
 LANGUAGES = ("en", "nb")
 STYLES = "page.css"
+JOINED = ("css/", "texts/")
 LAYERS = "css/base.css"
 """Declares the order of the cascade layers, so it comes before every sheet that uses one."""
 MEDIA_TYPES = {
@@ -79,7 +81,7 @@ class Files:
 
     def newest(self) -> Edition:
         """All files as they are now."""
-        stamp = tuple(_stamp(self._folder))
+        stamp = tuple(_stamp(str(self._folder)))
         if stamp != self._stamp:
             self._edition, self._stamp = _edition(self._folder), stamp
         return self._edition
@@ -90,15 +92,22 @@ def _paths(folder: Path) -> list[Path]:
     return sorted(found)
 
 
-def _stamp(folder: Path) -> Iterator[tuple[str, int, int]]:
-    for path in _paths(folder):
-        stat = path.stat()
-        yield str(path), stat.st_mtime_ns, stat.st_size
+def _stamp(folder: str) -> Iterator[tuple[str, int, int]]:
+    # Not by Path: it is looked at before every visit, and a Path for each of 250 files takes 10 ms.
+    with os.scandir(folder) as entries:
+        for entry in sorted(entries, key=lambda one: one.name):
+            if entry.is_dir():
+                yield from _stamp(entry.path)
+            elif not entry.name.startswith("."):
+                stat = entry.stat()
+                yield entry.path, stat.st_mtime_ns, stat.st_size
 
 
 def _edition(folder: Path) -> Edition:
     read = {path.relative_to(folder).as_posix(): _file(path) for path in _paths(folder)}
-    files = read | {STYLES: _styles(read)} | {f"texts/{one}.json": _texts(read, one) for one in LANGUAGES}
+    # What is served joined is not served in its parts, too.
+    whole = {name: file for name, file in read.items() if not name.startswith(JOINED)}
+    files = whole | {STYLES: _styles(read)} | {f"texts/{one}.json": _texts(read, one) for one in LANGUAGES}
     return Edition(_version(files), files)
 
 

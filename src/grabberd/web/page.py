@@ -20,12 +20,14 @@ AT_ONCE = (
     "js/shell/",
     "js/operate/",
     "js/lights/",
-    "js/live/",
     "js/captures/words.js",
     "js/panels/index.js",
     "js/panels/operate.js",
 )
 """Modules of the first view, preloaded: a browser finds an import only after it has read the importer."""
+AFTER = ("js/live/",)
+"""Modules of the picture and the curves beside it, preloaded after those: Start and Stop need neither. What
+draws the curves is as large as all the rest and comes last, when they ask for it."""
 
 
 def render(edition: Edition, language: str, first: Mapping[str, Any]) -> str:
@@ -37,7 +39,8 @@ def render(edition: Edition, language: str, first: Mapping[str, Any]) -> str:
         first: Data of its first view, so that it shows the state before it has made a request.
     """
     root = f"/static/{edition.version}"
-    modules = [name for name in edition.files if name.startswith(AT_ONCE) and name.endswith(".js")]
+    scripts = [name for name in edition.files if name.endswith(".js")]
+    modules = [name for part in (AT_ONCE, AFTER) for name in scripts if name.startswith(part)]
     preloads = "\n".join(f'<link rel="modulepreload" href="{root}/{name}">' for name in modules)
     document = {**first, "edition": edition.version, "language": language}
     return Template(PAGE.read_text(encoding="utf-8")).substitute(

@@ -42,6 +42,15 @@ def test_one_parity_alone_comes_at_half_the_rate():
     assert all(field.outcome is Outcome.RECEIVED for field in found)
 
 
+def test_progressive_pictures_have_no_parity_to_be_numbered_by():
+    stream = info(FieldOrder.PROGRESSIVE, rate_hz=25.0)
+    kept = [*range(10), *range(13, 25)]
+    found = numbers_in_time([2 * n for n in kept], stream=stream)
+    assert [field.n for field in found] == kept
+    assert all(field.outcome is Outcome.RECEIVED for field in found)
+    assert lost(found[10].lost_before) == [(10, 3, "time gap")]
+
+
 def test_a_gap_in_time_tells_of_lost_fields():
     found = numbers([grab(0), grab(1), grab(5)])
     assert found[-1].n == 5

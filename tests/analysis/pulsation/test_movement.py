@@ -1,11 +1,13 @@
 """The wall's movement as one number a field."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from analysis.pulsating import capture, times
-from grabberd.analysis import Movement, first_movement
+from grabberd.analysis import Movement, TimedPoints, first_movement
 from grabberd.errors import AnalysisError
 from grabberd.reconstruction import Points
 
@@ -31,6 +33,19 @@ def test_missing_targets_change_it_by_no_more_than_their_noise() -> None:
     holes = first_movement([capture(times(100), missing=0.3, seed=1)])[0]
     assert np.abs(whole.value_mm - holes.value_mm).max() < 0.1
     assert holes.sigma_mm.mean() > whole.sigma_mm.mean()
+
+
+def test_targets_that_hide_in_the_closed_liner_do_not_shift_it() -> None:
+    opened, closed = (one.points for one in capture([0.2, 0.8], sigma_mm=0.0))
+    part = np.interp(times(100) % 1.0, [0.0, 0.1, 0.5, 0.6], [0.0, 1.0, 1.0, 0.0])
+    fields = []
+    for time_s, share in zip(times(100), part, strict=True):
+        places_mm = share * opened.xyz_mm + (1 - share) * closed.xyz_mm
+        points = replace(opened, xyz_mm=places_mm)
+        fields.append(TimedPoints(time_s, points if share > 0.3 else points.select(points.target % 3 > 0)))
+    (movement,) = first_movement([fields])
+    scale = np.polyfit(part, movement.value_mm, 1)
+    assert_allclose(movement.value_mm, np.polyval(scale, part), atol=1e-6)
 
 
 def test_several_captures_move_in_one_direction() -> None:

@@ -106,6 +106,23 @@ def test_a_capture_that_shows_no_movement_twice_is_refused(fields: int, start_s:
     assert "one and a half cycles" in caught.value.hint
 
 
+def test_a_capture_in_which_nothing_moves_has_no_place_in_the_cycle_of_its_bursts() -> None:
+    still, moving = capture(times(8, 0.25)), [capture(times(100, start)) for start in (0.0, 0.31)]
+    found = pulsation(still, *moving)
+    assert [np.isfinite(run.start_sigma_s) for run in found.runs] == [False, True, True]
+    with pytest.raises(AnalysisError, match="show no movement") as caught:
+        found.reached_s(np.array([0.0]))
+    assert "opens or closes" in caught.value.hint
+
+
+def test_phases_are_reached_at_the_times_of_the_first_capture() -> None:
+    found = pulsation(capture(times(100, 0.0)), capture(times(100, 0.5)))
+    reached_s = found.reached_s(np.array([0.25, 0.75]))
+    assert_allclose(found.at(reached_s).phase, [0.25, 0.75], atol=1e-9)
+    assert found.runs[0].first_s <= reached_s.min()
+    assert reached_s.max() < found.runs[0].first_s + 2 * found.period_s
+
+
 def test_two_bursts_that_share_nothing_that_moves_are_refused() -> None:
     with pytest.raises(AnalysisError, match="enough of the next"):
         pulsation(*[capture(time_s) for time_s in burst_times((0.0, 0.31))])

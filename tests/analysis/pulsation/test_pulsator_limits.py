@@ -1,10 +1,10 @@
-"""A pulsator by ISO 5707, and the liner's opening and closing times."""
+"""A pulsator by ISO 5707."""
 
 import numpy as np
 import pytest
 
 from grabberd.analysis import Estimate, Phases
-from grabberd.analysis.pulsation.pulsator_limits import liner_times, pulsator_limits, verdict
+from grabberd.analysis.pulsation.pulsator_limits import pulsator_limits, verdict
 
 
 def phases(durations_s, sigma_s=0.001, defined_by="vacuum"):
@@ -63,13 +63,3 @@ def test_without_a_curve_of_the_vacuum_there_is_no_verdict(known):
         assert np.isnan(one.value)
         assert not one.verdict
         assert "not known as a curve" in one.reason
-
-
-def test_the_liner_opens_and_closes_in_wall_phases_a_and_c():
-    opening, closing = liner_times(phases([0.05, 0.5, 0.03, 0.42], defined_by="wall"), "")
-    assert (opening.quantity.name, opening.value, opening.sigma) == ("liner_opening_s", 0.05, 0.001)
-    assert (closing.quantity.name, closing.value, closing.sigma) == ("liner_closing_s", 0.03, 0.001)
-
-
-def test_a_wall_without_phases_says_why_it_has_no_times():
-    assert [one.reason for one in liner_times(None, "the wall flutters")] == ["the wall flutters"] * 2

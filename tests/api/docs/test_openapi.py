@@ -97,4 +97,5 @@ def test_that_a_file_is_damaged_is_said_of_the_routes_that_open_one(description:
     ]
     points = (f"/points{ending}" for ending in ("", ".csv", ".ply", ".parquet", ".mat", ".c3d"))
     opened = ("/file", "/runs/{run}", *points, "/channels", "/channels.csv", "/fields/{n}.png")
-    assert damaged == [f"/api/v1/captures/{{capture_id}}{one}" for one in opened]
+    shown = ("/thumbnail.png", "/widths", "/replay/points", "/replay/pictures")
+    assert damaged == [f"/api/v1/captures/{{capture_id}}{one}" for one in (*opened, *shown)]

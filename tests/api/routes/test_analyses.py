@@ -46,6 +46,7 @@ def client_of(folder: Path) -> Iterator[TestClient]:
     milking(captures, [field(n) for n in range(46) if n != 30], "pulsating")
     milking(captures, still(3), "resting")
     milking(captures, still(2), "kept")
+    milking(captures, still(2), "untouched")
     other = object_document(name="another liner")
     other["targets"][3]["x_mm"] += 0.5
     milking(captures, still(2), "another", made_with={"object": other})
@@ -342,3 +343,41 @@ def test_a_report_that_could_not_be_drawn_says_why_and_keeps_its_numbers(client:
         assert client.get(address).status_code == 200
     (folder / "record.json").write_text("{")
     assert rows(client, "another")[0]["problem"]
+
+
+def prepared(client: TestClient, capture_id: str, **order: Any) -> Any:
+    return client.post(f"{CAPTURES}/{capture_id}/analysis/inputs", json=order)
+
+
+def test_what_an_analysis_would_be_made_with_is_told_without_making_it(client: TestClient) -> None:
+    before = rows(client, "resting")
+    answer = prepared(client, "resting", inputs={"plane": "symmetry"}, profiles=True)
+    assert answer.status_code == 200
+    told = answer.json()
+    assert (told["run"], told["inputs"]) == (1, {"plane": "symmetry"})
+    assert any(text.startswith("material: without it") for text in told["lacks"])
+    assert any("profile: none in use" in text for text in told["lacks"])
+    assert rows(client, "resting") == before
+
+
+def test_everything_for_which_it_would_be_refused_is_told_at_once(client: TestClient) -> None:
+    wrong = {"material": {"law": "linear"}, "vacuum": {"liner": "channel"}, "phases": 1}
+    problems = "\n".join(prepared(client, "resting", inputs=wrong).json()["problems"])
+    assert "E_mpa" in problems
+    assert "vacuum.liner" in problems
+    assert "phases" in problems
+
+
+def test_a_capture_that_is_not_there_prepares_nothing(client: TestClient) -> None:
+    assert prepared(client, "nonsuch").status_code == 404
+    assert prepared(client, "resting", inputs=3).status_code == 422
+
+
+def test_captures_are_compared_by_their_newest_analyses(client: TestClient) -> None:
+    done(client, "resting", inputs=SHAPE)
+    answer = client.get("/api/v1/study", params={"captures": ["resting", "untouched"], "by": "id"})
+    assert answer.status_code == 200
+    reasons = {one["capture"]: one["reason"] for one in answer.json()["left_out"] if one["capture"]}
+    assert reasons == {"untouched": "it has not been analysed"}
+    assert client.get("/api/v1/study").status_code == 422
+    assert client.get("/api/v1/study", params={"captures": ["nonsuch"]}).json()["hint"]

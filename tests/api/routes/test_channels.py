@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 from fastapi.testclient import TestClient
+from prometheus_client.parser import text_string_to_metric_families
 from running import PATIENCE_S, configuration, wait_until_it_accepts
+from starlette.testclient import WebSocketDenialResponse
 
 from api.conftest import sealed
 from grabberd.api import create_app
@@ -18,6 +20,7 @@ from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage import CaptureReader
 
+STREAM = "ws://localhost/api/v1/curves/stream"
 VACUUM = LoggerConfig(
     driver="fake",
     options={"dating": "monotonic"},
@@ -95,3 +98,41 @@ def test_a_capture_that_is_downloaded_has_its_channels(
     path.write_bytes(client.get(f"/api/v1/captures/{capture['id']}/file").content)
     with CaptureReader(path) as reader:
         assert [one.name for one in reader.channels.all] == ["pulsation", "liner"]
+
+
+def test_the_vacuum_and_the_walls_width_are_followed_on_one_clock(client: TestClient) -> None:
+    with client.websocket_connect(f"{STREAM}?device=simulated") as socket:
+        until_s = time.monotonic() + PATIENCE_S
+        while not (curves := socket.receive_json())["channels"][1]["kpa"] or not curves["widths"]:
+            assert time.monotonic() < until_s, curves
+        later = socket.receive_json()
+    pulsation, liner = curves["channels"]
+    assert [pulsation["name"], liner["name"]] == ["pulsation", "liner"]
+    assert liner["kpa"][-1] == pytest.approx(42.0, abs=0.5)
+    assert all(curves["now_s"] - 2 < one <= curves["now_s"] + 0.02 for one in liner["time_s"])
+    assert 0 < later["now_s"] - curves["now_s"] < 5
+    assert set(later["time_s"]) & set(curves["time_s"])
+
+
+def test_the_curves_of_a_device_that_there_is_not_are_refused(client: TestClient) -> None:
+    with pytest.raises(WebSocketDenialResponse) as refused:
+        client.websocket_connect(f"{STREAM}?device=other").__enter__()
+    assert refused.value.status_code == 404
+
+
+def test_a_logger_is_counted_and_its_channels_are_measured(client: TestClient) -> None:
+    liner, until_s = ("grabberd_channel_kpa", "liner", "tank", "liner"), time.monotonic() + PATIENCE_S
+    while True:
+        families = text_string_to_metric_families(client.get("/metrics").text)
+        samples = [one for family in families for one in family.samples]
+        found = {(one.name, *one.labels.values()): one.value for one in samples}
+        if liner in found:  # it is not there while a busy computer has no reading of the last half second
+            break
+        assert time.monotonic() < until_s, found
+    assert found["grabberd_logger_state", "tank", "ready"] == 1
+    assert found["grabberd_logger_state", "tank", "absent"] == 0
+    assert found["grabberd_logger_openings_total", "tank"] == 1
+    assert found["grabberd_logger_readings_total", "tank"] > 50
+    assert found["grabberd_logger_lost_readings_total", "tank"] >= 0
+    assert 0 <= found["grabberd_logger_reading_age_seconds", "tank"] < 5
+    assert found[liner] == pytest.approx(42.0, abs=0.5)

@@ -1,8 +1,9 @@
 """The newest field for the eye, as a picture and as a stream of small messages."""
 
+import json
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,16 @@ from api.conftest import service_in
 from api.gates import is_problem
 from api.streams import Served, served
 from grabberd.api import create_app
+from grabberd.api.streams import preview_client
 from grabberd.api.streams.broadcast import Broadcast
+from grabberd.api.streams.link import WINDOW
 from grabberd.config import HttpLimits
-from grabberd.service.live.preview import HEADER, MAGIC
+from grabberd.service.live.preview import HEADER, MAGIC, View
 
 PREVIEW = "/api/v1/preview"
 PATIENCE_S = 20.0
+MOST_BEFORE = 10
+"""More pictures than may be on their way when a client asks for others."""
 
 
 @pytest.fixture(scope="module")
@@ -83,10 +88,97 @@ def test_they_are_deflated_once_for_all_not_once_for_each(daemon: Served) -> Non
     assert len(ones) < 8
 
 
-def test_a_client_that_says_something_is_not_heard(daemon: Served) -> None:
+def asked(client: ClientConnection, **ask: object) -> bytes:
+    """The first picture after a client has asked; those that were on their way are taken."""
+    client.send(json.dumps({"ask": ask}))
+    for _ in range(MOST_BEFORE):
+        message = client.recv(PATIENCE_S)
+        assert isinstance(message, bytes)
+        client.send('{"taken": 1}')
+        if HEADER.unpack_from(message)[20] == (ask.get("picture") != "bits") and message[:4] == MAGIC:
+            return message
+    raise AssertionError("what was asked for never came")
+
+
+def shape_of(message: bytes) -> tuple[int, ...]:
+    """x0, y0, columns and rows of its picture."""
+    header = HEADER.unpack_from(message)
+    return header[16], header[8], header[6], header[7]
+
+
+def test_a_client_that_asks_for_a_part_in_grey_gets_just_that(daemon: Served) -> None:
     with connected(daemon) as client:
-        client.send("capture!")
-        assert number_of(client.recv(PATIENCE_S)) >= 0
+        x0, y0, columns, rows = shape_of(asked(client, part={"x": 80, "y": 40, "columns": 96, "lines": 64}))
+    assert (x0, columns) == (80, 96)
+    assert (y0, rows) in ((40, 32), (39, 33))  # of the upper or of the lower field
+
+
+def test_a_small_screen_gets_no_more_than_it_can_show(daemon: Served) -> None:
+    with connected(daemon) as client:
+        assert shape_of(asked(client, width_px=390))[2:] == (720, 288)
+        assert shape_of(asked(client, width_px=180))[2:] == (180, 144)
+
+
+def test_the_bits_that_are_measured_can_be_asked_for(daemon: Served) -> None:
+    with connected(daemon) as client:
+        assert shape_of(asked(client, picture="bits"))[2:] == (720, 576)
+
+
+def test_a_client_may_want_fewer_pictures_a_second(daemon: Served) -> None:
+    with connected(daemon) as client:
+        asked(client, rate_hz=4)
+        start_s = time.monotonic()
+        for _ in range(3):
+            client.recv(PATIENCE_S)
+            client.send('{"taken": 1}')
+        assert time.monotonic() - start_s > 2.5 * 0.9 / 4  # one may have been on its way
+
+
+def test_no_more_is_sent_than_is_taken_and_then_the_newest(daemon: Served) -> None:
+    with connected(daemon) as client, connected(daemon) as other:
+        asked(client)
+        newest = number_of(asked(other))
+        on_their_way = [number_of(client.recv(PATIENCE_S)) for _ in range(WINDOW - 1)]
+        with suppress(TimeoutError):
+            while len(on_their_way) <= WINDOW:
+                on_their_way.append(number_of(client.recv(0.1)))
+        assert len(on_their_way) <= WINDOW
+        for _ in range(3):
+            other.send('{"taken": 1}')
+            newest = number_of(other.recv(PATIENCE_S))
+        client.send(json.dumps({"taken": WINDOW}))
+        assert number_of(client.recv(PATIENCE_S)) > newest - 2
+
+
+def test_the_light_comes_with_the_pictures_as_text(daemon: Served) -> None:
+    with connected(daemon) as client:
+        client.send('{"ask": {"light": true}}')
+        while isinstance(message := client.recv(PATIENCE_S), bytes):
+            client.send('{"taken": 1}')
+    assert set(json.loads(message)["views"]) == {"left", "right"}
+
+
+@pytest.mark.parametrize(
+    ("said", "reason"),
+    [
+        ("capture!", "Invalid JSON"),
+        ('{"ask": {"picture": "colour"}}', "ask.picture: Input should be 'grey' or 'bits'"),
+        ('{"ask": {"part": {"x": -1, "y": 0, "columns": 8, "lines": 8}}}', "ask.part.x"),
+        ('{"taken": "all"}', "taken"),
+        ('{"stop": true}', "stop: Extra inputs are not permitted"),
+        (b"\x00\xff", "Invalid JSON"),
+    ],
+)
+def test_a_client_that_says_what_cannot_be_understood_is_told_why(
+    daemon: Served, said: str | bytes, reason: str
+) -> None:
+    with connected(daemon) as client:
+        client.send(said)
+        with pytest.raises(ConnectionClosedError) as caught:
+            list(client)
+    assert caught.value.rcvd is not None
+    assert caught.value.rcvd.code == 1008
+    assert reason in caught.value.rcvd.reason
 
 
 def test_a_client_that_leaves_is_counted_no_more(daemon: Served) -> None:
@@ -105,9 +197,17 @@ def none_left(daemon: Served) -> bool:
 def test_one_that_never_reads_is_dropped_and_costs_nobody_else(
     daemon: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    numbers = iter(range(1_000_000))
-    floods: Broadcast[bytes] = Broadcast(lambda: next(numbers).to_bytes(4, "big") + bytes(500_000), 0.001)
+    class Flood:
+        async def of(self, _: View) -> bytes:
+            return bytes(500_000)
+
+    class Floods(Broadcast[Flood]):
+        def __init__(self) -> None:
+            super().__init__(Flood, 0.001)
+
     monkeypatch.setattr(daemon.app.state.feeds, "preview", lambda _: floods)
+    monkeypatch.setattr(preview_client, "UNASKED_EVERY_S", 0.0)
+    floods = Floods()
     with connected(daemon, max_queue=1, ping_interval=None) as _:
         with connected(daemon, max_size=None) as client:
             until_s = time.monotonic() + PATIENCE_S

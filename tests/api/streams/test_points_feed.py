@@ -167,13 +167,14 @@ def test_fields_that_are_published_at_once_come_all_the_same(
     )
 
     async def work(service: Service, feed: PointsFeed) -> None:
-        worker = service.instrument(None).worker
+        worker, setup = service.instrument(None).worker, service.instrument(None).setup.measuring
+        assert setup is not None
         with feed.listening() as listener:
             assert await listener.next(PATIENCE_S) is not None
             with worker.published:
                 assert worker.live is not None
                 for _ in range(5):
-                    worker._publish(worker.live.measured, 0)
+                    worker._publish(worker.live.measured, setup, 0)
                 last = worker.live.number
             while sequences[-1] < last:
                 assert await listener.next(PATIENCE_S) is not None
@@ -184,7 +185,8 @@ def test_fields_that_are_published_at_once_come_all_the_same(
 
 def test_what_could_not_be_kept_for_the_feed_shows_as_a_gap(tmp_path: Path) -> None:
     async def work(service: Service, feed: PointsFeed) -> None:
-        worker = service.instrument(None).worker
+        worker, setup = service.instrument(None).worker, service.instrument(None).setup.measuring
+        assert setup is not None
         with feed.listening() as listener:
             message = await listener.next(PATIENCE_S)
             assert message is not None
@@ -192,7 +194,7 @@ def test_what_could_not_be_kept_for_the_feed_shows_as_a_gap(tmp_path: Path) -> N
             with worker.published:
                 assert worker.live is not None
                 for _ in range(3 * NEWEST):
-                    worker._publish(worker.live.measured, 0)
+                    worker._publish(worker.live.measured, setup, 0)
             sequences = [last]
             while sequences[-1] < last + 3 * NEWEST:
                 message = await listener.next(PATIENCE_S)

@@ -13,12 +13,14 @@ from numpy.testing import assert_allclose
 from grabberd.errors import CaptureFileError
 from grabberd_fake import FakeOptions, World, truth_at, truth_of_liner, truth_of_wall
 from grabberd_fake.__main__ import main
+from grabberd_fake.stage import REARRANGED
 from grabberd_fake.truth import (
     CSV_HEADER,
     LINER_CSV_HEADER,
     LOAD_CSV_HEADER,
     WALL_CSV_HEADER,
     capture_load_truth,
+    capture_quantities,
     capture_truth,
     capture_vacuum_log,
     capture_wall_truth,
@@ -34,8 +36,10 @@ def capture(tmp_path: Path) -> Path:
     return write_capture(tmp_path / "liner.grab", {"name": "a", "driver": "fake", "options": OPTIONS})
 
 
-def write_capture(path: Path, device: dict[str, Any]) -> Path:
+def write_capture(path: Path, device: dict[str, Any], *reasons: str) -> Path:
     with closing(sqlite3.connect(path)) as database:
+        database.execute("CREATE TABLE ledger(first_n INTEGER, reason TEXT)")
+        database.executemany("INSERT INTO ledger VALUES (2, ?)", [(reason,) for reason in reasons])
         database.execute("CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT)")
         database.execute("CREATE TABLE fields(n INTEGER PRIMARY KEY, time_ns INTEGER, data BLOB)")
         database.execute("INSERT INTO meta VALUES ('device', ?)", (json.dumps(device),))
@@ -169,3 +173,21 @@ def test_the_command_prints_wall_load_and_vacuum(
     lines = known[of](capture)
     assert main(["truth", str(capture), "--of", of]) == 0
     assert capsys.readouterr().out.splitlines() == list(lines)
+
+
+def test_a_capture_s_truth_is_that_of_the_stage_it_was_made_on(tmp_path: Path) -> None:
+    stream = {"details": {"stage": json.dumps({"wall": "thin-round", "period_s": 0.8})}}
+    device = {"driver": "fake", "options": OPTIONS, "stream": stream}
+    path = write_capture(tmp_path / "a.grab", device)
+    truth = truth_of_liner({**OPTIONS, "liner": {"wall": "thin-round", "period_s": 0.8}}, 80_000_000)
+    assert list(capture_wall_truth(path))[-1].split(",")[-3:] == [
+        f"{value + 0.0:.9g}" for value in (truth.rest_kpa, truth.pulsation_kpa, truth.liner_kpa)
+    ]
+    assert "liner_compression_mean_kpa" in "\n".join(capture_quantities(path))
+
+
+def test_a_capture_during_which_the_stage_changed_has_no_truth(tmp_path: Path) -> None:
+    device = {"driver": "fake", "options": OPTIONS}
+    path = write_capture(tmp_path / "a.grab", device, "unplugged", REARRANGED)
+    with pytest.raises(CaptureFileError, match="rearranged from field 2 on"):
+        list(capture_truth(path))

@@ -85,6 +85,33 @@ def test_sixteen_bits_are_refused(path):
         read_png(path)
 
 
+@pytest.mark.parametrize("colours", ["grey", "coloured"])
+def test_an_alpha_channel_is_read_if_it_hides_nothing(path, colours):
+    path.write_bytes(with_alpha(colours, 255))
+    header, values = read_png(path)
+    assert header.coloured == (colours == "coloured")
+    np.testing.assert_array_equal(values, GREY)
+
+
+@pytest.mark.parametrize("colours", ["grey", "coloured"])
+def test_transparent_pixels_are_refused(path, colours):
+    path.write_bytes(with_alpha(colours, 254))
+    with pytest.raises(PictureError, match=r"a\.png has an alpha channel with 240 transparent pixels"):
+        read_png(path)
+
+
+def with_alpha(colours, alpha):
+    """The grey picture as a PNG of colour type 4 or 6, written chunk by chunk: OpenCV writes no type 4."""
+    channels = 1 if colours == "grey" else 3
+    rows = [b"\0" + np.column_stack([*[row] * channels, np.full_like(row, alpha)]).tobytes() for row in GREY]
+    head = struct.pack(">IIBBBBB", GREY.shape[1], GREY.shape[0], 8, 4 if colours == "grey" else 6, 0, 0, 0)
+    chunks = ((b"IHDR", head), (b"IDAT", zlib.compress(b"".join(rows))), (b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+        for kind, body in chunks
+    )
+
+
 def _claiming(columns, lines):
     """A PNG of one pixel whose header claims another size; its checksums are right."""
     whole = png(np.zeros((1, 1), np.uint8))

@@ -54,27 +54,6 @@ def test_fields_alternate_from_the_first_parity(tmp_path):
     assert [f.field.parity for f in played] == [1, 0, 1]
 
 
-def test_doubled_fields_are_played_as_doubled(tmp_path):
-    info, played, _ = play(frames(tmp_path), pictures="doubled")
-    assert rows(played) == [(0, 0, 1), (1, 0, 1), (0, 0, 1)]
-    np.testing.assert_array_equal(played[1].field.luma, luma(1))
-    assert info.field_rows == 576
-
-
-def test_pictures_of_another_size_need_to_be_told_what_they_are(tmp_path):
-    frames(tmp_path, lines=100, columns=64)
-    with pytest.raises(DeviceRefused, match="100 lines are neither"):
-        ReplayGrabber(tmp_path).open()
-    assert len(play(tmp_path, pictures="frames")[1]) == 6
-    assert len(play(tmp_path, pictures="fields")[1]) == 3
-
-
-def test_frames_have_an_even_number_of_lines(tmp_path):
-    frames(tmp_path, lines=575)
-    with pytest.raises(DeviceRefused, match="even number of lines"):
-        ReplayGrabber(tmp_path, pictures="frames").open()
-
-
 def test_colours_are_converted_and_that_is_said(tmp_path):
     for n in range(2):
         (tmp_path / f"{n}.png").write_bytes(png(np.repeat(luma(n)[..., None], 3, axis=2)))

@@ -66,10 +66,17 @@ def test_pictures_of_288_lines_at_50_a_second_are_single_fields(tmp_path):
     assert (info.rate_hz, info.remarks) == (50.0, ())
 
 
-def test_pictures_of_another_size_need_to_be_told_what_they_are(tmp_path):
-    path = avi(tmp_path / "clip.avi", lines=100, columns=64)
-    with pytest.raises(DeviceRefused, match=r"clip\.avi: 100 lines are neither"):
+def test_pictures_that_may_be_frames_or_progressive_need_to_be_told_what_they_are(tmp_path):
+    path = avi(tmp_path / "clip.avi", lines=480, columns=640)
+    with pytest.raises(DeviceRefused, match=r"clip\.avi: pictures of 640x480 may be interlaced frames"):
         ReplayGrabber(path).open()
+
+
+def test_pictures_of_no_video_standard_are_progressive_at_the_video_s_own_rate(tmp_path):
+    path = avi(tmp_path / "clip.avi", lines=100, columns=64)
+    info, played, _ = play(path)
+    assert (info.field_order, info.rate_hz, info.remarks) == ("progressive", 25.0, ())
+    assert rows(played) == [(2, 0, 1)] * 3
     assert len(play(path, pictures="frames")[1]) == 6
     assert len(play(path, pictures="fields")[1]) == 3
     assert len(play(path, pictures="doubled")[1]) == 3
@@ -109,14 +116,11 @@ def test_pictures_that_the_recorder_dropped_are_lost_fields(tmp_path):
     np.testing.assert_array_equal(played[4].field.luma, luma(3, 48, 64)[0::2])
 
 
-def test_ntsc_keeps_its_own_rate_and_that_is_said(tmp_path):
+def test_ntsc_keeps_its_own_rate(tmp_path):
     info, played, _ = play(avi(tmp_path / "clip.avi", lines=480, rate=(30_000, 1001)))
     assert info.rate_hz == pytest.approx(59.94, abs=0.001)
     assert played[5].time_ns == pytest.approx(5e9 / 59.94, rel=1e-5)
-    size, rate = info.remarks
-    assert "720x480 is not PAL's 720x576" in size
-    assert "59.9401 fields a second where PAL has 50" in rate
-    assert info.standard == ""
+    assert (info.standard, info.remarks) == ("NTSC", ())
 
 
 def test_deinterlaced_video_is_said_to_be_too_fast_and_how_to_play_it(tmp_path):

@@ -1,6 +1,7 @@
 """A ramp with the empty liner, as an analysis: its values, its collapse, and the other captures' material."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,8 +9,10 @@ import pytest
 from analysis.ramps import BROAD, empty
 from grabberd.analysis import TimedPoints, read_zones
 from grabberd.errors import InputError
-from grabberd.processes.analysis.analyse import FieldPoints, analyse
+from grabberd.processes.analysis.analyse import analyse
+from grabberd.processes.analysis.field_points import FieldPoints
 from grabberd.processes.analysis.inputs import read_inputs
+from grabberd.processes.analysis.quantities import quantities
 from grabberd.processes.analysis.tables import tables
 from grabberd_fake.wall_quantities import buckling_kpa, touch_kpa
 
@@ -77,6 +80,21 @@ def test_a_ramp_gives_the_liner_s_stiffness_with_its_sigma(row):
     assert 0 < row["sigma_stiffness_n_mm"] < 0.05 * true
 
 
+def test_the_liner_s_own_values_are_the_same_numbers_among_the_quantities(analysed, row):
+    found = {one.quantity.name: one for one in quantities(analysed)}
+    for name in ("touch_kpa", "buckling_kpa", "stiffness_n_mm", "E_mpa", "wall_mm", "F0_n"):
+        assert (found[name].value, found[name].sigma) == (row[name], row[f"sigma_{name}"])
+        assert 0 < found[name].common <= found[name].sigma
+    assert "ramp with the empty liner" in found["stroke_mm"].reason
+
+
+def test_what_a_ramp_does_not_tell_has_its_reason(analysed):
+    broken = analysed.empty._replace(values=None, collapse=None, reasons=("it does not buckle", "no touch"))
+    found = {one.quantity.name: one for one in quantities(replace(analysed, empty=broken))}
+    assert found["E_mpa"].reason == "it does not buckle"
+    assert found["touch_kpa"].reason == "no touch"
+
+
 def test_a_ramp_gives_touch_and_buckling(row):
     states = empty("thin").states
     assert row["touch_kpa"] == pytest.approx(touch_kpa(states), abs=0.25)
@@ -113,3 +131,9 @@ def test_a_ramp_asks_for_the_sigma_of_a_logger_s_zero():
 def test_a_teat_that_is_anything_else_is_refused():
     with pytest.raises(InputError, match="teat"):
         read_inputs({"teat": "round"}, empty("thin").grid)
+
+
+def test_what_a_ramp_does_not_determine_is_among_the_problems():
+    grid = empty("thin").grid
+    found = analyse([fields()[:20]], grid, read_inputs(inputs(), grid))
+    assert any("touch" in one for one in found.problems)

@@ -94,3 +94,16 @@ def test_a_wall_of_no_thickness_or_more_than_the_liner_has_is_refused(wall_mm: f
 @pytest.mark.parametrize("key", sorted(MATERIAL))
 def test_a_material_that_lacks_a_value_is_refused(key: str) -> None:
     assert key in refusal(material={name: value for name, value in MATERIAL.items() if name != key})
+
+
+def test_fields_of_a_still_wall_may_be_averaged() -> None:
+    assert inputs().average == 1
+    assert inputs(average=10).average == 10
+    assert "average" in refusal(average=0)
+
+
+def test_another_capture_may_be_the_reference_state() -> None:
+    reference = inputs(reference={"capture": "c1"}).reference
+    assert reference is not None
+    assert (reference.kind, reference.capture, str(reference)) == ("capture", "c1", "capture c1")
+    assert "reference.capture" in refusal(reference={"capture": 1})

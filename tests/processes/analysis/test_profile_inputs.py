@@ -153,6 +153,17 @@ def test_all_contradictions_are_said_at_once() -> None:
     assert "profile" in refused.value.hint
 
 
+@pytest.mark.parametrize(("share", "allowed"), [(1.01, True), (1.02, False), (0.98, False)])
+def test_a_liner_half_a_millimetre_off_the_object_model_is_another_one(share: float, allowed: bool) -> None:
+    """Its walls would touch 6 kPa from where they do."""
+    like = changed(LINER, "material.radius_mm", float(LINER["material"]["radius_mm"]) * share)
+    if allowed:
+        assert resolved(like).inputs["material"]["radius_mm"] == like["material"]["radius_mm"]
+        return
+    with pytest.raises(InputError, match="apart across the liner"):
+        resolved(like)
+
+
 def test_a_liner_that_is_overruled_contradicts_nothing() -> None:
     wide = changed(LINER, "material.radius_mm", 15.0)
     assert resolved(wide, given={"material": MATERIAL}).inputs["material"] == MATERIAL

@@ -11,8 +11,9 @@ from grabberd.errors import InputError
 from grabberd.processes.analysis.analysis_document import analysis_document
 from grabberd.processes.analysis.columns import TABLES
 from grabberd.processes.analysis.quantities import quantities
+from grabberd.processes.analysis.summary import QUANTITIES
 from grabberd.processes.analysis.tables import tables
-from processes.milking import CONSTANT, analysed, field, inputs, log, still
+from processes.milking import CLOSED_S, CONSTANT, OPEN_S, analysed, field, inputs, log, still
 
 FIELDS = [field(n) for n in range(62)]
 LOGGED = {
@@ -21,6 +22,8 @@ LOGGED = {
     "log": log(1.6, start_s=-0.3),
     "offset": {"s": -0.3, "sigma_s": 0.001},
 }
+LAGS = {"opening_lag_s", "closing_lag_s"}
+OF_A_RAMP = {"touch_kpa", "buckling_kpa", "stiffness_n_mm", "E_mpa", "wall_mm", "F0_n"}
 
 
 @pytest.fixture(scope="module")
@@ -40,15 +43,43 @@ def loaded(plain):
     return replace(plain, phases=phases, inputs=given)
 
 
+def true_stroke_mm():
+    """Of the target that moves most."""
+    ends = [field(0, time_s, sigma_mm=np.full(3, 1e-9)).timed.points.xyz_mm for time_s in (OPEN_S, CLOSED_S)]
+    return np.linalg.norm(ends[0] - ends[1], axis=1).max()
+
+
 def by_name(analysis):
     return {one.quantity.name: one for one in quantities(analysis)}
 
 
-def test_with_a_load_every_quantity_has_a_value_and_sigma(loaded):
-    for one in quantities(loaded):
+def test_with_a_load_every_quantity_of_a_milking_has_a_value_and_sigma(loaded):
+    found = by_name(loaded)
+    for name in found.keys() - LAGS - OF_A_RAMP:
+        one = found[name]
         assert np.isfinite(one.value), one
         assert one.sigma > 0, one
+        assert 0 <= one.common <= one.sigma, one
         assert not one.reason
+    assert {found[name].reason for name in OF_A_RAMP} == {"the capture is no ramp with the empty liner"}
+    assert all("no clock" in found[name].reason for name in LAGS)
+
+
+def test_a_quantity_is_the_same_number_in_every_table(loaded):
+    made = tables(loaded)
+    summary, rows = made["summary"], made["quantities"]
+    number = dict(zip(rows.column("name"), rows.column("value"), strict=True))
+    sigma = dict(zip(rows.column("name"), rows.column("sigma_value"), strict=True))
+    assert {"stroke_mm", "rate_per_min", "wall_ratio", "iso_ratio", "wall_d_s", "iso_d_s"} <= set(QUANTITIES)
+    for column, name in QUANTITIES.items():
+        assert summary.column(column) == pytest.approx(number[name], rel=0, abs=0, nan_ok=True)
+        assert summary.column(f"sigma_{column}") == pytest.approx(sigma[name], rel=0, abs=0, nan_ok=True)
+
+
+def test_the_stroke_is_that_of_the_mean_cycle_and_not_of_noisy_fields(loaded):
+    found, moved = by_name(loaded)["stroke_mm"], loaded.movement.value_mm
+    assert found.value < np.ptp(moved)
+    assert found.value == pytest.approx(true_stroke_mm(), abs=3 * found.sigma)
 
 
 def test_massage_and_liner_times_are_those_of_the_wall_phases(loaded):
@@ -82,6 +113,8 @@ def test_a_wall_that_rests_has_no_quantities_and_says_so():
     assert {one.reason for one in found.values()} == {
         "there is no mean cycle",
         "the pulsation chamber's vacuum is not known as a curve: its phases have no durations",
+        "the vacuum has no clock that a light, or the capture itself, relates to the camera's",
+        "the capture is no ramp with the empty liner",
     }
 
 
@@ -89,10 +122,10 @@ def test_the_table_has_a_row_for_each_with_its_definition(loaded):
     table = tables(loaded)["quantities"]
     found = quantities(loaded)
     assert list(table.column("name")) == [one.quantity.name for one in found]
-    assert table.column("value") == pytest.approx([one.value for one in found])
-    assert table.column("sigma_value") == pytest.approx([one.sigma for one in found])
+    for column, name in (("value", "value"), ("sigma_value", "sigma"), ("sigma_common", "common")):
+        assert table.column(column) == pytest.approx([getattr(one, name) for one in found], nan_ok=True)
     assert all(text.endswith(".") for text in table.column("definition"))
-    assert set(table.column("unit")) <= {"kPa", "mm", "N", "N/mm", "s", "1"}
+    assert set(table.column("unit")) <= {"kPa", "mm", "N", "N/mm", "N mm", "MPa", "s", "1/min", "1"}
 
 
 @pytest.mark.parametrize("name", ["quantities", "phase_profile", "profile"])

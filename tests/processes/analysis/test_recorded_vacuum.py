@@ -6,8 +6,10 @@ from numpy.testing import assert_allclose
 
 from drivers.fake.iso_phases import iso_phases_s
 from grabberd.analysis.vacuum.channel_curve import ChannelCurve
+from grabberd.analysis.vacuum.light_clock import LightClock
 from grabberd.errors import InputError
 from grabberd.processes.analysis.vacuum_inputs import read_vacuum
+from grabberd.processes.light_clock import FoundLight
 from grabberd_fake.vacuum import pulsation_kpa
 from processes.milking import FAKE, whole
 
@@ -115,5 +117,37 @@ def test_on_one_clock_the_walls_lag_is_a_result() -> None:
     assert found.lag.closing_shift_s == pytest.approx(0.0326, abs=2e-3)
 
 
-def test_a_light_has_nothing_to_relate_where_there_is_one_clock() -> None:
-    assert "a light relates the clock of a vacuum.log" in refusal({**BOTH, "offset": "light"})
+BY_LIGHT = {**BOTH, "offset": "light"}
+
+
+def light(offset_s=0.03, **changes):
+    """A light that was seen so much later in the picture than its logger switched it."""
+    clock = LightClock(offset_s, 1e-4, 1.0, 0.0, 0.0, 0.0, 300, 1.0, 0.0)
+    return FoundLight(clock, 600.0, 24.0, **{"logger": "lamp", "delay_sigma_s": 2e-5, **changes})
+
+
+def dated(found, **changes):
+    recorded = channels(time_sigma_s=0.005, delay_sigma_s=0.004, **changes)
+    return read_vacuum(BY_LIGHT, None, TIME_S, found, recorded)
+
+
+def test_a_recorded_light_dates_the_channels_by_the_fields_themselves() -> None:
+    told = [one.pulsation_kpa for one in dated(light()).at(TIME_S)]
+    assert_allclose(told, pulsation_kpa(FAKE.ellipse, TIME_S - 0.03), atol=0.05)
+
+
+def test_what_all_readings_of_a_logger_are_late_by_its_own_light_has_seen_as_well() -> None:
+    assert dated(light(logger="tank"), logger="tank").time_sigma_s == pytest.approx(np.hypot(0.003, 1e-4))
+    apart = dated(light(), logger="tank").time_sigma_s
+    assert apart == pytest.approx(np.sqrt(0.005**2 + 2e-5**2 + 1e-4**2))
+
+
+def test_captures_without_a_light_are_not_related_by_one() -> None:
+    assert "lack a channel light" in refusal(BY_LIGHT)
+
+
+def test_a_channel_without_vacuum_is_taken_as_it_is() -> None:
+    """A liner at atmosphere: the unit of a channel is configured, and not guessed."""
+    time_s = np.arange(-0.25, 2.25, 0.005)
+    recorded = {name: curve(name, np.full(len(time_s), 0.1), time_s) for name in ("pulsation", "liner")}
+    assert_allclose([one.difference_kpa for one in vacuum(BOTH, recorded).at(TIME_S)], 0.0, atol=1e-9)

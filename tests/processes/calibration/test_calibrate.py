@@ -12,9 +12,9 @@ from grabberd.config import shipped_configs
 from grabberd.documents.calibration_reports import CalibrationReport
 from grabberd.errors import InputError, MeasurementError, RankDeficient
 from grabberd.field import Field, NumberedField, quantise, split_frame
-from grabberd.geometry import Calibration, NominalRig, project
+from grabberd.geometry import Calibration, NominalRig, project, rotation_matrix
 from grabberd.processes.calibration.acceptance.verdict import judge
-from grabberd.processes.calibration.calibrate import calibrate
+from grabberd.processes.calibration.calibrate import calibrate, calibrate_poses
 from grabberd.processes.calibration.calibration_result import CalibrateSettings
 from grabberd.processes.calibration.report_document import report_document
 from grabberd.processes.measure import MeasureSetup, measure_fields
@@ -288,3 +288,28 @@ def test_pictures_that_another_program_made_are_measured_as_well(mirrored):
     reached = accuracy(Coordinates.of((one.n, one.points) for one in found), truth)
     assert (reached.missing, reached.wrong) == (0, 0)
     assert reached.rmse.xyz_mm < 0.045
+
+
+def test_several_poses_of_the_calibration_frame_give_one_rig():
+    places = FRAME.xyz_mm
+    turn = rotation_matrix(*np.radians([10.0, -8.0, 25.0]).tolist())
+    normal = dict(zip(("nx", "ny", "nz"), (turn @ [0.0, 0.0, 1.0]).tolist(), strict=True))
+    points = [
+        {"id": int(number), "x_mm": x, "y_mm": y, "z_mm": z, **normal}
+        for number, (x, y, z) in zip(FRAME.target, (places @ turn.T + [3.0, -2.0, 2.0]).tolist(), strict=True)
+    ]
+    captures = [
+        list(take_scene(4, scene="calibration_frame", seed=5).packed(8, "field")),
+        list(take_scene(4, scene="points", points=points, seed=6).packed(8, "field")),
+    ]
+    result = calibrate_poses(captures, NOMINAL, FRAME, CalibrateSettings(local_field=False))
+    (pose,) = result.poses
+    assert pose.turn_deg == pytest.approx(np.degrees(np.arccos((np.trace(turn) - 1) / 2)), abs=0.1)
+    assert np.abs(pose.values[3:] - [3.0, -2.0, 2.0]).max() < 0.1
+    assert report_of(result)["result"]["poses"][0]["image_points"] == pose.count > 180
+    assert named(result).covariance.shape == (36, 36)
+    few = list(take_scene(4, scene="points", points=points[:5]).packed(8, "field"))
+    with pytest.raises(MeasurementError, match="capture 2: "):
+        calibrate_poses([captures[0], few], NOMINAL, FRAME)
+    with pytest.raises(MeasurementError, match="no capture"):
+        calibrate_poses([], NOMINAL, FRAME)

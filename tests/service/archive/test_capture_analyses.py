@@ -26,11 +26,11 @@ QUANTITIES = [
         "sigma": None,
         "reason": "flow_stop was not given",
     },
+    {"name": "rate_per_min", "unit": "1/min", "value": 60.2, "sigma": 0.1, "sigma_common": 0.0},
     {"name": "teat_end_x_mm", "unit": "mm", "value": 3.0, "sigma": 1.0},
     {"name": "liner_opening_s", "unit": "s", "value": 0.12, "sigma": 0.002},
     {"name": "liner_compression_mean_kpa", "unit": "kPa", "value": -11.800000001, "sigma": 1.1},
 ]
-SUMMARY = {"rate_per_min": 60.2, "sigma_rate_per_min": 0.1, "wall_ratio": None, "stroke_mm": 4.0}
 
 
 class Barn:
@@ -50,7 +50,7 @@ class Barn:
         self.store.open()
         self.analyses = CaptureAnalyses(self.store, self.jobs.queue, self.archive.index)
         self.archive.analysis = self.analyses.of
-        self.jobs.queue.ended = self.analyses.ended
+        self.jobs.queue.ended = lambda job, captures: self.analyses.ended(captures)
         self.analyses.open(reversed(self.jobs.queue.list()))
 
     def analyse(self, capture: str, number: int = 1, **record: Any) -> None:
@@ -58,7 +58,7 @@ class Barn:
         job = self.begin(capture)
         folder = self.store.directory / capture / str(number)
         folder.mkdir(parents=True)
-        known = {"created_utc": f"2026-03-0{number}", "quantities": QUANTITIES, "summary": SUMMARY, **record}
+        known = {"created_utc": f"2026-03-0{number}", "quantities": QUANTITIES, **record}
         (folder / "record.json").write_text(json.dumps(known))
         self.jobs.queue.end(job, JobState.DONE)
 

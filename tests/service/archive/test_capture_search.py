@@ -5,9 +5,11 @@ from pathlib import Path
 import pytest
 
 from grabberd.documents.captures import CaptureDocument
+from grabberd.errors import StorageError
 from grabberd.service.archive.archive import Archive
-from grabberd.service.archive.capture_list import CaptureQuery, Position, list_captures
+from grabberd.service.archive.capture_list import list_captures
 from grabberd.storage.state.annotation_store import Annotation
+from grabberd.storage.state.capture_query import CaptureQuery, Position
 from grabberd.storage.state.index_entries import IndexEntry
 from storage.captures import slots, write
 
@@ -29,7 +31,7 @@ def archive(tmp_path: Path) -> Archive:
 
 
 def found(archive: Archive, **query: object) -> list[str]:
-    return [document.id for document in list_captures(archive, CaptureQuery(**query))[0]]  # type: ignore[arg-type]
+    return [one.id for one in list_captures(archive, CaptureQuery(**query)).captures]  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -41,6 +43,7 @@ def found(archive: Archive, **query: object) -> list[str]:
         ("cow", ["c5", "c4", "c2", "c1"]),
         ("slipped", ["c2"]),
         ("rear right", ["c3"]),
+        ("Right  rear", ["c3"]),
         ("teat", ["c3"]),
         ("c4", ["c4"]),
         ("nothing", []),
@@ -61,9 +64,9 @@ def test_only_the_files_of_those_that_are_meant_are_opened(archive: Archive) -> 
     opened: list[str] = []
     describe = archive.listed
 
-    def counted(entry: IndexEntry, annotation: Annotation) -> CaptureDocument:
+    def counted(entry: IndexEntry) -> CaptureDocument:
         opened.append(entry.id)
-        return describe(entry, annotation)
+        return describe(entry)
 
     archive.listed = counted  # type: ignore[method-assign]
     assert found(archive, search="slipped") == ["c2"]
@@ -74,9 +77,9 @@ def test_those_of_a_day_are_found_whatever_came_later(archive: Archive) -> None:
     day = {"since_utc": "2026-03-02T00:00:00.000Z", "until_utc": "2026-03-04T00:00:00.000Z"}
     assert found(archive, **day) == ["c3", "c2"]
     query = CaptureQuery(limit=1, **day)
-    first, last = list_captures(archive, query)
-    assert found(archive, after=last, **day) == ["c2"]
-    assert [one.id for one in first] == ["c3"]
+    first = list_captures(archive, query)
+    assert found(archive, after=first.after, **day) == ["c2"]
+    assert [one.id for one in first.captures] == ["c3"]
 
 
 @pytest.mark.parametrize(
@@ -121,13 +124,16 @@ def test_a_running_capture_that_is_in_the_index_already_is_listed_once(archive: 
 
 
 def test_the_last_page_says_that_it_is_the_last(archive: Archive) -> None:
-    page, position = list_captures(archive, CaptureQuery(limit=3))
-    assert ([one.id for one in page], position) == (
-        ["c5", "c4", "c3"],
-        Position("2026-03-03T09:00:00.000Z", "c3"),
-    )
-    page, end = list_captures(archive, CaptureQuery(limit=2, after=position))
-    assert ([one.id for one in page], end) == (["c2", "c1"], None)
+    page = list_captures(archive, CaptureQuery(limit=3))
+    assert [one.id for one in page.captures] == ["c5", "c4", "c3"]
+    assert page.after == Position("2026-03-03T09:00:00.000Z", "c3")
+    last = list_captures(archive, CaptureQuery(limit=2, after=page.after))
+    assert ([one.id for one in last.captures], last.after) == (["c2", "c1"], None)
+
+
+def test_totals_are_those_of_all_pages(archive: Archive) -> None:
+    page = list_captures(archive, CaptureQuery(limit=1, search="day"))
+    assert (len(page.captures), page.total, page.in_all) == (1, 4, 5)
 
 
 def test_a_capture_that_is_deleted_while_it_is_listed_is_left_out(archive: Archive) -> None:
@@ -135,18 +141,53 @@ def test_a_capture_that_is_deleted_while_it_is_listed_is_left_out(archive: Archi
     assert found(archive) == ["c5", "c4", "c2", "c1"]
 
 
-@pytest.mark.parametrize("at_once", [1, 2, 4, 5, 6])
-def test_all_are_listed_however_many_entries_are_read_at_once(
-    archive: Archive, at_once: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("grabberd.service.archive.capture_list.AT_ONCE", at_once)
-    assert found(archive) == ["c5", "c4", "c3", "c2", "c1"]
+def test_a_capture_that_was_removed_by_hand_is_not_counted(archive: Archive) -> None:
+    (archive.directory / "c3.grab").unlink()
+    assert list_captures(archive, CaptureQuery()).total == 4
 
 
-def test_a_list_that_is_read_at_once_opens_the_index_once(
+def test_what_is_said_of_a_capture_later_is_found_at_once(archive: Archive) -> None:
+    assert found(archive, search="kicked") == []
+    SAID["c1"] = Annotation(note="kicked off", pinned=True)
+    try:
+        archive.library.note("c1")
+        assert found(archive, search="kicked", pinned=True) == ["c1"]
+    finally:
+        del SAID["c1"]
+
+
+def test_a_capture_that_is_deleted_or_comes_changes_what_is_found(archive: Archive) -> None:
+    assert len(found(archive)) == 5
+    archive.remove("c2")
+    changes = {"id": "c6", "created_utc": "2026-03-06T09:00:00.000Z"}
+    archive.index.add(write(archive.directory, slots(2), name="c6", labels={"cow": "106"}, **changes))
+    assert found(archive) == ["c6", "c5", "c4", "c3", "c1"]
+    assert found(archive, labels={"cow": ("106", "105")}) == ["c6", "c5"]
+
+
+def test_what_could_not_be_read_is_read_again(archive: Archive, monkeypatch: pytest.MonkeyPatch) -> None:
+    found(archive)
+    archive.library.note("c4")
+    with monkeypatch.context() as broken:
+        broken.setattr(archive.index, "some", _refuse)
+        with pytest.raises(StorageError):
+            found(archive)
+    SAID["c4"] = Annotation(note="now it is known")
+    try:
+        assert found(archive, search="known") == ["c4"]
+    finally:
+        SAID["c4"] = Annotation(pinned=True)
+
+
+def _refuse(ids: object) -> list[IndexEntry]:
+    raise StorageError("the disk is away", "bring it back")
+
+
+def test_a_long_list_that_is_shown_asks_the_index_once(
     archive: Archive, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pages, page = [], archive.index.page
-    monkeypatch.setattr(archive.index, "page", lambda *place: pages.append(place) or page(*place))
+    asked, some = [], archive.index.some
     found(archive)
-    assert len(pages) == 1
+    monkeypatch.setattr(archive.index, "some", lambda ids: asked.append(list(ids)) or some(ids))
+    found(archive)
+    assert asked == [["c5", "c4", "c3", "c2", "c1"]]

@@ -12,7 +12,7 @@ from grabberd.service.service import Service
 from grabberd.storage import CaptureReader, CaptureWriter
 from storage.captures import meta
 
-GROWS = {"state", "verdict", "ended_because", "fields", "ledger", "size_bytes"}
+GROWS = {"state", "verdict", "ended_because", "fields", "length_fields", "ledger", "size_bytes"}
 """What changes from field to field, or when the capture ends."""
 
 
@@ -37,6 +37,15 @@ def test_a_running_capture_is_described_as_its_file_describes_it(tmp_path: Path)
         assert (remembered.state, remembered.verdict, remembered.ended_because) == ("recording", None, None)
         assert remembered.first_field_s is not None
         assert remembered.fields >= stored.fields > 0
+
+
+def test_it_tells_its_length_while_it_is_recorded(tmp_path: Path) -> None:
+    with running(tmp_path, {"pace": "real"}) as service:
+        begun = service.capture_control.start(None, CaptureRequest(fields=30, pre_trigger_fields=5))
+        assert begun.length_fields == 30
+        sealed(service)
+        assert service.archive.document(begun.id).length_fields is None
+        assert service.capture_control.start(None, CaptureRequest()).length_fields is None
 
 
 def test_its_ledger_and_fields_are_those_of_the_sealed_file(tmp_path: Path) -> None:

@@ -89,7 +89,7 @@ def test_an_imported_one_waits_until_it_is_activated(tmp_path: Path) -> None:
             ("rig-7", False),
             (CONFIGURED, True),
         ]
-        service.activate_calibration("rig-7", None)
+        service.active.activate("rig-7", service.instrument(None))
         assert [row.active for row in service.active.rows()] == [True, False]
         assert service.active.row("rig-7").note == "mirrors"
 
@@ -99,9 +99,9 @@ def test_a_failed_one_is_used_only_on_an_admins_word_and_the_device_then_warns(t
         service.import_calibration(failed("rig-7"), None, "")
         assert service.active.row("rig-7").verdict == "failed"
         with pytest.raises(Conflict, match=r"failed: the scale is off by \+2 %"):
-            service.activate_calibration("rig-7", None)
+            service.active.activate("rig-7", service.instrument(None))
         assert in_force(service) == CONFIGURED
-        service.activate_calibration("rig-7", None, despite_failure=True)
+        service.active.activate("rig-7", service.instrument(None), despite_failure=True)
         assert in_force(service) == "rig-7"
     with at_rest(tmp_path) as service:
         assert in_force(service) == "rig-7"
@@ -111,11 +111,11 @@ def test_a_failed_one_is_used_only_on_an_admins_word_and_the_device_then_warns(t
 def test_the_choice_survives_a_restart_and_can_be_taken_back(tmp_path: Path) -> None:
     with at_rest(tmp_path) as service:
         service.import_calibration(calibration("rig-7"), None, "")
-        service.activate_calibration("rig-7", None)
+        service.active.activate("rig-7", service.instrument(None))
     with at_rest(tmp_path) as service:
         assert in_force(service) == "rig-7"
         assert service.instrument(None).setup.made_with["calibration"]["id"] == "rig-7"
-        service.activate_calibration(CONFIGURED, None)
+        service.active.activate(CONFIGURED, service.instrument(None))
         assert in_force(service) == CONFIGURED
     with at_rest(tmp_path) as service:
         assert in_force(service) == CONFIGURED
@@ -124,7 +124,7 @@ def test_the_choice_survives_a_restart_and_can_be_taken_back(tmp_path: Path) -> 
 def test_a_choice_that_is_damaged_is_replaced_by_none_and_says_so(tmp_path: Path) -> None:
     with at_rest(tmp_path) as service:
         service.import_calibration(calibration("rig-7"), None, "")
-        service.activate_calibration("rig-7", None)
+        service.active.activate("rig-7", service.instrument(None))
     file = tmp_path / "calibrations" / "rig-7" / "calibration.json"
     file.chmod(0o644)
     file.write_text("{}")
@@ -135,14 +135,14 @@ def test_a_choice_that_is_damaged_is_replaced_by_none_and_says_so(tmp_path: Path
         assert "rig-7" in damaged
         assert "cannot be used" in damaged
         assert [row.problem is None for row in service.active.rows()] == [True, False]
-        service.activate_calibration(CONFIGURED, None)
+        service.active.activate(CONFIGURED, service.instrument(None))
         assert service.active.warnings(service.instrument(None)) == []
 
 
 def test_a_choice_that_no_longer_fits_the_rig_is_not_used(tmp_path: Path) -> None:
     with at_rest(tmp_path) as service:
         service.import_calibration(calibration("rig-7"), None, "")
-        service.activate_calibration("rig-7", None)
+        service.active.activate("rig-7", service.instrument(None))
     rig = configuration({}).devices["simulated"].rig
     glass = GlassConfig(thickness_mm=2.0, refractive_index=1.5)
     with at_rest(tmp_path, calibration=None, rig=rig.model_copy(update={"glass": glass})) as service:
@@ -176,7 +176,7 @@ def test_one_that_is_stored_and_configured_is_listed_once_with_its_note(tmp_path
 def test_a_stored_one_hidden_by_the_configurations_is_listed_with_that_problem(tmp_path: Path) -> None:
     with at_rest(tmp_path, calibration=None) as service:
         service.import_calibration(calibration(CONFIGURED, shift_mm=1.0), None, "")
-        service.activate_calibration(CONFIGURED, None)
+        service.active.activate(CONFIGURED, service.instrument(None))
     with at_rest(tmp_path) as service:
         assert sorted(bool(row.problem) for row in service.active.rows()) == [False, True]
         assert service.instrument(None).setup.made_with["calibration"] == calibration(CONFIGURED)
@@ -199,7 +199,7 @@ def test_one_of_another_rig_is_refused(tmp_path: Path, changes: Any) -> None:
             service.import_calibration(document, None, "")
         service.calibrations.add(document, CalibrationRecord("simulated"))
         with pytest.raises(CalibrationMismatch):
-            service.activate_calibration("rig-7", None)
+            service.active.activate("rig-7", service.instrument(None))
         assert in_force(service) == CONFIGURED
 
 
@@ -222,12 +222,12 @@ def test_the_calibration_of_another_device_is_refused_but_not_that_of_a_renamed_
         service.import_calibration(calibration("rig-7"), None, "")
     service.import_calibration(calibration("rig-7"), "north", "")
     with pytest.raises(CalibrationMismatch, match="north"):
-        service.activate_calibration("rig-7", "south")
-    service.activate_calibration("rig-7", "north")
+        service.active.activate("rig-7", service.instrument("south"))
+    service.active.activate("rig-7", service.instrument("north"))
     states = [service.active.document(service.instrument(name)) for name in ("north", "south")]
     assert [state is None for state in states] == [False, True]
     renamed = two_devices(tmp_path, "east", "south")
-    renamed.activate_calibration("rig-7", "east")
+    renamed.active.activate("rig-7", renamed.instrument("east"))
 
 
 def test_the_age_counts_from_the_calibrations_own_time(tmp_path: Path) -> None:
@@ -239,7 +239,7 @@ def test_the_age_counts_from_the_calibrations_own_time(tmp_path: Path) -> None:
         ages = []
         for document in (one, other):
             service.import_calibration(document, None, "")
-            service.activate_calibration(document["id"], None)
+            service.active.activate(document["id"], service.instrument(None))
             ages.append(service.active.document(service.instrument(None)).age_days)  # type: ignore[union-attr]
         assert ages[0] - ages[1] == pytest.approx(1.0, abs=1e-3)
 
@@ -249,14 +249,14 @@ def test_worker_and_captures_go_over_to_the_active_one(tmp_path: Path) -> None:
     with running(tmp_path) as service:
         before = capture(service)
         service.import_calibration(calibration("shifted", SHIFT_MM), None, "")
-        service.activate_calibration("shifted", None)
+        service.active.activate("shifted", service.instrument(None))
         after = capture(service)
         with CaptureReader(before) as old, CaptureReader(after) as new:
             assert old.runs[0].made_with["calibration"]["id"] == CONFIGURED
             assert new.runs[0].made_with["calibration"] == calibration("shifted", SHIFT_MM)
         remeasure(service, before)
         assert shift_between(before, 1, 2) == pytest.approx(SHIFT_MM, abs=0.01)
-        service.activate_calibration(CONFIGURED, None)
+        service.active.activate(CONFIGURED, service.instrument(None))
         remeasure(service, after)
         assert shift_between(after, 2, 1) == pytest.approx(SHIFT_MM, abs=0.01)
 
@@ -267,7 +267,7 @@ def test_live_points_go_on_through_an_activation(tmp_path: Path) -> None:
         worker = service.instrument(None).worker
         with worker.published:
             assert worker.published.wait_for(lambda: worker.live is not None, PATIENCE_S)
-        service.activate_calibration("shifted", None)
+        service.active.activate("shifted", service.instrument(None))
         last = worker.live.measured.n if worker.live else 0
         with worker.published:
             assert worker.published.wait_for(
@@ -282,11 +282,11 @@ def test_an_activation_is_refused_while_a_capture_runs(tmp_path: Path) -> None:
         service.import_calibration(calibration("shifted", SHIFT_MM), None, "")
         capture_id = service.capture_control.start(None, CaptureRequest()).id
         with pytest.raises(CaptureRunning, match=capture_id):
-            service.activate_calibration("shifted", None)
+            service.active.activate("shifted", service.instrument(None))
         assert in_force(service) == CONFIGURED
         service.capture_control.stop(capture_id)
         sealed(service)
-        service.activate_calibration("shifted", None)
+        service.active.activate("shifted", service.instrument(None))
     with at_rest(tmp_path) as service:
         assert in_force(service) == "shifted"
 
@@ -310,7 +310,7 @@ def test_an_instrument_without_calibration_captures_is_calibrated_and_measures(t
         )
         done = service.jobs.wait(service.jobs.submit(job).id, PATIENCE_S)
         assert done.state is JobState.DONE, done.problem
-        service.activate_calibration(done.result.calibration, None)
+        service.active.activate(done.result.calibration, service.instrument(None))
         with CaptureReader(capture(service)) as reader:
             assert reader.runs[0].made_with["calibration"]["id"] == f"of-{first.stem}"
             assert sum(len(points) for _, points in reader.points()) > 400

@@ -27,12 +27,12 @@ def active(service: Service) -> set[tuple[str, str]]:
 def test_what_one_measures_with_is_active_for_that_one_alone(service: Service) -> None:
     same = service.instrument("left").setup.documents["calibration"]["id"]
     assert active(service) == {(same, "left"), (same, "right")}
-    service.activate_calibration(OWN, "left")
+    service.active.activate(OWN, service.instrument("left"))
     assert active(service) == {(OWN, "left"), (same, "right")}
 
 
 def test_the_row_that_is_shown_is_that_of_the_device_in_question(service: Service) -> None:
     same = service.instrument("left").setup.documents["calibration"]["id"]
-    service.activate_calibration(OWN, "left")
+    service.active.activate(OWN, service.instrument("left"))
     assert service.active.row(same, "right").active
     assert not service.active.row(same, "left").active

@@ -4,14 +4,16 @@ from pathlib import Path
 
 import pytest
 from capturing import capture
-from running import PATIENCE_S, live, running
+from running import PATIENCE_S, live, running, sealed
 
 from grabberd.acquisition import Outcome
 from grabberd.config import CaptureConfig, RingConfig
 from grabberd.documents.states import DeviceState
 from grabberd.errors import Cause
-from grabberd.service.readiness import lacks_of
+from grabberd.service.capture.capture_request import CaptureRequest
+from grabberd.service.live.health import device_health, lacks_of
 from grabberd.storage import CaptureReader
+from grabberd_fake.stage import REARRANGED
 
 FROM_THE_FIRST = 200
 """So many fields before the trigger are all that ever came: the script's fields are the capture's."""
@@ -73,6 +75,21 @@ def test_an_unplugged_device_comes_back_and_the_capture_says_what_is_missing(tmp
         assert service.instrument(None).board.now.openings == 2
 
 
+def test_a_rearranged_stage_leaves_a_gap_and_later_captures_show_what_is_there(tmp_path: Path) -> None:
+    stage = tmp_path / "stage.yaml"
+    with live(tmp_path / "state", {"stage": str(stage)}) as service:
+        before = service.capture_control.start(None, CaptureRequest(fields=200)).id
+        stage.write_text("wall: thin-empty\n")
+        sealed(service)
+        with CaptureReader(service.archive.path(before)) as reader:
+            (gap,) = (one for one in reader.ledger.entries if one.reason == REARRANGED)
+            assert gap.outcome is Outcome.LOST
+            assert reader.meta.device["stream"]["details"]["stage"] == "{}"
+        with CaptureReader(capture(service, fields=5)) as reader:
+            assert reader.meta.device["stream"]["details"]["stage"] == '{"wall": "thin-empty"}'
+            assert reader.meta.complete
+
+
 @pytest.mark.parametrize("on_interruption", ["continue", "end"])
 def test_a_capture_follows_its_policy_when_the_device_stalls(tmp_path: Path, on_interruption: str) -> None:
     faults = [{"kind": "stall", "at_s": 1.0, "until": "restart"}]
@@ -130,5 +147,9 @@ def test_pictures_of_another_size_are_not_measured_with_the_calibration_and_that
         assert instrument.worker.live is None
         words = "is for pictures of 720 x 576, these are 720 x 480: no points are measured"
         assert words in (instrument.misfit or "")
-        assert [lack for lack in lacks_of(instrument) if words in lack.message]
+        assert [
+            lack
+            for lack in lacks_of(device_health(instrument, service.surroundings()).parts)
+            if words in lack.message
+        ]
         assert any(words in warning for warning in service.device_document(instrument).warnings)

@@ -8,7 +8,7 @@ import pytest
 from running import live, sealed
 
 from grabberd.config import RingConfig
-from grabberd.processes.measure import MeasuredField
+from grabberd.processes.measure import MeasuredField, MeasureSetup
 from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.capture.recording import Recording
 from grabberd.service.device.worker import Worker
@@ -57,9 +57,9 @@ def test_live_numbers_are_those_of_the_file_and_of_measuring_again(
     recorded: list[MeasuredField] = []
     publish, add = Worker._publish, Recording.add
 
-    def seen(worker: Worker, measured: MeasuredField, first_n: int) -> None:
+    def seen(worker: Worker, measured: MeasuredField, setup: MeasureSetup, first_n: int) -> None:
         published.append((first_n, measured))
-        publish(worker, measured, first_n)
+        publish(worker, measured, setup, first_n)
 
     def added(recording: Recording, measured: MeasuredField) -> None:
         recorded.append(measured)

@@ -8,7 +8,7 @@ from scripted_loggers import CHANNELS, INFO, ScriptedLogger, readings_at, setup_
 from simulated_time import SimulatedClock
 from slots import ManualClock
 
-from grabberd.acquisition.channels import Anomaly
+from grabberd.acquisition.channels import Anomaly, Dating
 from grabberd.acquisition.clock import SystemClock
 from grabberd.documents.states import DeviceState
 from grabberd.errors import Cause, DeviceAbsent
@@ -78,6 +78,28 @@ def test_the_document_has_the_mean_of_the_newest_readings_in_kpa() -> None:
     assert (document.state, document.model, document.readings) == ("ready", "scripted logger", 3)
     assert {name: one.kpa for name, one in document.channels.items()} == {"pulsation": 41.5, "liner": 40.5}
     assert document.channels["liner"].calibrated == "2026-02-03"
+
+
+def test_a_logger_is_unsettled_until_its_clock_is_known_to_the_wanted_sigma() -> None:
+    _, _, loggers, (tank,) = watched("tank")
+    own_clock = replace(INFO, dating=Dating.OWN_CLOCK)
+    assert loggers.unsettled(1000) == ["tank"]
+    tank.opened(own_clock)
+    tank.came(1, ())
+    assert loggers.unsettled(1000) == ["tank"]
+    kpa = readings_at([1]).values[:, :2]
+    for time_ns, sigma_ns, unsettled in ((1, 1001, ["tank"]), (2, 1000, [])):
+        part = Part(time_ns, np.array([time_ns]), kpa, kpa, (), own_clock.dating, sigma_ns)
+        loggers._loggers["tank"].feed.put(part)
+        assert loggers.unsettled(1000) == unsettled
+
+
+def test_waiting_settles_neither_a_logger_that_failed_nor_one_without_a_clock() -> None:
+    _, _, loggers, (tank, hose) = watched("tank", "hose")
+    tank.failed(ABSENT, DeviceState.ABSENT)
+    hose.opened(replace(INFO, dating=Dating.ARRIVAL))
+    hose.came(1, ())
+    assert loggers.unsettled(1000) == []
 
 
 def test_a_logger_that_gives_nothing_shows_no_old_value() -> None:

@@ -7,7 +7,8 @@ import pytest
 
 from grabberd.acquisition import FieldOrder, GrabbedField, Outcome, Signal, Slot, StreamInfo
 from grabberd.config import DeviceConfig, RingConfig, ThresholdConfig
-from grabberd.field import Field, double_lines
+from grabberd.errors import InputError
+from grabberd.field import PROGRESSIVE, Field, double_lines
 from grabberd.service.device.field_pipeline import FieldPipeline
 from grabberd.service.device.threshold_keeper import UNDECIDED_THRESHOLD
 from grabberd_fake import FakeGrabber, JumpingClock
@@ -152,6 +153,20 @@ def test_arming_for_other_bits_or_lines_exchanges_the_ring(bits: int, lines: str
     assert configured is one.ring is not before
     assert reader.ended
     assert one.configure_ring(bits, lines) is configured, "it is configured for them already"
+
+
+def test_a_progressive_picture_has_all_its_lines_so_none_are_doubled() -> None:
+    one = pipeline()
+    one.opened(replace(INFO, field_order=FieldOrder.PROGRESSIVE, standard=""), now_ns(0))
+    whole = [grabbed(n)._replace(field=Field.progressive(grabbed(n).field.luma)) for n in range(3)]
+    slots = [take(one, picture, Signal.PRESENT, now_ns(n)) for n, picture in enumerate(whole)]
+    kept = [slot.numbered.packed for slot in slots if slot.numbered]
+    assert [(packed.rows, packed.y_step, packed.parity) for packed in kept] == [(32, 1, PROGRESSIVE)] * 3
+    assert [slot.n for slot in slots] == [0, 1, 2]
+    assert (one.ring.bits, one.ring.lines) == (1, "field")
+    assert one.configure_ring(1, None) is one.ring
+    with pytest.raises(InputError, match="lacks no lines"):
+        one.configure_ring(1, "doubled")
 
 
 def liner(count: int, **spoiled: object) -> list[GrabbedField]:

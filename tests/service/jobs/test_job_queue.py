@@ -21,7 +21,9 @@ from grabberd.service.jobs.job_queue import KEPT
 from grabberd.service.jobs.job_rows import MOST_ATTEMPTS
 from grabberd.service.jobs.job_spec import JobSpec
 from grabberd.service.jobs.kinds import KINDS
+from grabberd.service.jobs.liner_test import LinerTestJob
 from grabberd.service.jobs.measurement import MeasurementJob
+from grabberd.service.profiles.profiles import FoundProfiles
 from grabberd.storage.state.job_store import QUEUE
 
 CALIBRATE = {
@@ -37,6 +39,12 @@ ONE_OF_EACH: list[JobSpec] = [
     CalibrationJob.model_validate({key: value for key, value in CALIBRATE.items() if key != "kind"}),
     CheckJob(subject="c1", seconds=0.4, calibration_frame={}, calibration={"id": "k"}, in_place=True),
     IdentificationJob(subject="c1", calibration_frame={"name": "paper-108"}),
+    LinerTestJob(
+        subject="c2",
+        test="artificial-teat",
+        others=("c1",),
+        profiles={"c1": FoundProfiles({"known_kpa": "2"}, []), "c2": FoundProfiles({}, [])},
+    ),
     MeasurementJob(subject="c1", made_with={"settings": {"line_jitter_px": 0.1 + 0.2}}),
 ]
 
@@ -143,6 +151,16 @@ def test_a_job_that_took_the_daemon_with_it_in_every_attempt_fails(tmp_path: Pat
     assert failed.problem.message.endswith("in each of 3 attempts")
     assert failed.problem.hint
     assert jobs_in(tmp_path).queue.get(failed.id) == failed
+
+
+def test_the_capture_of_such_an_analysis_is_known_not_to_be_tried_again(tmp_path: Path) -> None:
+    number = begun(jobs_in(tmp_path), AnalysisJob(subject="c1"))
+    for _ in range(MOST_ATTEMPTS - 1):
+        assert jobs_in(tmp_path).queue.begin(number)
+    for _ in range(2):
+        known = jobs_in(tmp_path).queue.unanalysed("c1")
+        assert known is not None
+        assert (known.state, "in each of 3 attempts" in known.problem) == ("failed", True)
 
 
 def test_an_ended_job_keeps_its_result_and_not_its_parameters(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Captures that are sealed are queued for analysis: each once, whatever happens between seal and queue."""
+"""Captures that are sealed are queued for analysis or test: each once, whatever happens in between."""
 
 from datetime import timedelta
 from pathlib import Path
@@ -16,17 +16,21 @@ from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.named_types import JsonObject
 from grabberd.documents.states import JobState
 from grabberd.errors import ConfigError, StorageError
+from grabberd.processes.liner_tests.recipes import RECIPES
 from grabberd.service.archive.archive import Archive
 from grabberd.service.archive.capture_analyses import CaptureAnalyses
 from grabberd.service.jobs import job_queue
 from grabberd.service.jobs.analysis import AnalysisJob
-from grabberd.service.jobs.analysis_inputs import check_analysis_inputs, inputs_of
+from grabberd.service.jobs.analysis_inputs import check_analysis_inputs, inputs_of, inputs_of_test
 from grabberd.service.jobs.check_job import NOTE as CHECK
+from grabberd.service.jobs.liner_test import LinerTestJob
 from grabberd.service.jobs.sealed_analyses import AGAIN_S, SealedAnalyses
 from grabberd.service.profiles.profiles import FoundProfiles, Profiles
 from grabberd.service.setup import DeviceSetup, set_up
 from grabberd.storage.state.analysis_store import AnalysisStore
+from grabberd.storage.state.annotation_store import Annotation
 from grabberd.storage.state.state_store import StateStore
+from processes.analysis.profiling import LINER, MATERIAL, PULSATOR
 from processes.milking import still
 from storage.captures import slots, write
 from storage.milkings import milking
@@ -250,6 +254,126 @@ def test_a_full_queue_is_waited_for(barn: Barn, monkeypatch: pytest.MonkeyPatch)
     barn.seconds += AGAIN_S
     barn.sealing.look()
     assert barn.queued == ["c2"]
+
+
+# --- guided tests ---
+
+
+def test_a_capture_whose_label_names_a_test_is_tested_whether_or_not_its_device_analyses(
+    tmp_path: Path, clock: ManualClock
+) -> None:
+    barn = Barn(tmp_path, clock, setups_of(tmp_path, when_sealed=False))
+    barn.profiles.put({"kind": "liner", "name": "A"})
+    barn.seal("c1", labels={"test": "ramp", "liner": "A"})
+    barn.seal("c2", labels={"liner": "A"})
+    barn.sealing.look()
+    entry = barn.jobs.queue.first(lambda: False)
+    assert entry is not None
+    assert isinstance(entry.spec, LinerTestJob)
+    assert (entry.spec.subject, entry.spec.test, entry.job.automatic) == ("c1", "ramp", True)
+    assert [one.name for one in entry.spec.profiles["c1"].profiles] == ["A"]
+    assert barn.queued == ["c1"]
+    assert barn.archive.document("c1").analysis == CaptureAnalysis(state="queued", job=entry.job.id)
+
+
+def test_its_test_is_its_analysis_where_the_device_has_captures_analysed(barn: Barn) -> None:
+    barn.seal("c1", labels={"test": "milking"})
+    for _ in range(2):
+        barn.sealing.look()
+        barn.sealing.sealed("c1", DEVICE)
+    assert [(job.subject, job.kind) for job in barn.jobs.queue.list()] == [("c1", "test")]
+
+
+def test_one_that_a_crash_kept_from_its_test_is_found_at_the_next_start(
+    tmp_path: Path, clock: ManualClock
+) -> None:
+    setups = setups_of(tmp_path, when_sealed=False)
+    before = Barn(tmp_path, clock, setups)
+    clock.advance(60)
+    for name, labels in (("c1", {"test": "ramp"}), ("c2", {}), ("c3", {"test": "reference"})):
+        before.seal(name, told=False, labels=labels)
+    after = Barn(tmp_path, clock, setups)
+    after.sealing.look()
+    assert sorted(after.queued) == ["c1", "c3"]
+    again = Barn(tmp_path, clock, setups)
+    again.sealing.look()
+    assert sorted(again.queued) == ["c1", "c3"]
+
+
+def test_one_that_was_labelled_after_it_was_sealed_is_found_then_too(
+    tmp_path: Path, clock: ManualClock
+) -> None:
+    setups = setups_of(tmp_path, when_sealed=False)
+    Barn(tmp_path, clock, setups).seal("c1", told=False)
+    after = Barn(tmp_path, clock, setups)
+    after.archive.annotations = lambda: {"c1": Annotation(labels={"test": "ramp"})}
+    after.archive._annotation = after.archive.annotations().__getitem__  # type: ignore[assignment]
+    after.sealing.look()
+    assert after.queued == ["c1"]
+
+
+def test_a_test_that_failed_or_was_cancelled_is_not_tried_again(tmp_path: Path, clock: ManualClock) -> None:
+    setups = setups_of(tmp_path, when_sealed=False)
+    before = Barn(tmp_path, clock, setups)
+    for name in ("c1", "c2"):
+        before.seal(name, labels={"test": "ramp"})
+    before.sealing.look()
+    second, first = before.jobs.queue.list()
+    before.jobs.queue.cancel(second.id)
+    before.jobs.queue.end(int(first.id[4:]), JobState.FAILED, problem=JobProblem(message="m", hint="h"))
+    after = Barn(tmp_path, clock, setups)
+    after.sealing.look()
+    assert after.queued == []
+    states = [analysis and analysis.state for name in ("c1", "c2") if (analysis := after.analyses.of(name))]
+    assert states == ["failed", "cancelled"]
+
+
+def test_captures_of_a_test_that_compares_several_wait_for_somebody_to_ask(barn: Barn) -> None:
+    barn.seal("c1", labels={"test": "artificial-teat", "known_kpa": "2"})
+    barn.sealing.look()
+    assert barn.queued == []
+    assert barn.archive.document("c1").analysis is None
+
+
+def test_a_label_that_names_no_test_is_told_of_and_the_capture_is_an_ordinary_one(
+    barn: Barn, caplog: pytest.LogCaptureFixture
+) -> None:
+    barn.seal("c1", labels={"test": "rampp"})
+    barn.sealing.look()
+    assert [job.kind for job in barn.jobs.queue.list()] == ["analyse"]
+    assert "there is none 'rampp', but reference, ramp" in caplog.text
+
+
+def test_a_test_without_points_says_so(barn: Barn) -> None:
+    path = write(
+        barn.captures, slots(2), name="c1", id="c1", device={"name": DEVICE}, labels={"test": "reference"}
+    )
+    barn.archive.index.add(path)
+    barn.sealing.sealed("c1", DEVICE)
+    barn.sealing.look()
+    analysis = barn.archive.document("c1").analysis
+    assert analysis is not None
+    assert analysis.problem is not None
+    assert "was not measured" in analysis.problem.message
+
+
+@pytest.mark.parametrize(
+    ("kind", "profiles", "left"),
+    [
+        ("milking", [], {"material", "vacuum", "reference", "plane"}),
+        ("ramp", [], {"material", "plane"}),
+        ("reference", [], {"material", "plane"}),
+        ("milking", [LINER, PULSATOR], {"plane"}),
+    ],
+)
+def test_a_test_takes_of_its_device_what_neither_recipe_nor_profile_states(
+    tmp_path: Path, clock: ManualClock, kind: str, profiles: list[dict[str, Any]], left: set[str]
+) -> None:
+    inputs = {"material": MATERIAL, "vacuum": {}, "reference": {"field": 0}, "plane": "symmetry"}
+    device = setups_of(tmp_path, inputs)[DEVICE]
+    stored = Barn(tmp_path, clock).profiles
+    found = FoundProfiles({}, [stored.put(one).document for one in profiles])
+    assert inputs_of_test(RECIPES[kind], found, device).keys() == left
 
 
 # --- inputs ---

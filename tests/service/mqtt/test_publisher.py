@@ -19,10 +19,14 @@ from running import PATIENCE_S, configuration, sealed, wait_until_it_accepts
 
 from grabberd.config import MqttConfig, MqttTlsConfig, default_config_file, shipped_configs
 from grabberd.documents.job_problem import JobProblem
+from grabberd.documents.jobs import JobDocument
+from grabberd.documents.results import LinerTestResult
 from grabberd.documents.state import MqttDocument
+from grabberd.documents.states import JobState
 from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
+from storage.liner_tests import stored_test
 
 BARN = "Stall 3/Nord"
 START = "grabberd/Stall%203%2FNord"
@@ -113,6 +117,32 @@ def test_the_latest_analysis_of_a_device_is_retained(tmp_path: Path) -> None:
             assert message is not None
             assert (message["capture_id"], message["state"]) == (capture_id, "failed")
             assert (message["problem"], message["quantities"]) == (problem.message, {})
+
+
+@needs_mosquitto
+def test_so_is_its_latest_guided_test(tmp_path: Path) -> None:
+    with broker(tmp_path) as known, receiver(known.port) as heard:
+        with publishing(tmp_path / "state", known.port) as service:
+            capture_id = capture(service)
+            test_id = stored_test(service.liner_tests.store)
+            job = JobDocument(
+                id=test_id,
+                kind="test",
+                subject=capture_id,
+                state=JobState.DONE,
+                created_utc="2026-03-01T09:40:00.000Z",
+                progress=1.0,
+                result=LinerTestResult(test=test_id, kind="ramp", verdict="passed", analyses=[1]),
+            )
+            service.liner_tests.ended(job)
+            heard.until(lambda: heard.latest("/simulated/test") is not None)
+        with receiver(known.port, "later") as later:
+            later.until(lambda: later.latest("/simulated/test") is not None)
+            message = later.latest(f"{START}/devices/simulated/test")
+            assert message is not None
+            assert (message["capture_id"], message["test"], message["state"]) == (capture_id, test_id, "done")
+            assert (message["kind"], message["liner"], message["verdict"]) == ("ramp", "A", "passed")
+            assert message["quantities"] == {"touch_kpa": {"value": 12.38, "sigma": 0.21, "unit": "kPa"}}
 
 
 @needs_mosquitto

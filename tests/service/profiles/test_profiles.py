@@ -9,6 +9,7 @@ import pytest
 
 from grabberd.errors import Conflict, InputError, NotFound, StorageError
 from grabberd.processes.analysis.profile import quantity_problems
+from grabberd.service.own_process import OwnProcesses
 from grabberd.service.profiles.profile_text import read_profile
 from grabberd.service.profiles.profiles import Profiles, check_name
 from grabberd.service.profiles.quantity_process import problems_in_process
@@ -136,18 +137,21 @@ def test_a_backup_has_all_versions(tmp_path: Path) -> None:
 
 
 def test_the_process_finds_what_is_wrong_as_the_daemon_would(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, processes: OwnProcesses
 ) -> None:
     (tmp_path / "grabberd.py").write_text("raise SystemExit('a module of the current folder')")
     monkeypatch.chdir(tmp_path)
     wrong = changed(LINER, "material.E_mpa", float("nan"))
-    assert problems_in_process(LINER) == []
-    assert [words.replace("NaN", "nan") for words in problems_in_process(wrong)] == quantity_problems(wrong)
-    assert problems_in_process({**LINER, 7: "seven", "lot": {1, 2}}) == []
+    assert problems_in_process(processes, LINER) == []
+    found = problems_in_process(processes, wrong)
+    assert [words.replace("NaN", "nan") for words in found] == quantity_problems(wrong)
+    assert problems_in_process(processes, {**LINER, 7: "seven", "lot": {1, 2}}) == []
 
 
-def test_a_process_that_does_not_answer_is_an_error_of_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_that_does_not_answer_is_an_error_of_the_machine(
+    monkeypatch: pytest.MonkeyPatch, processes: OwnProcesses
+) -> None:
     monkeypatch.setattr("grabberd.service.profiles.quantity_process.PROGRAM", "raise SystemExit(3)")
     with pytest.raises(StorageError, match="does not answer"):
-        problems_in_process(LINER)
-    assert problems_in_process(COW) == []
+        problems_in_process(processes, LINER)
+    assert problems_in_process(processes, COW) == []

@@ -8,9 +8,13 @@ import pytest
 
 from grabberd.acquisition import Outcome
 from grabberd.errors import InputError, NotFound, StorageError
-from grabberd.field import unpack
+from grabberd.field import Field, quantise, unpack
 from grabberd.storage import export_png, field_png
 from storage.captures import COLUMNS, ROWS, packed, slot, slots, write
+
+
+def replace_packed(one, packed):
+    return one._replace(numbered=one.numbered._replace(packed=packed))
 
 
 def picture(data):
@@ -64,6 +68,17 @@ def test_intact_fields_can_be_woven_into_frames(tmp_path):
     alone = picture((tmp_path / "out" / "frame-00000005.png").read_bytes())
     assert not alone[0::2].any()
     np.testing.assert_array_equal(alone[1::2], packed(5, 8).data[0])
+
+
+def test_progressive_pictures_stay_whole_when_fields_are_woven(tmp_path):
+    whole = Field.progressive(np.arange(ROWS * COLUMNS, dtype=np.uint8).reshape(ROWS, COLUMNS))
+    taken = [replace_packed(slot(n, bits=8), quantise(whole, 8, 60)) for n in range(2)]
+    assert export_png(write(tmp_path, taken), tmp_path / "out", woven=True) == 2
+    assert [(row["parity"], row["y0"], row["y_step"]) for row in manifest(tmp_path / "out")] == [
+        ("2", "0", "1")
+    ] * 2
+    again = picture((tmp_path / "out" / "frame-00000001.png").read_bytes())
+    np.testing.assert_array_equal(again, whole.luma)
 
 
 def test_doubled_fields_cannot_be_woven(tmp_path):

@@ -11,6 +11,7 @@ from grabberd.storage import export_c3d, points_c3d
 from grabberd.storage.export.c3d_file import MOST_FRAMES, Markers, c3d_frames, c3d_head, c3d_padding
 from storage.captures import MADE_WITH, META, points, slot, slots, write
 from storage.milkings import object_document
+from storage.readings import readings, write_with_channels
 
 LOST = 3
 """Fields that are lost after the third."""
@@ -224,3 +225,50 @@ def test_without_a_point_there_is_no_marker_and_no_file(tmp_path):
     with pytest.raises(NotFound):
         export_c3d(path, tmp_path / "out", run=2)
     assert not (tmp_path / "out").exists()
+
+
+# --- channels ---
+
+
+@pytest.fixture
+def with_channels(tmp_path):
+    """Ten fields, two of which are lost, with two channels of 200 readings a second."""
+    taken = [*slots(3), *(slot(n, lost=2 if n == 5 else 0) for n in range(5, 10))]
+    return write_with_channels(tmp_path, taken, measured=[0, 1, 2, 5, 6])
+
+
+def expected_kpa(channel):
+    value = readings(0, 40, channel=channel).value
+    return 101.3 - 0.1 * value if channel == 0 else value
+
+
+def test_channels_are_analog_at_a_multiple_of_the_rate_of_the_frames(with_channels, tmp_path):
+    ezc3d = pytest.importorskip("ezc3d")
+    (tmp_path / "read.c3d").write_bytes(content(with_channels))
+    read = ezc3d.c3d(str(tmp_path / "read.c3d"))
+    parameters = read["parameters"]["ANALOG"]
+    assert values(parameters["LABELS"]) == ["pulsation", "liner"]
+    assert values(parameters["UNITS"]) == ["kPa", "kPa"]
+    assert values(parameters["RATE"])[0] == 200.0
+    analogs = read["data"]["analogs"][0]
+    assert analogs.shape == (2, 40)
+    for channel in (0, 1):
+        np.testing.assert_allclose(analogs[channel, :32], expected_kpa(channel)[:32], rtol=1e-6)
+    assert np.isnan(analogs[:, 32:]).all()
+    assert read["data"]["points"].shape[2] == 10
+
+
+def test_another_library_reads_the_same_channels_and_points(with_channels, tmp_path):
+    c3d = pytest.importorskip("c3d")
+    (tmp_path / "read.c3d").write_bytes(content(with_channels))
+    with (tmp_path / "read.c3d").open("rb") as file:
+        reader = c3d.Reader(file)
+        frames = list(reader.read_frames())
+    assert reader.analog_per_frame == 4
+    analog = np.concatenate([one for _, _, one in frames], axis=1)
+    np.testing.assert_allclose(analog[0, :12], expected_kpa(0)[:12], rtol=1e-6)
+    assert [(one[:, 3] >= 0).any() for _, one, _ in frames] == [n in (0, 1, 2, 5, 6) for n in range(10)]
+
+
+def test_a_file_with_channels_is_read_back_with_them(with_channels, tmp_path):
+    assert export_c3d(with_channels, tmp_path / "out") == sum(len(points(n)) for n in (0, 1, 2, 5, 6))

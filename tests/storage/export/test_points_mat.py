@@ -16,6 +16,7 @@ from grabberd.storage.export.points_columns import GRID_COLUMNS
 from storage.captures import MADE_WITH, META, PERIOD_NS, points, slot, slots, write
 from storage.mat_files import by_matio
 from storage.milkings import object_document
+from storage.readings import readings, write_with_channels
 
 LOST = 3
 MEASURED = (0, 1, 2, 6, 7, 9)
@@ -166,3 +167,22 @@ def test_nothing_is_overwritten_and_a_run_must_exist(capture, tmp_path):
     with pytest.raises(NotFound):
         export_mat(capture, tmp_path / "other", run=2)
     assert not (tmp_path / "other").exists()
+
+
+# --- channels ---
+
+
+def test_every_reading_of_a_channel_is_there_at_its_own_time(tmp_path):
+    path = write_with_channels(tmp_path, slots(10), measured=[0, 1])
+    export_mat(path, tmp_path / "out")
+    channels = by_matio(tmp_path / "out" / "points.mat")["channels"]
+    assert (channels["name"], channels["unit"]) == (["pulsation", "liner"], ["mbar", "kPa"])
+    shown = readings(0, 40)
+    time_s, value, kpa = (np.ravel(channels[name][0]) for name in ("time_s", "value", "vacuum_kpa"))
+    np.testing.assert_allclose(time_s, (shown.time_ns - shown.time_ns[0]) / 1e9, atol=1e-12)
+    np.testing.assert_array_equal(value, shown.value)
+    np.testing.assert_allclose(kpa, 101.3 - 0.1 * shown.value)
+
+
+def test_a_capture_without_channels_has_no_such_variable(read):
+    assert "channels" not in read

@@ -22,9 +22,12 @@ def test_of_most_captures_nothing_is_said(store: AnnotationStore) -> None:
 def test_what_was_said_last_stands(store: AnnotationStore) -> None:
     store.put("one", Annotation(pinned=True, note="ü"))
     store.put("one", Annotation(pinned=True, note="", labels={"cow": "112"}))
-    store.put("two", Annotation(labels={}))
+    store.put("two", Annotation(labels={}, marks={120: "kick", 7: "closes"}))
     assert store.get("one") == Annotation(pinned=True, note="", labels={"cow": "112"})
-    assert store.all() == {"one": store.get("one"), "two": Annotation(labels={})}
+    assert store.all() == {
+        "one": store.get("one"),
+        "two": Annotation(labels={}, marks={120: "kick", 7: "closes"}),
+    }
 
 
 def test_it_is_forgotten_with_its_capture(store: AnnotationStore) -> None:

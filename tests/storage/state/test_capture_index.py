@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 
+from grabberd.acquisition import Outcome
 from grabberd.errors import NotFound, StorageError
-from grabberd.storage import CaptureIndex
+from grabberd.storage import CaptureIndex, CaptureReader
 from grabberd.storage.guarded_database import open_tables
 from grabberd.storage.state import capture_index
 from grabberd.storage.state.entry_process import read_entries
-from storage.captures import slots, write
+from storage.captures import slot, slots, write
 
 
 @pytest.fixture
@@ -229,6 +230,10 @@ def test_an_index_of_another_schema_is_made_again(archive, statement):
         "labels = '[1]'",
         "labels = '{\"cow\": {}}'",
         "labels = x'00'",
+        "verdict = 7",
+        "length = 'long'",
+        "widths = '{}'",
+        "widths = '[\"wide\"]'",
     ],
 )
 def test_a_forged_entry_leads_to_no_other_file(archive, change):
@@ -404,3 +409,48 @@ def test_what_was_kept_out_and_is_gone_meanwhile_is_not_entered(tmp_path, monkey
             index.add(path)
     path.unlink()
     assert index.list() == []
+
+
+def test_an_entry_says_how_long_and_how_whole_a_capture_is(tmp_path):
+    taken = [slot(0), slot(5, lost=2), slot(6, Outcome.DAMAGED, "torn")]
+    write(tmp_path, taken, measured=[0, 5], name="c1", id="c1")
+    write(tmp_path, slots(3), name="c2", id="c2")
+    index = CaptureIndex(tmp_path)
+    index.rebuild()
+    lossy, whole = index.get("c1"), index.get("c2")
+    with CaptureReader(tmp_path / "c1.grab") as reader:
+        counts = reader.ledger.counts()
+    assert (lossy.verdict, lossy.length, lossy.runs, lossy.calibration) == ("incomplete", 7, 1, "rig-7")
+    assert lossy.losses == sum(counts.values()) - counts[Outcome.RECEIVED]
+    assert (whole.verdict, whole.length, whole.losses, whole.runs, whole.calibration) == (
+        "complete",
+        3,
+        0,
+        0,
+        "",
+    )
+
+
+def test_widths_are_kept_over_a_rebuild_but_not_for_a_file_that_has_changed_since(archive):
+    index = CaptureIndex(archive)
+    index.rebuild()
+    known = index.get("c2")
+    index.keep_widths(known, "[1.5, null]")
+    index.keep_widths(index.get("c1")._replace(changed_ns=1), "[2.5]")
+    CaptureIndex(archive).rebuild()
+    assert [index.get(one).widths for one in ("c1", "c2")] == ["", "[1.5, null]"]
+    (archive / "c2.grab").unlink()
+    write(archive, slots(3), name="c2", id="c2")
+    index.add(archive / "c2.grab")
+    assert index.get("c2").widths == ""
+
+
+def test_whoever_asks_is_told_which_entries_have_changed(archive):
+    told = []
+    index = CaptureIndex(archive)
+    index.changed = told.append
+    index.rebuild()
+    index.add(write(archive, slots(2), name="c4", id="c4", created_utc="2026-03-04T09:00:00.000Z"))
+    index.remove("c1")
+    assert told == [None, "c4", "c1"]
+    assert sorted(entry.id for entry in index.some(["c4", "c1", "c2"])) == ["c2", "c4"]

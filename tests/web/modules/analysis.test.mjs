@@ -1,8 +1,8 @@
 // The inputs of an analysis as they are filled in, and what is shown of an earlier one.
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { ENDS, inputsOf, lacksOf, missingOf, valuesOf } from "../../../src/grabberd/web/static/js/analysis/inputs.js";
-import { meanCycle } from "../../../src/grabberd/web/static/js/scene/capture_source.js";
+import { inputsOf, missingOf, valuesOf } from "../../../src/grabberd/web/static/js/analysis/inputs.js";
+import { createMapSource } from "../../../src/grabberd/web/static/js/replay/map_source.js";
 
 const WALL = {
   material: "neo_hookean", "material.E_mpa": "3", "material.wall_mm": "2.5", "material.poisson": "0.5", "material.F0_n": "60",
@@ -16,18 +16,9 @@ test("the ends that hold the liner are part of its wall", () => {
   assert.deepEqual(valuesOf({ material }).values, HELD);
 });
 
-test("without both ends the wall is complete, but there is no pressure, and it is said", () => {
+test("without both ends the wall is complete", () => {
   const { "material.last_end_mm": _, ...one } = HELD;
-  for (const values of [WALL, one]) {
-    assert.deepEqual(missingOf(values, ""), []);
-    assert.ok(lacksOf(values).includes(ENDS));
-  }
-  assert.ok(!lacksOf(HELD).includes(ENDS));
-});
-
-test("without a wall nobody is asked for its ends", () => {
-  assert.ok(lacksOf({}).includes("material"));
-  assert.ok(!lacksOf({}).includes(ENDS));
+  for (const values of [WALL, one]) assert.deepEqual(missingOf(values, ""), []);
 });
 
 test("an earlier analysis without today's inputs is taken over as it is, its removed ones left out", () => {
@@ -35,17 +26,46 @@ test("an earlier analysis without today's inputs is taken over as it is, its rem
   assert.deepEqual(values, { material: "neo_hookean", "material.E_mpa": "3", ".sought_kpa": "1" });
 });
 
-/** @param {boolean} outdated */
-const quantitiesOf = async (outdated) => {
-  const table = (name, values) => ({ columns: [{ name, values }] });
-  const placed = { target: [1], x_mm: [0], y_mm: [0], z_mm: [0], contact_kpa: [3], strain1: [0.1], overpressure_kpa: [1] };
-  const api = { get: async (path) => (path.includes("/maps") ? { field: null, phase: 0, units: {}, columns: placed } : { tables: { phases: table("phase", [0]), summary: table("period_s", [1]) } }) };
-  const grid = { target: [1], index: new Map([[1, 0]]), nominal_mm: new Float32Array(3) };
-  const opened = { capture: { id: "one" }, grid, analyses: [{ analysis: 1, outdated_pressure: outdated }] };
-  return (await meanCycle(api, opened, 1)).quantities;
-};
+test("a light in the picture relates the clocks, and needs no number", () => {
+  const values = { "vacuum.pulsation": "log", "vacuum.liner": "log", "vacuum.clock": "light" };
+  const { vacuum } = inputsOf(values);
+  assert.deepEqual(vacuum, { pulsation: "log", liner: "log", offset: "light" });
+  assert.deepEqual(missingOf(values, "time_s,…"), []);
+  assert.deepEqual(valuesOf({ vacuum }).values, values);
+});
 
-test("pressures of the earlier, wrong way do not colour the wall", async () => {
-  assert.deepEqual(await quantitiesOf(false), ["contact_kpa", "strain1", "displacement_mm"]);
-  assert.deepEqual(await quantitiesOf(true), ["strain1", "displacement_mm"]);
+test("a known offset and a known lag keep their numbers", () => {
+  for (const clock of [{ offset: { s: 12.3, sigma_s: 0.01 } }, { lag: { opening_s: 0.02, closing_s: 0.03, sigma_s: 0.005, near_s: 12 } }]) assert.deepEqual(inputsOf(valuesOf({ vacuum: clock }).values).vacuum, clock);
+});
+
+test("the capture's own channels are taken over, and no file is asked for", () => {
+  const { values, dropped } = valuesOf({ vacuum: { pulsation: "channel", liner: { kpa: 42, sigma_kpa: 0.5 } } });
+  assert.deepEqual(inputsOf(values).vacuum, { pulsation: "channel", liner: { kpa: 42, sigma_kpa: 0.5 } });
+  assert.deepEqual([missingOf(values, ""), dropped], [[], []]);
+});
+
+/** @param {boolean} outdated */
+function mapsOf(outdated) {
+  const table = (columns) => ({ columns: Object.entries(columns).map(([name, values]) => ({ name, values })) });
+  const tables = { fields: table({ n: [4, 5], phase: [0.1, 0.6] }), phases: table({ phase: [0, 0.5] }) };
+  const document = { tables, states: [{ targets: table({ contact_kpa: [3], strain1: [0.1] }) }] };
+  const asked = [];
+  const api = { get: async (path) => { asked.push(path.split("?")[1]); return { path }; } };
+  return { asked, source: createMapSource(api, "one", { row: { analysis: 1, outdated_pressure: outdated }, document }, () => {}) };
+}
+
+test("pressures of the earlier, wrong way do not colour the wall", () => {
+  assert.deepEqual(mapsOf(false).source.quantities.map(({ name }) => name), ["contact_kpa", "strain1"]);
+  assert.deepEqual(mapsOf(true).source.quantities.map(({ name }) => name), ["strain1"]);
+});
+
+test("a map is that of the field itself, or of the nearest phase of its cycle", async () => {
+  const { asked, source } = mapsOf(false);
+  source.want("field", [5, 6]);
+  source.want("phase", [5]);
+  await new Promise((resolve) => setImmediate(resolve));
+  assert.deepEqual(asked, ["field=5", "phase=0.5"]);
+  assert.match(source.at("field", 5).path, /field=5/);
+  assert.match(source.at("phase", 5).path, /phase=0.5/);
+  assert.deepEqual([source.at("field", 4), source.at("field", 6)], [undefined, null]);
 });

@@ -1,54 +1,65 @@
-// The light of captures and settings: what is wrong with the daemon itself.
+// The lights and the big state, from the health that the daemon makes.
 import assert from "node:assert/strict";
 import test from "node:test";
-import { judge } from "../../../src/grabberd/web/static/js/lights/judge.js";
+import { IDS, judge } from "../../../src/grabberd/web/static/js/lights/judge.js";
+import { situationOf } from "../../../src/grabberd/web/static/js/operate/situation.js";
 
-const FAULT = { cause_code: "settings_lost", level: "fault", message: "lost", hint: "restore", since_utc: "2026-03-01T09:30:00.000Z" };
-const DEVICE = {
-  name: "cup", state: "ready", signal: "present", rate_hz: 50, stream: { rate_hz: 50 }, ring: { waiting: 0, slots: 32 },
-  fields: {}, lacks: [], calibration: { id: "rig", age_days: 1 }, rig: null, cause: null, hint: null, cause_code: null,
-  computer: { cause: null, hint: null, cause_code: null, since_utc: null },
-};
-const NO_LOSSES = { enter() {}, losses: () => ({ lost: 0, all: 0 }) };
+const GOOD = { level: "good", word: "good", message: "", hint: "", cause_code: null, since_utc: null };
+const LOST = { ...GOOD, level: "bad", word: "some", message: "400 of 500 fields did not come whole", hint: "end other programs" };
 
-function light(faults, storage = {}) {
-  const state = { devices: { cup: DEVICE }, faults, storage: { minutes_left: 100, cause_code: null, problem: null, ...storage } };
-  const known = { state, device: "cup", connection: { online: true }, clockOffset_ms: 0 };
-  return judge(known, NO_LOSSES).find((one) => one.id === "records");
+function known(parts = {}, changes = {}, rest = {}) {
+  const worst = Object.keys(parts)[0] ?? null;
+  const health = { level: worst ? parts[worst].level : "good", part: worst, start: worst ? "doubtful" : "allowed", parts: { ...Object.fromEntries(IDS.map((id) => [id, GOOD])), ...parts } };
+  const device = {
+    name: "cup", state: "ready", since_utc: "2026-03-01T09:30:00.000Z", rate_hz: 50, stream: { rate_hz: 50 }, ring: { waiting: 0, slots: 32 },
+    last_minute: { due: 500, lost: 0 }, calibration: { id: "rig", age_days: 1 }, live: { points: 72 }, health, ...changes,
+  };
+  const state = { devices: { cup: device }, faults: [], storage: { minutes_left: 100 } };
+  return { state, device: "cup", connection: { online: true, since: 0 }, clockOffset_ms: 0, ...rest };
 }
 
-test("a daemon without faults is in order", () => {
-  assert.deepEqual(light([]), { id: "records", level: "good", word: "good" });
+const light = (id, ...of) => judge(known(...of)).find((one) => one.id === id);
+
+test("every light is what the daemon says of it", () => {
+  assert.deepEqual(judge(known()).map(({ id, level }) => [id, level]), IDS.map((id) => [id, "good"]));
+  const lost = light("lost", { lost: LOST }, { last_minute: { due: 500, lost: 400 } });
+  assert.deepEqual([lost.level, lost.word, lost.values, lost.said], ["bad", "some", { n: 400 }, [LOST.message, LOST.hint]]);
 });
 
-test("what a person has to act on is bad, with its code, its moment and the daemon's words", () => {
-  const { level, word, code, since, said } = light([FAULT]);
-  assert.deepEqual([level, word, code, since, said], ["bad", "fault", "settings_lost", FAULT.since_utc, ["lost", "restore"]]);
+test("what the daemon does not know is not called good", () => {
+  assert.equal(light("rig", { rig: { ...GOOD, level: "unknown", word: "unknown" } }).level, "idle");
 });
 
-test("what repairs itself is a warning", () => {
-  assert.equal(light([{ ...FAULT, level: "warning", cause_code: "index_rebuilding" }]).level, "warn");
+test("without the daemon nothing is known", () => {
+  const lights = judge(known({}, {}, { connection: { online: false, since: 0 } }));
+  assert.deepEqual(new Set(lights.map((one) => one.level)), new Set(["idle"]));
 });
 
-test("a folder that is gone is told by the light of the disk alone", () => {
-  const gone = { ...FAULT, cause_code: "captures_missing" };
-  const disk = { cause_code: "captures_missing", minutes_left: null, problem: "gone" };
-  assert.equal(light([gone], disk).level, "good");
-  assert.equal(light([gone, FAULT], disk).code, "settings_lost");
+test("a clock that differs from this tablet's is told, unless the daemon's was never set", () => {
+  assert.equal(judge(known({}, {}, { clockOffset_ms: 60_000 })).find((one) => one.id === "clock").word, "ahead");
+  const unset = known({ clock: { ...GOOD, level: "warning", word: "unset" } }, {}, { clockOffset_ms: -60_000 });
+  assert.equal(judge(unset).find((one) => one.id === "clock").word, "unset");
 });
 
-function order(field_order) {
-  const state = { devices: { cup: { ...DEVICE, field_order } }, faults: [], storage: { minutes_left: 100, cause_code: null, problem: null } };
-  const known = { state, device: "cup", connection: { online: true }, clockOffset_ms: 0 };
-  return judge(known, NO_LOSSES).find((one) => one.id === "order");
-}
-
-test("fields in the wrong sequence are bad, with reasons and remedies", () => {
-  for (const wrong of ["reversed", "same_instant"]) assert.deepEqual(order({ order: wrong }), { id: "order", level: "bad", word: wrong, cause: wrong });
+test("a grabber that is ready but loses most fields is not shown as ready, and Start is doubtful", () => {
+  const { word, level, why, doubtful, worst } = situationOf(known({ lost: LOST }), true);
+  assert.deepEqual([word, level, why, doubtful, worst.id], ["troubled", "bad", null, true, "lost"]);
 });
 
-test("what an object at rest does not tell is not known yet", () => {
-  assert.equal(order({ order: "right" }).level, "good");
-  assert.equal(order({ order: "no_movement" }).level, "idle");
-  assert.equal(order(null).word, "unknown");
+test("a warning colours the state and leaves its word", () => {
+  const { word, level } = situationOf(known({ lost: { ...LOST, level: "warning" } }), true);
+  assert.deepEqual([word, level], ["ready", "warn"]);
+});
+
+test("a capture that runs is shown as one, in the colour of what is wrong", () => {
+  const running = { state: "capturing", capture_id: "c" };
+  assert.deepEqual([situationOf(known({ lost: LOST }, running), true).word, situationOf(known({ lost: LOST }, running), true).level], ["capturing", "bad"]);
+  assert.equal(situationOf(known({ lost: { ...LOST, level: "warning" } }, running), true).level, "busy");
+});
+
+test("a disk that cannot be read keeps Start from being offered", () => {
+  const full = known({ disk: { ...GOOD, level: "bad", word: "broken" } });
+  full.state.storage.minutes_left = null;
+  full.state.devices.cup.health.start = "refused";
+  assert.equal(situationOf(full, true).why, "broken");
 });

@@ -1,7 +1,8 @@
 // From what was filled in before Start to the capture that is requested.
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { requestOf, USUAL, wishFrom } from "../../../src/grabberd/web/static/js/operate/wish.js";
+import { progressOf } from "../../../src/grabberd/web/static/js/operate/progress.js";
+import { namesSubject, nextOf, requestOf, USUAL, wishFrom } from "../../../src/grabberd/web/static/js/operate/wish.js";
 
 test("a wish that was kept is taken over", () => {
   const kept = { ...USUAL, kind: "cycles", cycles: 30, ownPerMinute: 61.5, labels: { cow: "417" } };
@@ -21,4 +22,24 @@ test("the fields before the start count among those of the capture", () => {
 test("an armed capture counts its fields from the trigger", () => {
   const request = requestOf({ ...USUAL, kind: "stop", wait: true }, { devices: "all" }, 50);
   assert.deepEqual(request, { devices: "all", pre_trigger_fields: 0, labels: {}, note: "", armed: true, post_trigger_fields: null });
+});
+
+test("the next cow takes the liner along, and neither number, teat nor note", () => {
+  const wish = { ...USUAL, labels: { cow: "112", teat: "front left", liner: "A", name: "morning" }, note: "kicked", of: "c1" };
+  assert.equal(namesSubject(wish), true);
+  assert.deepEqual(nextOf(wish), { labels: { liner: "A", name: "morning" }, note: "", of: "" });
+  assert.equal(namesSubject({ ...wish, ...nextOf(wish) }), false);
+});
+
+test("a capture of a length has a share and a time left, one until stopped has neither", () => {
+  const capture = { trigger_utc: "2026-03-01T09:30:00.000Z", created_utc: "2026-03-01T09:29:59.000Z", pre_trigger_fields: 25, length_fields: 500 };
+  const at_ms = Date.parse("2026-03-01T09:30:02.000Z");
+  assert.deepEqual(progressOf(capture, at_ms, 50), { done_s: 2.5, left_s: 7.5, share: 0.25 });
+  assert.deepEqual(progressOf({ ...capture, length_fields: null }, at_ms, 50), { done_s: 2.5, left_s: null, share: null });
+});
+
+test("a capture is never more than whole, nor less than begun", () => {
+  const capture = { trigger_utc: null, created_utc: "2026-03-01T09:30:00.000Z", pre_trigger_fields: 0, length_fields: 50 };
+  assert.equal(progressOf(capture, Date.parse("2026-03-01T09:31:00.000Z"), 50).share, 1);
+  assert.equal(progressOf(capture, Date.parse("2026-03-01T09:29:00.000Z"), 50).done_s, 0);
 });

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 
 class Quantity(StrEnum):
-    """Quantity that a channel measures, each in kPa below atmosphere."""
+    """Quantity that a channel measures: vacuum in kPa below atmosphere, or the light that relates clocks."""
 
     PULSATION = "pulsation"
     """Vacuum in the pulsation chamber."""
@@ -26,6 +26,13 @@ class Quantity(StrEnum):
     """Vacuum in the mouthpiece chamber."""
     MILK_LINE = "milk_line"
     """Vacuum in the milk line."""
+    LIGHT = "light"
+    """State of the light in the picture, in any unit: a switch's 0 and 1, or the voltage at the diode."""
+
+    @property
+    def is_vacuum(self) -> bool:
+        """True for those that are in kPa."""
+        return self is not Quantity.LIGHT
 
 
 class Dating(StrEnum):
@@ -52,6 +59,7 @@ class LoggerInfo:
         dating: See `Dating`.
         time_sigma_ns: Standard deviation to expect of a reading's time about the moment it was taken, without
             what is the same for all readings; `Readings.time_sigma_ns` says what it has become.
+        delay_sigma_ns: Standard deviation of what is the same for all readings, where the driver knows it.
         details: Further information for people.
         remarks: Warnings for people, in sentences.
     """
@@ -63,6 +71,7 @@ class LoggerInfo:
     rate_hz: float | None
     dating: Dating
     time_sigma_ns: int
+    delay_sigma_ns: int | None = None
     details: dict[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 

@@ -1,6 +1,7 @@
 """Readings that a logger took and that never came, by the steps of its own time."""
 
 from collections import deque
+from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,4 +49,4 @@ class MissingReadings:
         return round(step_ns / usual_ns) - 1 if usual_ns and step_ns > _GAP * usual_ns else 0
 
     def _usual_ns(self) -> float | None:
-        return float(np.median(self._steps_ns)) if len(self._steps_ns) >= _LEAST else None
+        return float(median(self._steps_ns)) if len(self._steps_ns) >= _LEAST else None

@@ -31,7 +31,7 @@ class Reference(StrEnum):
 class Channel:
     """A measured quantity: which column of a logger has it, and what its numbers mean.
 
-    pressure in kPa = number · unit · gain + offset, then by its reference.
+    pressure in kPa = number · unit · gain + offset, then by its reference; a light has its numbers.
 
     Attributes:
         name: Its name.
@@ -64,6 +64,10 @@ class Channel:
         """Reasons why it cannot be measured by this logger."""
         if self.column not in info.channels:
             return [f"{self.name}: the logger has no column {self.column}; it has {', '.join(info.channels)}"]
+        return self._unit_problems(info) if self.quantity.is_vacuum else []
+
+    def _unit_problems(self, info: LoggerInfo) -> list[str]:
+        """Reasons why its numbers mean no pressure."""
         stated = self.stated_unit(info)
         unit = self.unit or stated
         if unit is None:
@@ -83,7 +87,9 @@ class Channel:
         return info.units[info.channels.index(self.column)]
 
     def kpa(self, values: NDArray[np.float64], unit: str) -> NDArray[np.float64]:
-        """Vacuum in kPa below atmosphere."""
+        """Vacuum in kPa below atmosphere; of a light, the numbers themselves."""
+        if not self.quantity.is_vacuum:
+            return values
         pressure = values * (_FACTORS[unit] * (1.0 if self.gain is None else self.gain)) + self.offset_kpa
         if self.reference is Reference.ABSOLUTE:
             assert self.atmosphere_kpa is not None
@@ -96,7 +102,7 @@ class Vacuum(NamedTuple):
 
     Attributes:
         time_ns: (K,) when each was taken, CLOCK_MONOTONIC, ascending.
-        kpa: (K, Q) vacuum below atmosphere; NaN where there is none.
+        kpa: (K, Q) vacuum below atmosphere, or the level of a light; NaN where there is none.
         time_sigma_ns: Standard deviation of the times, without what is the same for all readings.
         anomalies: The logger's, and readings that are impossible.
     """
@@ -142,7 +148,8 @@ class VacuumChannels:
             zip(self.channels, self._columns, self._units, strict=True)
         ):
             kpa[:, place] = channel.kpa(readings.values[:, column], unit)
-            anomalies += _without_impossible(channel.name, kpa[:, place], readings.time_ns)
+            if channel.quantity.is_vacuum:
+                anomalies += _without_impossible(channel.name, kpa[:, place], readings.time_ns)
         time_ns = readings.time_ns - self._delay_ns
         return Vacuum(time_ns, kpa, readings.time_sigma_ns, tuple(anomalies))
 

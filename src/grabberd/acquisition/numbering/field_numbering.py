@@ -62,7 +62,7 @@ class FieldNumbering:
 
     def __init__(self, info: StreamInfo, since_ns: int | None = None) -> None:
         self._live = info.live
-        self._has_parity = info.field_order is not FieldOrder.ONE_PARITY
+        self._has_parity = info.field_order.has_parity
         self._period_ns = 1e9 / info.rate_hz
         self._stamps = Stamps(info)
         self._arrivals = Arrivals(info)

@@ -47,7 +47,7 @@ class Settling:
 
     def __init__(self, arrivals: Arrivals, order: FieldOrder) -> None:
         self._arrivals = arrivals
-        self._latest = 0.5 if order is FieldOrder.ONE_PARITY else _LATE
+        self._latest = _LATE if order.has_parity else 0.5
         self._telling = _TELLING * (2 if order in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST) else 1)
         self._linked = self._doubt_linked = self._doubt_of_anchor = 0
         self._of_place = False

@@ -249,6 +249,36 @@ class Posterior:
         values = (weights @ pressure.reshape(groups, -1, 1)).ravel()
         return Joint(values / MPA_PER_KPA, (variance * known - seen @ seen.T) / MPA_PER_KPA**2)
 
+    def noise_of_sums(
+        self, basis: Basis, weights: Array, followers: Followers, reference_mm2: Array
+    ) -> tuple[Array, Array]:
+        """Covariances (G S + Q, G S + Q) by the noise of what was seen alone: of the same sums, of followers.
+
+        What was known before moves them as well, but alike in all captures that are given the same.
+
+        Args:
+            basis: as for `contact_sums`.
+            weights: likewise.
+            followers: Q further quantities of the wall that was linearised.
+            reference_mm2: (3 T, 3 T) part of the sights' covariance that is the reference state's.
+
+        Returns:
+            That of this state's own points, and that of the reference state's.
+        """
+        model, groups = self.model, len(weights)
+        _, slope = model.prior.contact_mpa(basis.matrices[0] @ model.field(self.parameters, 0))
+        scaled = weights * slope.reshape(groups, 1, -1)
+        variance = float(model.variances(self.difference)[0])
+        whitened = self._whitened(variance * self.sights.of_places(self.response.at_points(basis, 0)))
+        seen = (scaled @ whitened.T.reshape(groups, scaled.shape[2], -1)).reshape(-1, len(whitened))
+        cross = followers.cross.sum(model, self.difference)
+        others = self._whitened(self.sights.of_places(cross)).T
+        joint = np.concatenate([seen / MPA_PER_KPA, others])
+        gain: Array = blas.dtrsm(1.0, self._factor[0], joint.T, lower=True, trans_a=1).T
+        of_reference = self.sights.of_places(self.sights.of_places(reference_mm2).T)
+        own = self.sights.covariance - of_reference
+        return gain @ own @ gain.T, gain @ of_reference @ gain.T
+
     def sigma(self, followers: Followers) -> Array:
         """(Q,) σ of quantities of the wall that was linearised."""
         whitened = self._whitened(self.sights.of_places(followers.cross.sum(self.model, self.difference)))

@@ -137,6 +137,8 @@ class PressureModel:
         within: NDArray[np.bool_],
         vacuum: ChamberVacuum,
         speed_mm_per_s: float = 0.0,
+        *,
+        split: bool = False,
     ) -> PressureMap:
         """The pressure of a wall in equilibrium.
 
@@ -146,6 +148,7 @@ class PressureModel:
                 too, if there is a rig.
             vacuum: at the field.
             speed_mm_per_s: of the target that moves fastest.
+            split: true to tell the noise of what was seen apart in the load over height.
         """
         found, within = settled.found, within | settled.alone
         value, covariance = found.contact_kpa(found.model.targets)
@@ -155,7 +158,7 @@ class PressureModel:
         free = settled.free
         unseen_kpa = value - free.contact_kpa(free.model.targets)[0] if free else None
         refusal = _refusal(found.j, speed_mm_per_s)
-        profile = None if refusal else self._profile(found)
+        profile = None if refusal else self._profile(found, split)
         if profile is not None and is_empty(profile):
             refusal = _EMPTY
         reasons = self._reasons(contact, within) if not refusal else (refusal,) * len(within)
@@ -176,13 +179,14 @@ class PressureModel:
         """
         return self._lattice.face(settled.found, supported, problems)
 
-    def _profile(self, found: Posterior) -> LoadProfile:
+    def _profile(self, found: Posterior, split: bool) -> LoadProfile:
         if self._sections is None:
             targets = self._mounting.targets
             reach_mm = min(float(np.abs(targets.s_mm).max()), _ARC_MM)
             heights = profile_heights(targets.x_mm)
             self._sections = Sections(found.model, heights, (-reach_mm, reach_mm))
-        frame, profile = self._mounting.frame, self._sections.profile(found)
+        frame, reference_mm2 = self._mounting.frame, self._mounting.shared_mm2 if split else None
+        profile = self._sections.profile(found, reference_mm2)
         return profile._replace(x_mm=frame.origin_mm[0] + frame.axes[0, 0] * profile.x_mm)
 
     def _reasons(self, contact: Estimate, within: NDArray[np.bool_]) -> tuple[str, ...]:

@@ -40,6 +40,7 @@ class PhaseAverage(NamedTuple):
             beyond their noise; in the order of `points`.
         fields: (N,) number of fields in which each target was seen.
         left_out: ids of targets that both views see in too small a part of the cycle.
+        correlation: (P, P) of the noise of places at two phases: neighbours come from the same fields.
     """
 
     phase: Array
@@ -47,6 +48,7 @@ class PhaseAverage(NamedTuple):
     variation_mm: Array
     fields: NDArray[np.intp]
     left_out: tuple[int, ...]
+    correlation: Array
 
 
 def phase_average(
@@ -84,13 +86,14 @@ def phase_average(
 
 
 class _Average(NamedTuple):
-    """Averages of targets that are seen in the same fields: (M,), (P, M, D), (P, M, D, D), (M,), (M,)."""
+    """Averages of targets seen in the same fields: (M,), (P, M, D), (P, M, D, D), (M,), (M,); and (P, P)."""
 
     place: NDArray[np.intp]
     value: Array
     covariance: Array
     variation: Array
     fields: NDArray[np.intp]
+    correlation: Array
 
 
 def _averages(
@@ -134,12 +137,14 @@ def _average(
     found = (left**2).sum(axis=(0, 2)) / freedom
     variation = np.sqrt(np.maximum(found - expected, 0.0))
     more = np.einsum("pf,n->pn", share**2, variation**2)
+    deviation = np.linalg.norm(share, axis=1)
     return _Average(
         index,
         mean,
         noise + more[..., None, None] * np.eye(dimensions),
         variation,
         np.full(len(index), len(values), np.intp),
+        share @ share.T / np.outer(deviation, deviation),
     )
 
 
@@ -216,6 +221,8 @@ def _joined(
         np.concatenate([average.variation for average in averages])[order],
         np.concatenate([average.fields for average in averages])[order],
         left_out,
+        # Targets that hide at times have fewer fields; most of them share those of the largest group.
+        max(averages, key=lambda average: len(average.place)).correlation,
     )
 
 

@@ -34,6 +34,8 @@ _UNCERTAIN = 0.008
 """Relative σ of the cycle length above which it is not determined."""
 _HOLE = 0.1
 """Share of a cycle that may be unseen in one piece."""
+_FLANK, _FLANK_STEP = 0.25, 0.001
+"""Share of the steepest slope from which on a place is on a flank, and the steps in which that is sought."""
 _LONGER = (
     "capture at least one and a half cycles, or several bursts that begin at different times of the cycle"
 )
@@ -44,7 +46,8 @@ class Run(NamedTuple):
 
     Attributes:
         capture: index of the capture; `first_s`, `last_s`: times of the run's first and last field.
-        start_s: start of its first field's cycle (wall phase a), with `start_sigma_s`.
+        start_s: start of its first field's cycle (wall phase a), with `start_sigma_s`; infinite if nothing
+            moved in it, which leaves its place in the cycle of the other runs unknown.
     """
 
     capture: int
@@ -58,7 +61,8 @@ class Moment(NamedTuple):
     """Phases of F times within the pulsation.
 
     Attributes:
-        run: (F,) index of the run, -1 outside all runs; `cycle`: (F,) number of the cycle in its run, from 0.
+        run: (F,) index of the run, -1 outside all runs whose start is known.
+        cycle: (F,) number of the cycle in its run, from 0.
         phase: (F,) in [0, 1), from the beginning of wall phase a; NaN outside all runs.
     """
 
@@ -79,6 +83,7 @@ class Pulsation:
         seen: (F,) phases of all fields, ascending.
         field_harmonics: number of harmonics that the fields of one cycle resolve.
         residual_mm: root mean square residual of the movement; `expected_mm`: expected from the points' σ.
+        size_sigma: relative σ of the whole waveform, as in `Movement`.
     """
 
     period_s: float
@@ -90,6 +95,7 @@ class Pulsation:
     field_harmonics: int
     residual_mm: float
     expected_mm: float
+    size_sigma: float
 
     @property
     def rate_per_min(self) -> Estimate:
@@ -98,10 +104,29 @@ class Pulsation:
         return Estimate(np.asarray(rate), np.asarray(rate * self.period_sigma_s / self.period_s))
 
     @property
-    def stroke_mm(self) -> float:
-        """Movement from closed to open."""
-        low, high = self.waveform.levels()
-        return high - low
+    def stroke_mm(self) -> Estimate:
+        """Movement from the closed level to the open one."""
+        low, high = self.waveform.level_terms()
+        terms, covariance = high - low, self.waveform.covariance
+        stroke_mm = terms @ self.waveform.coefficients
+        own_mm = np.sqrt(terms @ covariance @ terms)
+        return Estimate(np.asarray(stroke_mm), np.hypot(own_mm, stroke_mm * self.size_sigma))
+
+    def reached_s(self, phase: Array) -> Array:
+        """Times (P,) at which the first capture first reached phases.
+
+        Raises:
+            AnalysisError: it shows no movement by which its fields have a phase.
+        """
+        own = [run for run in self.runs if run.capture == 0 and np.isfinite(run.start_sigma_s)]
+        if not own:
+            raise AnalysisError(
+                "the capture's own fields show no movement, so their place in its bursts' cycle is unknown",
+                "capture while the liner opens or closes, a whole cycle at best",
+            )
+        run = own[0]
+        times: Array = run.start_s + phase * self.period_s
+        return times + self.period_s * (times < run.first_s)
 
     def speed_mm_per_s(self, phase: Array) -> Array:
         """(P,) of the target that moves most, at phases of the mean cycle."""
@@ -113,11 +138,14 @@ class Pulsation:
         """Number of cycles that all runs span."""
         return sum(run.last_s - run.first_s for run in self.runs) / self.period_s
 
-    def gap_s(self, phase: float) -> float:
-        """Time between the two fields, of any cycles, that come nearest before and after a phase."""
-        after = int(np.searchsorted(self.seen, phase)) % len(self.seen)
-        gap = np.mod(self.seen[after] - self.seen[after - 1], 1.0)
-        return float(gap if len(self.seen) > 1 else 1.0) * self.period_s
+    def gap(self, phase: float) -> tuple[float, float]:
+        """Phases of the two fields, of any cycles, that come nearest before and after a phase, ascending."""
+        place = np.mod(phase, 1.0)
+        after = int(np.searchsorted(self.seen, place)) % len(self.seen)
+        before_by, after_by = np.mod([place - self.seen[after - 1], self.seen[after] - place], 1.0)
+        if len(self.seen) == 1:
+            return phase - before_by, phase - before_by + 1.0
+        return float(phase - before_by), float(phase + after_by)
 
     def at(self, time_s: Array, capture: int = 0) -> Moment:
         """Phases within the pulsation of the times (F,) of a capture."""
@@ -126,7 +154,7 @@ class Pulsation:
         for index, run in enumerate(self.runs):
             # The slack keeps the run's own first and last field inside after rounding.
             inside = (time_s >= run.first_s - 1e-9) & (time_s <= run.last_s + 1e-9)
-            if run.capture == capture:
+            if run.capture == capture and np.isfinite(run.start_sigma_s):
                 which[inside] = index
                 turns[inside] = (time_s[inside] - run.start_s) / self.period_s
         whole = np.floor(turns)
@@ -179,7 +207,7 @@ def _split(movements: Sequence[Movement], gap_s: float) -> list[tuple[int, Movem
         cuts = np.flatnonzero(np.diff(movement.time_s) > gap_s) + 1
         for part in np.split(np.arange(len(movement.time_s)), cuts):
             if len(part) >= _LEAST_FIELDS:
-                runs.append((capture, Movement(*(column[part] for column in movement))))
+                runs.append((capture, movement.only(part)))
     if not runs:
         raise AnalysisError("there are no four fields without a gap of a cycle between them", _LONGER)
     return runs
@@ -226,7 +254,7 @@ def _whole(runs: Sequence[Movement], fit: Fit) -> Fit:
 
 def _first(run: Movement, span_s: float) -> Movement:
     use = run.time_s <= run.time_s[0] + span_s
-    return Movement(*(column[use] for column in run))
+    return run.only(use)
 
 
 def _step_s(runs: Sequence[Movement]) -> float:
@@ -282,6 +310,10 @@ def _pulsation(fit: Fit, runs: Sequence[tuple[int, Movement]]) -> Pulsation:
     slope = max(abs(float(fit.waveform.slope(np.array(start)))), 1e-12)
     own = float(fit.waveform.sigma(np.array(start))) / slope
     spread = np.sqrt(np.concatenate([[0.0], np.diagonal(fit.covariance)[1:count]]) + own**2)
+    if count > 1:
+        # On a plateau the swing of the series would give a phase, and a small σ to it.
+        moves = [_moves(run, phase, fit) for (_, run), phase in zip(runs, fit.phases, strict=True)]
+        spread[~np.array(moves)] = np.inf
     return Pulsation(
         period_s=fit.period_s,
         period_sigma_s=fit.period_sigma_s,
@@ -301,7 +333,15 @@ def _pulsation(fit: Fit, runs: Sequence[tuple[int, Movement]]) -> Pulsation:
         field_harmonics=harmonics(fit.period_s, _step_s([run for _, run in runs])),
         residual_mm=fit.residual_mm,
         expected_mm=fit.expected_mm,
+        size_sigma=runs[0][1].size_sigma,
     )
+
+
+def _moves(run: Movement, phase: float, fit: Fit) -> bool:
+    """True if any field of a run is on a flank of the waveform."""
+    steepest = np.abs(fit.waveform.slope(np.arange(0.0, 1.0, _FLANK_STEP))).max()
+    at = phase + (run.time_s - run.time_s[0]) / fit.period_s
+    return bool(np.abs(fit.waveform.slope(at)).max() > _FLANK * steepest)
 
 
 def _last_before(phases: Array, end: float) -> float:

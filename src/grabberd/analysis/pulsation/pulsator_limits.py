@@ -1,6 +1,5 @@
-"""A pulsator by the limits of ISO 5707, and how long the liner takes to open and to close."""
+"""A pulsator by the limits of ISO 5707."""
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +12,9 @@ MET, NOT_MET, NOT_CERTAIN = "met", "not met", "not certain"
 _CERTAIN = 2.0
 """σ that a value has to be away from its limit for a verdict."""
 _OPEN, _CLOSED = 1, 3
+NO_CURVE = "the pulsation chamber's vacuum is not known as a curve: its phases have no durations"
+"""Why the phases have no durations, where there are none."""
 _SOURCE = "ISO 5707; phases as in ISO 3918 and ISO 6690, by the pulsation chamber's vacuum"
-_BY_WALL = "phases of ISO 3918, by the wall's movement"
 
 
 class Limit(NamedTuple):
@@ -56,44 +56,17 @@ LIMITS: tuple[Limit, ...] = (
         0.150,
     ),
 )
-LINER_TIMES: Mapping[str, Quantity] = {
-    "a": Quantity(
-        "liner_opening_s",
-        "liner opening time",
-        "s",
-        "Time in which the wall moves from 10 to 90 % of its stroke: wall phase a.",
-        _BY_WALL,
-    ),
-    "c": Quantity(
-        "liner_closing_s",
-        "liner closing time",
-        "s",
-        "Time in which the wall moves back from 90 to 10 % of its stroke: wall phase c.",
-        _BY_WALL,
-    ),
-}
 
 
 def pulsator_limits(phases: Phases | None) -> tuple[Finding, ...]:
     """The phases of a vacuum, each with its verdict: met, not met, or not certain within 2 σ of the limit."""
     if phases is None or phases.defined_by != "vacuum":
-        reason = "the pulsation chamber's vacuum is not known as a curve: its phases have no durations"
-        return tuple(Finding.missing(limit.quantity, reason) for limit in LIMITS)
+        return tuple(Finding.missing(limit.quantity, NO_CURVE) for limit in LIMITS)
     duration = Estimate(phases.durations_s.value[_CLOSED], phases.durations_s.sigma[_CLOSED])
     values = (_share(phases, _OPEN), _share(phases, _CLOSED), duration)
     return tuple(
         Finding.of(limit.quantity, value)._replace(verdict=verdict(value, limit.least))
         for limit, value in zip(LIMITS, values, strict=True)
-    )
-
-
-def liner_times(phases: Phases | None, reason: str) -> tuple[Finding, ...]:
-    """Opening and closing time from the wall's phases, or the reason why there are none."""
-    if phases is None:
-        return tuple(Finding.missing(quantity, reason) for quantity in LINER_TIMES.values())
-    return tuple(
-        Finding.of(quantity, Estimate(*(part["abcd".index(letter)] for part in phases.durations_s)))
-        for letter, quantity in LINER_TIMES.items()
     )
 
 

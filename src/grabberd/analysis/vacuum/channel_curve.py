@@ -19,6 +19,8 @@ class ChannelCurve:
         kpa: (K,) vacuum below atmosphere.
         sigma_kpa: σ of its calibration, common to all readings.
         time_sigma_s: σ of its clock against that of the fields.
+        delay_sigma_s: the part of it that is the same for all readings of its logger.
+        logger: name of that logger.
         origin: Where it comes from, for people.
         remark: What to know before relying on its times, or None.
     """
@@ -30,6 +32,8 @@ class ChannelCurve:
     time_sigma_s: float
     origin: str
     remark: str | None = None
+    delay_sigma_s: float = 0.0
+    logger: str = ""
 
     def log(self) -> VacuumLog:
         """The readings in the form of a log.

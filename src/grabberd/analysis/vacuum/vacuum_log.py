@@ -62,9 +62,13 @@ class VacuumLog:
                 f" {self.time_s[back[0] + 1]:g} s, the one before at {self.time_s[back[0]]:g} s",
                 "sort the log by time, and cut it where the logger was restarted",
             )
-        _check_unit(self.source if self.channel else f"{PULSATION} of {self.source}", self.pulsation_kpa)
+        if self.channel is None:
+            _check_unit(f"{PULSATION} of {self.source}", self.pulsation_kpa, LEAST_KPA)
+        else:
+            # Its unit is configured, and a liner at atmosphere has no vacuum for as long as it is captured.
+            _check_unit(self.source, self.pulsation_kpa, -LEAST_KPA)
         if self.liner_kpa is not None:
-            _check_unit(f"{LINER} of {self.source}", self.liner_kpa)
+            _check_unit(f"{LINER} of {self.source}", self.liner_kpa, LEAST_KPA)
 
     @property
     def source(self) -> str:
@@ -148,7 +152,7 @@ def _number(row: tuple[str, ...], place: int, name: str, line: int, separator: s
     return value
 
 
-def _check_unit(name: str, kpa: Array) -> None:
+def _check_unit(name: str, kpa: Array, least_kpa: float) -> None:
     """A milking machine's vacuum reaches 30 to 60 kPa; other magnitudes are other units."""
     top = float(np.percentile(kpa, 99))
     if float(np.percentile(kpa, 1)) < -LEAST_KPA:
@@ -156,7 +160,7 @@ def _check_unit(name: str, kpa: Array) -> None:
             f"{name} goes down to {kpa.min():g}: pressure over atmosphere, not vacuum",
             "turn its sign: vacuum counts downward from atmosphere",
         )
-    if not LEAST_KPA <= top <= MOST_KPA:
+    if not least_kpa <= top <= MOST_KPA:
         raise InputError(
             f"{name} reaches {top:g}, a milking machine's vacuum 30 to 60 kPa",
             likely_unit(top),

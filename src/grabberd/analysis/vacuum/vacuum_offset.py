@@ -146,11 +146,11 @@ def _shift(events_s: Array, pulsation: Pulsation, rising: bool, near_s: float) -
     period_s = pulsation.period_s
     turns, weights = [], []
     for run in pulsation.runs:
-        if run.capture == 0:
+        if run.capture == 0 and np.isfinite(run.start_sigma_s):
             own = _within(events_s, run, near_s, period_s)
             turns.append((run.start_s + phase * period_s - own) / period_s)
             weights.append(np.full(len(own), run.start_sigma_s))
-    turn = np.concatenate(turns)
+    turn = np.concatenate([np.empty(0), *turns])
     if not len(turn):
         raise InputError(
             f"with an offset near {near_s:.2f} s the vacuum log does not cover the capture",

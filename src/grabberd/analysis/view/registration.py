@@ -15,7 +15,7 @@ from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.surface.surface import Surface
 from grabberd.analysis.view.synthetic import SyntheticView
 from grabberd.errors import AnalysisError
-from grabberd.field import Field
+from grabberd.field import PROGRESSIVE, Field
 
 Array = NDArray[np.float64]
 
@@ -104,7 +104,8 @@ class _Matching(NamedTuple):
         domain, raster = surface.domain, synthetic.raster
         pixels = raster.pixels().astype(np.intp)
         slope = _slopes(synthetic)
-        own = np.isfinite(slope).all(axis=1) & (pixels[:, 1] % 2 == field.parity)
+        delivered = (field.parity == PROGRESSIVE) | (pixels[:, 1] % 2 == field.parity)
+        own = np.isfinite(slope).all(axis=1) & delivered
         column, row = pixels[own, 0], (pixels[own, 1] - field.y0) // field.y_step
         u = np.round((synthetic.hits.u_mm[own] - domain.u_mm) / domain.u_pitch_mm)
         v = np.round((synthetic.hits.v_mm[own] - domain.v_mm) / domain.v_pitch_mm)

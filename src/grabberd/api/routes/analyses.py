@@ -15,13 +15,13 @@ from grabberd.api.routes.dependencies import (
     ServiceOf,
     accepted,
 )
-from grabberd.documents.analyses import AnalysisDocument, AnalysisList, MapDocument
+from grabberd.documents.analyses import AnalysisDocument, AnalysisList, AnalysisPreparation, MapDocument
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.problems import Problem
 from grabberd.documents.requests import AnalysisRequest
 from grabberd.service.archive.analysis_documents import analysis_list, analysis_row, report_page
 from grabberd.service.jobs.analysis import AnalysisJob
-from grabberd.service.profiles.profiles import FoundProfiles
+from grabberd.service.jobs.analysis_preparation import prepare_in_process
 from grabberd.service.service import Service
 from grabberd.storage.export.analysis_maps import read_map
 from grabberd.storage.state.analysis_store import DOCUMENT, RECORD
@@ -48,18 +48,20 @@ def analyse_capture(
     """Determine surface, sections, curvature, strain, tension, pressure and pulsation from a sealed capture's
     points: a job, whose result has the number of the analysis. A cancelled job leaves nothing behind.
     """
-    new = wanted or AnalysisRequest()
-    spec = AnalysisJob(
-        subject=capture_id,
-        inputs=new.inputs,
-        bursts=tuple(new.bursts),
-        run_number=new.run,
-        vacuum_log=new.vacuum_log,
-        profiles=_found(service, capture_id) if new.profiles else None,
-    )
-    for capture in spec.captures:
-        service.archive.sealed_path(capture)
-    return accepted(service.jobs.submit(spec), request, response)
+    return accepted(queue_analysis(service, capture_id, wanted or AnalysisRequest()), request, response)
+
+
+@router.post("/{capture_id}/analysis/inputs", summary="Prepare an analysis")
+@reads
+def prepare_analysis(
+    capture_id: CaptureId, service: ServiceOf, wanted: AnalysisRequest | None = None
+) -> AnalysisPreparation:
+    """Tell what an analysis would be made with if it were asked for with this body: its inputs with their
+    sources, what they lack and what that costs, and everything for which it would be refused. Nothing is
+    computed or kept.
+    """
+    spec = _job(service, capture_id, wanted or AnalysisRequest())
+    return prepare_in_process(service.processes, service.archive.sealed_path(capture_id), spec)
 
 
 @router.get("/{capture_id}/analyses", summary="List a capture's analyses")
@@ -149,6 +151,36 @@ def get_analysis_table(
     return FileResponse(path, media_type="text/csv", filename=name, headers={"Cache-Control": IMMUTABLE})
 
 
-def _found(service: Service, capture_id: str) -> FoundProfiles:
-    """The profiles that the labels of a capture name, also those it was given later."""
-    return service.profiles.of_labels(service.archive.document(capture_id).labels)
+def queue_analysis(service: Service, capture_id: str, new: AnalysisRequest) -> JobDocument:
+    """Queues the analysis of a capture.
+
+    Raises:
+        NotFound: There is no such capture, or one of its bursts.
+        Conflict: One of them is not sealed, or the queue is full.
+    """
+    spec = _job(service, capture_id, new)
+    for capture in spec.captures:
+        service.archive.sealed_path(capture)
+    return service.jobs.submit(spec)
+
+
+def _job(service: Service, capture_id: str, wanted: AnalysisRequest) -> AnalysisJob:
+    """The job that a request asks for, with the profiles that the capture's labels name today."""
+    document = service.archive.document(capture_id)
+    inputs, sources = dict(wanted.inputs), {}
+    instrument = service.instruments.get(document.device)
+    if wanted.configured and instrument is not None:
+        usual = {
+            key: value for key, value in (instrument.setup.analysis_inputs or {}).items() if key not in inputs
+        }
+        sources = dict.fromkeys(usual, f"the configuration's {instrument.setup.config.analysis.inputs}")
+        inputs |= usual
+    return AnalysisJob(
+        subject=capture_id,
+        inputs=inputs,
+        sources=sources,
+        bursts=tuple(wanted.bursts),
+        run_number=wanted.run,
+        vacuum_log=wanted.vacuum_log,
+        profiles=service.profiles.of_labels(document.labels) if wanted.profiles else None,
+    )

@@ -133,7 +133,9 @@ def activate_calibration(
             f"only an admin may use a calibration whose acceptance failed, not an {identity.role}",
             "put the reasons right and calibrate again, or ask an admin",
         )
-    service.activate_calibration(choice.id, choice.device, despite_failure=choice.despite_failure)
+    service.active.activate(
+        choice.id, service.instrument(choice.device), despite_failure=choice.despite_failure
+    )
     return service.active.row(choice.id, choice.device)
 
 

@@ -12,6 +12,7 @@ from grabberd.api.reading.readings import reads
 from grabberd.api.rendering import JSON, RenderedRoute
 from grabberd.api.routes.dependencies import OF_A_FILE, CaptureId, ServiceOf
 from grabberd.api.streams.downloads import Download, WholeFile, download
+from grabberd.documents.capture_library import WidthCourse
 from grabberd.documents.captures import WholeRunDocument
 from grabberd.documents.channels import CaptureChannelsDocument
 from grabberd.documents.points import PointsDocument
@@ -24,6 +25,7 @@ from grabberd.storage.export.channels_export import channels_csv
 from grabberd.storage.export.child_stream import mat_stream, parquet_stream
 from grabberd.storage.export.points_c3d import points_c3d
 from grabberd.storage.export.points_document import PointsQuery, points_json
+from grabberd.storage.export.thumbnail import thumbnail_png
 
 router = APIRouter(prefix="/captures", tags=["captures"], responses=OF_A_FILE, route_class=RenderedRoute)
 
@@ -245,3 +247,26 @@ def get_field_png(
         return tagged(png, "image/png", if_none_match, IMMUTABLE)
 
     return Content(field_png, (service.archive.path(capture_id), n), answer)
+
+
+@router.get(
+    "/{capture_id}/thumbnail.png",
+    response_class=Response,
+    summary="Get a small picture of a capture",
+    responses={200: {"content": {"image/png": {}}}, **NOT_MODIFIED},
+)
+@reads
+def get_thumbnail(capture_id: CaptureId, service: ServiceOf, if_none_match: IfNoneMatch = None) -> Content:
+    """A small picture of the field in the middle of a sealed capture, which never changes."""
+
+    def answer(png: bytes) -> Response:
+        return tagged(png, "image/png", if_none_match, IMMUTABLE)
+
+    return Content(thumbnail_png, (service.archive.sealed_path(capture_id),), answer)
+
+
+@router.get("/{capture_id}/widths", summary="Get the course of the wall's width in few numbers")
+@reads
+def get_widths(capture_id: CaptureId, service: ServiceOf) -> WidthCourse:
+    """Widths across the middle row in six seconds from the middle of a sealed capture, for a small curve."""
+    return WidthCourse(widths_mm=service.width_courses.of(capture_id))

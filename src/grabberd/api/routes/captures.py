@@ -1,23 +1,22 @@
 """Captures: start, arm, trigger, stop, list, look up, annotate, delete, re-measure."""
 
 from dataclasses import replace
-from datetime import UTC, datetime
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query, Request, Response, status
-from pydantic import AfterValidator
+from fastapi import APIRouter, Query, Request, Response, status
 
-from grabberd.acquisition.clock import iso_utc
 from grabberd.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.api.reading.readings import reads
+from grabberd.api.routes.capture_filter import Filter, ListCursor, Zone, cursor_at, position_in, zone_of
 from grabberd.api.routes.dependencies import PROBLEMS, CaptureId, ServiceOf, accepted
-from grabberd.api.routes.paging import Cursor, Limit, cursor_of, position_of
-from grabberd.documents.captures import CaptureDocument, CaptureList
+from grabberd.api.routes.paging import Limit
+from grabberd.documents.capture_library import CaptureList
+from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.named_types import Labels
 from grabberd.documents.requests import CaptureOptions, CapturePatch, MeasurementRequest, NewCapture
-from grabberd.service.archive.capture_list import CaptureQuery, Position, whole_list
 from grabberd.service.archive.capture_list import list_captures as page_of_captures
+from grabberd.service.archive.capture_list_document import list_document
 from grabberd.service.archive.capture_table import captures_csv
 from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.jobs.measurement import MeasurementJob
@@ -26,16 +25,7 @@ from grabberd.service.setup import INCLUDE_DAMAGED
 router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=OnceRoute)
 
 
-def _in_utc(moment: datetime) -> datetime:
-    """A time in UTC; one without a zone is in UTC already."""
-    try:
-        return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
-    except OverflowError:
-        raise ValueError("in UTC, this time is outside the years 1 to 9999") from None
-
-
 TableLimit = Annotated[int, Query(ge=1, le=10_000, description="Maximum number of rows.")]
-Moment = Annotated[datetime, AfterValidator(_in_utc)]
 
 
 @router.post(
@@ -53,33 +43,22 @@ def start_capture(
     return capture
 
 
-async def _filter(
-    device: Annotated[str | None, Query(max_length=200, description="Only captures of this device.")] = None,
-    since: Annotated[Moment | None, Query(description="Only captures that started then or later.")] = None,
-    until: Annotated[Moment | None, Query(description="Only captures that started before.")] = None,
-    search: Annotated[
-        str | None, Query(max_length=200, description="Only captures with this text in id, note or labels.")
-    ] = None,
-    pinned: Annotated[bool | None, Query(description="Only pinned captures, or only unpinned ones.")] = None,
-) -> CaptureQuery:
-    # Async though it waits for nothing: FastAPI calls other dependencies in threads.
-    return CaptureQuery(
-        device=device, since_utc=_utc(since), until_utc=_utc(until), search=search, pinned=pinned
-    )
-
-
-Filter = Annotated[CaptureQuery, Depends(_filter)]
-
-
 @router.get("", summary="List captures")
 @reads
 def list_captures(
-    service: ServiceOf, matching: Filter, limit: Limit = 100, cursor: Cursor = None
+    service: ServiceOf,
+    matching: Filter,
+    limit: Limit = 100,
+    cursor: ListCursor = None,
+    facets: Annotated[bool, Query(description="Count the values of what captures have in common.")] = False,
+    zone: Zone = "UTC",
 ) -> CaptureList:
-    """Captures, newest first, page by page. Captures that come or go meanwhile do not shift the pages."""
-    after = None if cursor is None else Position(*position_of(cursor))
-    documents, last = page_of_captures(service.archive, replace(matching, limit=limit, after=after))
-    return CaptureList(captures=documents, next=None if last is None else cursor_of(*last))
+    """Captures, newest first unless sorted otherwise, page by page. Captures that come or go meanwhile do not
+    shift the pages.
+    """
+    days_in = zone_of(zone) if facets else None
+    query = replace(matching, limit=limit, after=position_in(matching.order, cursor))
+    return list_document(page_of_captures(service.archive, query, days_in), cursor_at)
 
 
 @router.get(
@@ -90,10 +69,10 @@ def list_captures(
 )
 @reads
 def list_captures_as_csv(service: ServiceOf, matching: Filter, limit: TableLimit = 1000) -> Response:
-    """Captures, newest first, a row each: verdicts, labels, and the main quantities of the latest analysis
-    with their standard deviations.
+    """Captures, newest first unless sorted otherwise, a row each: verdicts, labels, and the main quantities
+    of the latest analysis with their standard deviations.
     """
-    text = captures_csv(whole_list(service.archive, replace(matching, limit=limit)))
+    text = captures_csv(page_of_captures(service.archive, replace(matching, limit=limit)).captures)
     headers = {"Content-Disposition": 'attachment; filename="captures.csv"'}
     return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
 
@@ -107,10 +86,12 @@ def get_capture(capture_id: CaptureId, service: ServiceOf) -> CaptureDocument:
 
 @router.patch("/{capture_id}", summary="Pin or annotate a capture")
 def patch_capture(capture_id: CaptureId, patch: CapturePatch, service: ServiceOf) -> CaptureDocument:
-    """Change the note, the labels or the pin. They are stored apart from the file, which stays as it was
-    recorded.
+    """Change the note, the labels, the marks or the pin. They are stored apart from the file, which stays as
+    it was recorded.
     """
-    service.annotations.annotate(capture_id, pinned=patch.pinned, note=patch.note, labels=patch.labels)
+    service.annotations.annotate(
+        capture_id, pinned=patch.pinned, note=patch.note, labels=patch.labels, marks=patch.marks
+    )
     return service.archive.document(capture_id)
 
 
@@ -194,7 +175,3 @@ def request_of(options: CaptureOptions, rate_hz: float, labels: Labels | None = 
         options.note,
         {**options.labels, **(labels or {})},
     )
-
-
-def _utc(moment: datetime | None) -> str | None:
-    return None if moment is None else iso_utc(moment)

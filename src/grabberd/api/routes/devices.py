@@ -20,14 +20,18 @@ from grabberd.documents.devices import (
 )
 from grabberd.documents.faults import FaultDocument
 from grabberd.documents.jobs import JobDocument
+from grabberd.documents.live_curves import LiveCurves
 from grabberd.documents.points import NewestPoints
 from grabberd.documents.problems import NotReadyProblem
 from grabberd.documents.requests import CheckRequest
 from grabberd.service.archive.analysis_documents import pulsation_document
 from grabberd.service.jobs.check_job import CheckJob
+from grabberd.service.live.curves import curves_document
+from grabberd.service.live.health import device_health, lacks_of
 from grabberd.service.live.live_document import object_document
 from grabberd.service.live.newest_field import light_document
-from grabberd.service.readiness import lacks_of
+
+KEPT_S = 300
 
 router = APIRouter(tags=["devices"], route_class=RenderedRoute)
 
@@ -56,6 +60,21 @@ async def get_newest_points(
     """The points of the newest measured field with their standard deviations. 409 before the first one."""
     snapshot = await snapshots.points[service.instrument(name).name].get()
     return snapshot.response(if_none_match)
+
+
+@router.get(
+    "/api/v1/devices/{name}/curves", responses=PROBLEMS, summary="Get the last minutes, field by field"
+)
+def get_curves(
+    name: DeviceName,
+    service: ServiceOf,
+    last_s: Annotated[float, Query(gt=0, le=KEPT_S, description="How far back.")] = 60.0,
+) -> LiveCurves:
+    """Targets, points, residual, latency and widths of every measured field of the last minutes, and the
+    vacuum; `/curves/stream` goes on with them. Five minutes are kept, whether or not anybody looks.
+    """
+    span_ns = int(last_s * 1e9)
+    return curves_document(service.instrument(name), service.loggers, service.clock, span_ns)
 
 
 @router.get("/api/v1/devices/{name}/object", responses=PROBLEMS, summary="Get the object model")
@@ -118,15 +137,21 @@ def check_device(
 @router.get(
     "/readyz",
     response_model=ReadyDocument,
-    summary="Check that every device can measure",
+    summary="Check that every device measures as it should",
     responses={503: {"model": NotReadyProblem, "content": {"application/problem+json": {}}}},
 )
 def get_readiness(service: ServiceOf) -> ReadyDocument | Response:
-    """Check that every device streams, has a signal and can measure. 503 lists what is missing. `faults` says
-    what is wrong with the daemon itself, which does not keep it from measuring.
+    """Check that every device measures as it should: that it streams at its rate, loses no fields, has a
+    signal, a calibration that fits, and room on the disk. 503 lists what does not. `faults` says what is
+    wrong with the daemon itself, which does not keep it from measuring.
     """
-    lacks = [lack for instrument in service.instruments.values() for lack in lacks_of(instrument)]
-    faults = service.faults.now
+    around = service.surroundings()
+    lacks = [
+        LackDocument(device=name, **lack.model_dump())
+        for name, instrument in service.instruments.items()
+        for lack in lacks_of(device_health(instrument, around).parts)
+    ]
+    faults = list(around.faults)
     return _not_ready(lacks, faults) if lacks else ReadyDocument(faults=faults)
 
 

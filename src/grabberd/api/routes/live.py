@@ -14,6 +14,7 @@ from grabberd.api.streams.broadcast import Channel
 from grabberd.api.streams.events import EventStream
 from grabberd.api.streams.feeds import Feeds
 from grabberd.api.streams.points_feed import PointsMessage
+from grabberd.api.streams.preview_client import PreviewClient
 from grabberd.documents.points_frame import PROTOCOL as POINTS_PROTOCOL
 
 T = TypeVar("T")
@@ -64,11 +65,12 @@ def get_preview_png(service: ServiceOf, request: Request, device: DeviceOf = Non
 
 @router.websocket("/preview")
 async def preview(socket: WebSocket, _: OneStream, device: DeviceOf = None) -> None:
-    """Binary messages of a device's newest field: header, centroids, packed bits."""
+    """Binary messages of a device's newest field: header, centroids, its picture, points."""
     feeds: Feeds = socket.app.state.feeds
-    broadcast = feeds.preview(device)
+    feed = feeds.preview(device)
     await socket.accept()
-    await _first_to_end(_until_gone(socket), _send(socket, broadcast, socket.send_bytes))
+    client = PreviewClient(socket, feed)
+    await _first_to_end(client.hear(), _close_after(client.send(), socket))
 
 
 @router.websocket("/points/stream")
@@ -90,6 +92,15 @@ async def stream_points(socket: WebSocket, _: OneStream, device: DeviceOf = None
     await _first_to_end(_until_gone(socket), _send(socket, feed, send))
 
 
+@router.websocket("/curves/stream")
+async def stream_curves(socket: WebSocket, _: OneStream, device: DeviceOf = None) -> None:
+    """The wall's width and the vacuum of the last second in JSON, five times a second."""
+    feeds: Feeds = socket.app.state.feeds
+    broadcast = feeds.curves(device)
+    await socket.accept()
+    await _first_to_end(_until_gone(socket), _send(socket, broadcast, socket.send_text))
+
+
 async def _send(socket: WebSocket, channel: Channel[T], send: Callable[[T], Awaitable[None]]) -> None:
     """Sends the messages as fast as the client reads; gives up on a client that does not read."""
     timeout_s = socket.app.state.front.limits.write_timeout_s
@@ -99,6 +110,12 @@ async def _send(socket: WebSocket, channel: Channel[T], send: Callable[[T], Awai
             if message is not None:
                 async with asyncio.timeout(timeout_s):
                     await send(message)
+    await socket.close(GOING_AWAY)
+
+
+async def _close_after(sending: Awaitable[None], socket: WebSocket) -> None:
+    """Tells the client that the daemon ends, once that has ended the stream."""
+    await sending
     await socket.close(GOING_AWAY)
 
 

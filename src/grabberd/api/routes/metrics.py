@@ -6,8 +6,6 @@ from fastapi import APIRouter, Request, Response
 from prometheus_client import CollectorRegistry, ProcessCollector, generate_latest
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
 from prometheus_client.metrics_core import (
-    CounterMetricFamily,
-    GaugeMetricFamily,
     HistogramMetricFamily,
     InfoMetricFamily,
     Metric,
@@ -17,6 +15,8 @@ from prometheus_client.registry import Collector
 from grabberd import __version__
 from grabberd.acquisition import LossCause, Outcome, Rebase, Signal
 from grabberd.api.rendering import RenderedRoute
+from grabberd.api.routes.logger_metrics import logger_metrics
+from grabberd.api.routes.metric_families import counter, gauge
 from grabberd.documents.states import DeviceState, Rung
 from grabberd.reconstruction.accuracy.field_order import Order
 from grabberd.reconstruction.coverage.verdict import CoverageVerdict
@@ -27,9 +27,6 @@ from grabberd.service.instrument import Instrument
 from grabberd.service.service import Service
 
 router = APIRouter(tags=["system"], route_class=RenderedRoute)
-
-Samples = Iterable[tuple[tuple[str, ...], float]]
-"""Label values and the number they belong to."""
 
 
 @router.get(
@@ -77,22 +74,21 @@ class ServiceMetrics(Collector):
         yield from _device(instruments)
         yield from _points(instruments)
         yield from _captures(instruments, self._service)
+        yield from logger_metrics(self._service.loggers)
         yield from _faults(self._service)
         yield from _mqtt(self._service)
-        yield _gauge("grabberd_streams", "Live streams to clients.", (), [((), self._streams())])
+        yield gauge("grabberd_streams", "Live streams to clients.", (), [((), self._streams())])
 
 
 def _fields(instruments: list[Instrument]) -> Iterator[Metric]:
     counts = [(one.name, one.board.now.outcomes) for one in instruments]
     samples = (((name, outcome), count[outcome]) for name, count in counts for outcome in Outcome)
-    yield _counter("grabberd_fields", "By what became of them.", ("device", "outcome"), samples)
+    yield counter("grabberd_fields", "By what became of them.", ("device", "outcome"), samples)
     boards = [(one.name, one.board.now) for one in instruments]
     losses = (((name, cause), board.losses[cause]) for name, board in boards for cause in LossCause)
     rebases = (((name, kind), board.rebases[kind]) for name, board in boards for kind in Rebase)
-    yield _counter("grabberd_fields_missing", "Not received, by the cause.", ("device", "cause"), losses)
-    yield _counter(
-        "grabberd_rebases", "Changes of what numbers and times go by.", ("device", "kind"), rebases
-    )
+    yield counter("grabberd_fields_missing", "Not received, by the cause.", ("device", "cause"), losses)
+    yield counter("grabberd_rebases", "Changes of what numbers and times go by.", ("device", "kind"), rebases)
     yield from _standstills(instruments)
 
 
@@ -100,10 +96,10 @@ def _standstills(instruments: list[Instrument]) -> Iterator[Metric]:
     known = [(one.name, one.board.standstills) for one in instruments]
     counts = (((name, code), one.counts[code]) for name, one in known for code in one.seconds)
     seconds = (((name, code), one.seconds[code]) for name, one in known for code in one.seconds)
-    yield _counter(
+    yield counter(
         "grabberd_standstills", "Times that the program took no fields.", ("device", "cause"), counts
     )
-    yield _counter("grabberd_standstill_seconds", "Their length together.", ("device", "cause"), seconds)
+    yield counter("grabberd_standstill_seconds", "Their length together.", ("device", "cause"), seconds)
 
 
 def _ring(instruments: list[Instrument]) -> Iterator[Metric]:
@@ -111,9 +107,9 @@ def _ring(instruments: list[Instrument]) -> Iterator[Metric]:
     slots = (((name,), ring.slots) for name, ring in rings)
     waiting = (((name,), ring.waiting) for name, ring in rings)
     deepest = (((name,), ring.deepest) for name, ring in rings)
-    yield _gauge("grabberd_ring_slots", "Slots of the ring in use.", ("device",), slots)
-    yield _gauge("grabberd_ring_waiting_slots", "Not read yet by its slowest reader.", ("device",), waiting)
-    yield _gauge("grabberd_ring_deepest_slots", "The most that ever were.", ("device",), deepest)
+    yield gauge("grabberd_ring_slots", "Slots of the ring in use.", ("device",), slots)
+    yield gauge("grabberd_ring_waiting_slots", "Not read yet by its slowest reader.", ("device",), waiting)
+    yield gauge("grabberd_ring_deepest_slots", "The most that ever were.", ("device",), deepest)
 
 
 def _device(instruments: list[Instrument]) -> Iterator[Metric]:
@@ -122,19 +118,19 @@ def _device(instruments: list[Instrument]) -> Iterator[Metric]:
     signals = (((name, s), float(board.signal is s)) for name, board in boards for s in Signal)
     openings = (((name,), board.openings) for name, board in boards)
     steps = (((name, rung), board.recoveries[rung]) for name, board in boards for rung in Rung)
-    yield _gauge("grabberd_device_state", "1 for the state that it is in.", ("device", "state"), states)
-    yield _gauge("grabberd_device_signal", "1 for what is known of it.", ("device", "signal"), signals)
-    yield _counter("grabberd_device_openings", "How often it was opened.", ("device",), openings)
-    yield _counter("grabberd_device_recoveries", "Steps to have it deliver.", ("device", "step"), steps)
+    yield gauge("grabberd_device_state", "1 for the state that it is in.", ("device", "state"), states)
+    yield gauge("grabberd_device_signal", "1 for what is known of it.", ("device", "signal"), signals)
+    yield counter("grabberd_device_openings", "How often it was opened.", ("device",), openings)
+    yield counter("grabberd_device_recoveries", "Steps to have it deliver.", ("device", "step"), steps)
 
 
 def _points(instruments: list[Instrument]) -> Iterator[Metric]:
     lives = [(one.name, live) for one in instruments if (live := one.worker.live) is not None]
     points = (((name,), len(live.measured.points)) for name, live in lives)
-    yield _gauge("grabberd_live_points", "Points of the newest measured field.", ("device",), points)
+    yield gauge("grabberd_live_points", "Points of the newest measured field.", ("device",), points)
     fits = [(one.name, fit) for one in instruments if (fit := one.worker.field_order.fit) is not None]
     verdicts = (((name, order), float(fit.order is order)) for name, fit in fits for order in Order)
-    yield _gauge("grabberd_field_order", "1 for what the points tell of it.", ("device", "order"), verdicts)
+    yield gauge("grabberd_field_order", "1 for what the points tell of it.", ("device", "order"), verdicts)
     yield _latency(instruments)
 
 
@@ -162,29 +158,29 @@ def _captures(instruments: list[Instrument], service: Service) -> Iterator[Metri
     )
     measured = (((one.name, v), one.captures.measured[v]) for one in instruments for v in CoverageVerdict)
     free = service.storage_document().free_bytes
-    yield _gauge("grabberd_capture_running", "1 while a capture is recorded.", ("device",), running)
-    yield _counter(
+    yield gauge("grabberd_capture_running", "1 while a capture is recorded.", ("device",), running)
+    yield counter(
         "grabberd_captures", "Captures that have been sealed or given up.", ("device", "verdict"), ended
     )
-    yield _counter(
+    yield counter(
         "grabberd_captures_measured", "How well these were measured.", ("device", "verdict"), measured
     )
-    yield _gauge("grabberd_disk_free_bytes", "Room for captures.", (), [] if free is None else [((), free)])
+    yield gauge("grabberd_disk_free_bytes", "Room for captures.", (), [] if free is None else [((), free)])
 
 
 def _faults(service: Service) -> Iterator[Metric]:
     board, unsealed = service.faults, service.unsealed
     now = (((cause,), float(board.has(cause))) for cause in OWN_CAUSES)
     counts = (((cause,), board.counts[cause]) for cause in OWN_CAUSES)
-    yield _gauge("grabberd_fault", "1 while the daemon itself has it.", ("cause",), now)
-    yield _counter("grabberd_faults", "How often it has begun.", ("cause",), counts)
-    yield _counter(
+    yield gauge("grabberd_fault", "1 while the daemon itself has it.", ("cause",), now)
+    yield counter("grabberd_faults", "How often it has begun.", ("cause",), counts)
+    yield counter(
         "grabberd_index_rebuilds", "Of a damaged index.", (), [((), service.archive.keeper.rebuilt)]
     )
-    yield _gauge("grabberd_unsealed_captures", "To be sealed.", (), [((), len(unsealed.captures))])
-    yield _counter("grabberd_failed_seals", "Attempts to seal a capture.", (), [((), unsealed.attempts)])
-    yield _counter("grabberd_state_backups", "Of state.sqlite.", (), [((), service.state_keeper.backed_up)])
-    yield _counter(
+    yield gauge("grabberd_unsealed_captures", "To be sealed.", (), [((), len(unsealed.captures))])
+    yield counter("grabberd_failed_seals", "Attempts to seal a capture.", (), [((), unsealed.attempts)])
+    yield counter("grabberd_state_backups", "Of state.sqlite.", (), [((), service.state_keeper.backed_up)])
+    yield counter(
         "grabberd_descriptors_exhausted", "Clients refused for want of files.", (), [((), exhaustion.count)]
     )
 
@@ -193,29 +189,13 @@ def _mqtt(service: Service) -> Iterator[Metric]:
     if service.publisher is None:
         return
     now = service.publisher.document()
-    yield _gauge("grabberd_mqtt_connected", "1 while the broker is.", (), [((), float(now.connected))])
+    yield gauge("grabberd_mqtt_connected", "1 while the broker is.", (), [((), float(now.connected))])
     waiting, acknowledged = now.waiting_captures, now.acknowledged_captures
-    yield _gauge("grabberd_mqtt_waiting_captures", "Not acknowledged yet.", (), [((), waiting)])
-    yield _counter("grabberd_mqtt_acknowledged_captures", "Since the start.", (), [((), acknowledged)])
-    yield _counter(
+    yield gauge("grabberd_mqtt_waiting_captures", "Not acknowledged yet.", (), [((), waiting)])
+    yield counter("grabberd_mqtt_acknowledged_captures", "Since the start.", (), [((), acknowledged)])
+    yield counter(
         "grabberd_mqtt_missed_captures",
         "Deleted before they could be told.",
         (),
         [((), now.missed_captures)],
     )
-
-
-def _gauge(name: str, words: str, labels: tuple[str, ...], samples: Samples) -> Metric:
-    return _filled(GaugeMetricFamily(name, words, labels=labels), samples)
-
-
-def _counter(name: str, words: str, labels: tuple[str, ...], samples: Samples) -> Metric:
-    return _filled(CounterMetricFamily(name, words, labels=labels), samples)
-
-
-def _filled(
-    family: GaugeMetricFamily | CounterMetricFamily, samples: Samples
-) -> GaugeMetricFamily | CounterMetricFamily:
-    for labels, value in samples:
-        family.add_metric(labels, value)
-    return family

@@ -3,7 +3,6 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Header, Request, Response
-from fastapi.responses import HTMLResponse
 from starlette.concurrency import run_in_threadpool
 
 from grabberd import __version__
@@ -21,21 +20,29 @@ from grabberd.web import POLICY, Files, StaticFile, language_of, render
 
 FOREVER = "public, max-age=31536000, immutable"
 """Allowed because the address contains the version."""
+HTML = "text/html; charset=utf-8"
 
 router = APIRouter(tags=["system"], include_in_schema=False, route_class=RenderedRoute)
 
 
 @router.get("/")
-async def get_page(request: Request, accept_language: Annotated[str, Header()] = "") -> HTMLResponse:
+async def get_page(
+    request: Request,
+    accept_language: Annotated[str, Header()] = "",
+    accept_encoding: Annotated[str, Header()] = "",
+) -> Response:
     """The page, with the present state embedded in it."""
     identity, headers = await _who_asks(request)
     first = await run_in_threadpool(_first, request.app.state.service, identity)
     files: Files = request.app.state.files
-    content = await run_in_threadpool(render, files.newest(), language_of(accept_language), first)
-    return HTMLResponse(
-        content,
-        headers={"Content-Security-Policy": POLICY, "Cache-Control": "no-store", "Vary": "Cookie", **headers},
-    )
+    edition = await run_in_threadpool(files.newest)
+    content = render(edition, language_of(accept_language), first).encode()
+    own = {
+        "Content-Security-Policy": POLICY,
+        "Cache-Control": "no-store",
+        "Vary": "Cookie, Accept-Encoding, Accept-Language",
+    }
+    return _whole(StaticFile(HTML, content), own | headers, "gzip" in accept_encoding)
 
 
 @router.get("/static/{version}/{path:path}")

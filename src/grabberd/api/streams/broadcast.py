@@ -118,9 +118,14 @@ class Broadcast(Channel[T]):
 
 
 class Listener(Generic[T]):
-    """One listener's position in a channel."""
+    """One listener's position in a channel.
+
+    Attributes:
+        passed: Messages that there were from one call of `next` to the other, with the one it was given.
+    """
 
     def __init__(self, channel: Channel[T], seen: int) -> None:
+        self.passed = 0
         self._channel = channel
         self._seen = seen
 
@@ -131,7 +136,7 @@ class Listener(Generic[T]):
             async with asyncio.timeout(patience_s):
                 while channel._count == self._seen and not channel.closed:
                     await channel._changed.wait()
-        late = channel._count - self._seen
+        late = self.passed = channel._count - self._seen
         if not late or channel.closed:
             return None
         if late > len(channel._newest):

@@ -1,13 +1,16 @@
 """The feeds of one service that stream to clients."""
 
+from functools import partial
+
 from grabberd.api.streams.broadcast import Broadcast
 from grabberd.api.streams.events import EventFeed
 from grabberd.api.streams.points_feed import PointsFeed
+from grabberd.api.streams.preview_feed import PreviewFeed
+from grabberd.service.live.curves import curves_message
 from grabberd.service.live.newest_field import PreviewPicture
-from grabberd.service.live.preview import Preview
 from grabberd.service.service import Service
 
-PREVIEW_EVERY_S = 1 / 12
+CURVES_EVERY_S = 0.2
 
 
 class Feeds:
@@ -21,14 +24,15 @@ class Feeds:
     def __init__(self, service: Service) -> None:
         self.events = EventFeed(service)
         self._service = service
-        self._previews = {
-            name: Broadcast(Preview(one, service.clock).make, PREVIEW_EVERY_S)
+        self._previews = {name: PreviewFeed(one, service.clock) for name, one in service.instruments.items()}
+        self._points = {name: PointsFeed(one, service.clock) for name, one in service.instruments.items()}
+        self._curves = {
+            name: Broadcast(partial(curves_message, one, service.loggers, service.clock), CURVES_EVERY_S)
             for name, one in service.instruments.items()
         }
-        self._points = {name: PointsFeed(one, service.clock) for name, one in service.instruments.items()}
         self.pictures = {name: PreviewPicture(one) for name, one in service.instruments.items()}
 
-    def preview(self, device: str | None) -> Broadcast[bytes]:
+    def preview(self, device: str | None) -> PreviewFeed:
         """The preview of a device, whose name can be left out if there is only one.
 
         Raises:
@@ -44,6 +48,14 @@ class Feeds:
         """
         return self._points[self._service.instrument(device).name]
 
+    def curves(self, device: str | None) -> Broadcast[str]:
+        """The movement of a device and its vacuum; its name can be left out as above.
+
+        Raises:
+            NotFound: As above.
+        """
+        return self._curves[self._service.instrument(device).name]
+
     def close(self) -> None:
         """Ends every stream, because the server waits for responses to end before it stops."""
         self.events.broadcast.close()
@@ -51,3 +63,5 @@ class Feeds:
             preview.close()
         for points in self._points.values():
             points.close()
+        for curves in self._curves.values():
+            curves.close()

@@ -88,8 +88,8 @@ class Adjustment:
     @property
     def parameter_covariance(self) -> Array:
         """(18 V, 18 V) covariance of all views' `PARAMETERS`, zero where held."""
-        selection = self.unknowns.selection
-        return selection @ self.covariance @ selection.T
+        slopes = self.unknowns.derivatives(self.views)
+        return slopes @ self.covariance @ slopes.T
 
 
 def adjust(network: Network, unknowns: Unknowns, settings: AdjustmentSettings | None = None) -> Adjustment:

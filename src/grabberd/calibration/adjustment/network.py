@@ -27,6 +27,10 @@ class Network:
         target_sigma_mm: (T, 3) float64, their standard deviation: 0 if held, infinite if unknown (`target_mm`
             is then the start value).
         ids: (T,) ids of the targets for messages; None: their indices.
+        camera: (V,) intp, virtual camera that a view is of, where one sees the calibration frame in several
+            poses; None: each view is of its own.
+        among_corrected: True for residuals between ideal points and corrected observed ones, as programs form
+            them whose polynomial is a correction, instead of between points of the picture.
 
     Raises:
         MeasurementError: Shapes, indices or standard deviations are inconsistent.
@@ -40,6 +44,8 @@ class Network:
     target_mm: Array
     target_sigma_mm: Array
     ids: NDArray[np.int32] | None = None
+    among_corrected: bool = False
+    camera: NDArray[np.intp] | None = None
 
     def __post_init__(self) -> None:
         count, targets = len(self.view), len(self.target_mm)
@@ -55,6 +61,11 @@ class Network:
             raise MeasurementError(f"an image point belongs to none of the {targets} targets", _HINT)
         if len(np.unique(self.view * targets + self.target)) < count:
             raise MeasurementError("a target has two image points in one view", _HINT)
+        if self.among_corrected and any(view.polynomial == "distortion" for view in self.views):
+            raise MeasurementError(
+                "residuals among corrected points need views whose polynomial is a correction",
+                'set polynomial="correction" in all of them',
+            )
         known = np.isfinite(self.xy_px).all() and np.isfinite(self.target_mm).all()
         if not (known and (self.sigma_px > 0).all() and (self.target_sigma_mm >= 0).all()):
             raise MeasurementError("a position or a standard deviation is out of range or not finite", _HINT)
@@ -65,6 +76,10 @@ class Network:
     def id_of(self, target: int) -> int:
         """Id of a target by its index, as people know it."""
         return target if self.ids is None else int(self.ids[target])
+
+    def cameras(self, view: NDArray[np.intp] | int) -> NDArray[np.intp]:
+        """Virtual cameras of views by their index, in the same shape."""
+        return np.asarray(view) if self.camera is None else self.camera[view]
 
     @property
     def sightings(self) -> NDArray[np.intp]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from grabberd.calibration.adjustment.network import Network
 from grabberd.calibration.adjustment.unknowns import Unknowns
 from grabberd.errors import MeasurementError
-from grabberd.geometry import PARAMETERS, Rig, View, linearise_parameters
+from grabberd.geometry import PARAMETERS, Rig, View, linearise_corrections, linearise_parameters
 from grabberd.reconstruction.intersection import DIAGONAL, FIRST, SECOND, inverse_symmetric
 
 Array = NDArray[np.float64]
@@ -32,12 +32,14 @@ class Linear(NamedTuple):
         image: (2, V, T) misclosures of the image points; NaN behind a camera.
         offset: (3, P) misclosures of the free positions.
         slopes: (2, V, 18, T) derivatives of the image points by the parameters of their view.
+        blocks: (V, 18, U) derivatives of the parameters by the unknowns.
         omega: Sum of the squared misclosures; infinite if one is NaN.
     """
 
     image: Array
     offset: Array
     slopes: Array
+    blocks: Array
     omega: float
 
 
@@ -81,7 +83,6 @@ class Problem:
     Attributes:
         network: The input.
         unknowns: The parameters to estimate.
-        selection: (18 V, U) changes of the parameters from those of the unknowns.
         moving: (P,) intp, targets whose position is free: not held, and seen at all.
         loose: (3, P) bool, their coordinates that are not held.
         prior: (3, P) 1/σ, 0 if unknown.
@@ -91,8 +92,6 @@ class Problem:
     def __init__(self, network: Network, unknowns: Unknowns) -> None:
         self.network = network
         self.unknowns = unknowns
-        self.selection = unknowns.selection
-        self._blocks = self.selection.reshape(len(network.views), len(PARAMETERS), -1)
         shape = (2, len(network.views), len(network.target_mm))
         self._observed, self._weight = np.zeros(shape), np.zeros(shape)
         place = (slice(None), network.view, network.target)
@@ -148,8 +147,13 @@ class Problem:
 
     def at(self, state: State) -> Linear:
         """Linearise the network at a state."""
-        computed, slopes = linearise_parameters(Rig.of_views(state.views), state.xyz_mm)
-        image = (self._observed - computed) * self._weight
+        rig = Rig.of_views(state.views)
+        if self.network.among_corrected:
+            excess, slopes = linearise_corrections(rig, state.xyz_mm, self._observed)
+        else:
+            computed, slopes = linearise_parameters(rig, state.xyz_mm)
+            excess = computed - self._observed
+        image = -excess * self._weight
         slopes *= self._weight[:, :, np.newaxis]
         if self._unseen is not None:
             # Zero weight leaves NaN as it is, and an unseen target may lie behind the camera.
@@ -157,7 +161,8 @@ class Problem:
             slopes.swapaxes(2, 3)[self._unseen] = 0.0
         offset = (self.network.target_mm - state.xyz_mm)[self.moving].T * self.prior
         omega = float(np.vdot(image, image) + np.vdot(offset, offset))
-        return Linear(image, offset, slopes, omega if np.isfinite(omega) else np.inf)
+        blocks = self.unknowns.derivatives(state.views).reshape(len(state.views), len(PARAMETERS), -1)
+        return Linear(image, offset, slopes, blocks, omega if np.isfinite(omega) else np.inf)
 
     def normals(self, linear: Linear) -> Normals:
         """Form the normal equations of a linearised network."""
@@ -170,7 +175,7 @@ class Problem:
         own[DIAGONAL, :] += self._own_prior
         own_right = (places * linear.image[:, :, np.newaxis, self.moving]).sum(axis=(0, 1))
         own_right += linear.offset * self.prior
-        return Normals(matrix, right, own, own_right, self._cross(places, linear.slopes))
+        return Normals(matrix, right, own, own_right, self._cross(places, linear))
 
     def by_place(self, linear: Linear) -> Array:
         """(2, V, 3, P) whitened slopes by the positions: minus those by the projection centre."""
@@ -179,7 +184,7 @@ class Problem:
 
     def whitened_rows(self, linear: Linear) -> Array:
         """(2, V, T, U) whitened slopes of the image points by the unknowns."""
-        return linear.slopes.swapaxes(2, 3) @ self._blocks
+        return linear.slopes.swapaxes(2, 3) @ linear.blocks
 
     def residuals_px(self, linear: Linear) -> Array:
         """(M, 2) misclosures of the image points in px."""
@@ -188,17 +193,18 @@ class Problem:
 
     def _of_parameters(self, linear: Linear) -> tuple[Array, Array]:
         """Parameter block: one block per view, since views share no slopes, folded onto the unknowns."""
-        slopes, folding = linear.slopes, self._blocks.swapaxes(1, 2)
-        matrix = folding @ (slopes @ slopes.swapaxes(2, 3)).sum(axis=0) @ self._blocks
+        slopes, folding = linear.slopes, linear.blocks.swapaxes(1, 2)
+        matrix = folding @ (slopes @ slopes.swapaxes(2, 3)).sum(axis=0) @ linear.blocks
         right = folding @ (slopes @ linear.image[..., np.newaxis]).sum(axis=0)
         return matrix.sum(axis=0), right.sum(axis=0)[:, 0]
 
-    def _cross(self, places: Array, slopes: Array) -> Array:
+    def _cross(self, places: Array, linear: Linear) -> Array:
+        slopes = linear.slopes
         _, views, parameters, _ = slopes.shape
         moving = len(self.moving)
         products = places[:, :, :, np.newaxis] * slopes[:, :, np.newaxis][..., self.moving]
         flat = products.sum(axis=0).transpose(1, 3, 0, 2).reshape(3 * moving, views * parameters)
-        cross: Array = (flat @ self.selection).reshape(3, moving, -1)
+        cross: Array = (flat @ linear.blocks.reshape(views * parameters, -1)).reshape(3, moving, -1)
         return cross
 
 

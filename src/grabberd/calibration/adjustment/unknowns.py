@@ -67,6 +67,10 @@ class Unknowns:
         chosen: Array = (flat[:, np.newaxis] == np.arange(len(self))).astype(np.float64)
         return chosen
 
+    def derivatives(self, views: Sequence[View]) -> Array:
+        """(18 V, U) derivatives of the views' parameters by the unknowns."""
+        return self.selection
+
     def values(self, views: Sequence[View]) -> Array:
         """(U,) values of the unknowns; the mean of parameters that share one."""
         flat, number = np.array([view.vector() for view in views]).ravel(), self.number.ravel()

@@ -62,7 +62,7 @@ class Collocation:
         misclosure: (2M,) observed − computed from the targets' given positions.
         trend: (2M, U) slopes by the unknowns over their `scale` (U,), so that columns have length 1.
         by_places: (2M, 2M) covariance from the positions' given σ.
-        distance_px: (M, M) distances of image points, infinite between views.
+        distance_px: (M, M) distances of image points, infinite between virtual cameras.
         noise: (2M,) given variances.
     """
 
@@ -82,7 +82,8 @@ class Collocation:
 
     def distances(self, view: NDArray[np.intp] | int, xy_px: Array) -> Array:
         """(N, M) distances from positions (N, 2) in a view, or one view each, to the image points."""
-        other = np.not_equal.outer(np.broadcast_to(view, len(xy_px)), self.network.view)
+        camera = self.network.cameras(self.network.view)
+        other = np.not_equal.outer(np.broadcast_to(self.network.cameras(view), len(xy_px)), camera)
         apart = np.linalg.norm(xy_px[:, np.newaxis] - self.network.xy_px, axis=2)
         return np.where(other, np.inf, apart)
 
@@ -115,7 +116,7 @@ class Collocation:
         slopes = parameter_slopes(Rig.of_views(self.views), xyz_mm).swapaxes(2, 3)
         rows = np.zeros((2, len(network), len(self.views), slopes.shape[3]))
         rows[:, range(len(network)), network.view] = slopes[:, network.view, network.target]
-        return rows.reshape(2 * len(network), -1) @ self.unknowns.selection
+        return rows.reshape(2 * len(network), -1) @ self.unknowns.derivatives(self.views)
 
     def _by_places(self, slopes: Array) -> Array:
         target = self.network.target

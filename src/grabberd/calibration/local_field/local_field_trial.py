@@ -183,6 +183,7 @@ def _trend(adjustment: Adjustment, view: int, xy_px: Array) -> Array:
     away_mm = np.linalg.norm(adjustment.xyz_mm - own.center_mm, axis=1).mean()
     center, directions = rays(own, xy_px)
     slopes = parameter_derivatives(own, center + away_mm * directions).swapaxes(0, 1)
-    chosen = adjustment.unknowns.selection.reshape(len(adjustment.views), -1, len(adjustment.unknowns))
+    chosen = adjustment.unknowns.derivatives(adjustment.views)
+    chosen = chosen.reshape(len(adjustment.views), -1, len(adjustment.unknowns))
     trend: Array = slopes @ chosen[view]
     return trend

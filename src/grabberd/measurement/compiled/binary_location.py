@@ -123,17 +123,25 @@ class Known:
     """
 
     def __init__(
-        self, least_px: float, greatest_px: float, jitter_px: float, spread_px: float | None, y_step: int
+        self,
+        least_px: float,
+        greatest_px: float,
+        jitter_px: float,
+        spread_px: float | None,
+        y_step: int,
+        lines_apart: int,
     ) -> None:
         self.least_px, self.greatest_px, self.jitter_px = least_px, greatest_px, jitter_px
-        self.spread_px, self.y_step = spread_px, y_step
+        self.spread_px, self.y_step, self.lines_apart = spread_px, y_step, lines_apart
         self.kept, self.room = Kept(self, (), ()), ROOM
 
     def _add_table(self, kept: Kept, wide: float, high: float, fraction: float, noise: float) -> Kept:
         """The tables with one of a noise more, by its number in `NOISES`; of all of them with `ANY_NOISE`."""
         assert self.spread_px is not None
         half_axes = KIND_PX[0] * wide, KIND_PX[1] * high
-        look = Appearance(*half_axes, fraction, NOISES[0], self.spread_px, self.jitter_px, self.y_step)
+        look = Appearance(
+            *half_axes, fraction, NOISES[0], self.spread_px, self.jitter_px, self.y_step, self.lines_apart
+        )
         made: dict[int, MadeTable] = {}
         for one in kept.tables:
             if one.is_of(wide, high, fraction):
@@ -175,19 +183,19 @@ def _floats(windows: NDArray[np.float32]) -> int:
 _known = lru_cache(maxsize=16)(Known)
 
 
-def known_of(settings: LocationSettings, y_step: int) -> Known:
+def known_of(settings: LocationSettings, y_step: int, lines_apart: int = 2) -> Known:
     """Make or recall the kernel's inputs."""
     return _known(
-        settings.min_diameter_px,
-        settings.max_diameter_px,
+        *settings.limits_px,
         settings.line_jitter_px,
         None if settings.method == "centroid" else settings.spread_px,
         y_step,
+        lines_apart,
     )
 
 
 def takes(packed: PackedField, settings: LocationSettings) -> bool:
-    """True if the kernel covers this field and these settings."""
+    """True if the kernel covers this field and these settings, which are those for it."""
     return (
         packed.bits == 1
         and settings.method in BY_KERNEL
@@ -202,7 +210,7 @@ def measure_compiled(kernel: Kernel, packed: PackedField, settings: LocationSett
     Raises:
         MeasurementError: There is not enough memory, or the kernel refuses the picture.
     """
-    known = known_of(settings, packed.y_step)
+    known = known_of(settings, packed.y_step, packed.lines_apart)
     data = np.ascontiguousarray(packed.data)
     _, rows, stride = data.shape
     picture = (rows, stride, packed.columns, packed.parity, packed.y0, packed.y_step)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from grabberd.field import PackedField
+from grabberd.field import PROGRESSIVE, PackedField
 from grabberd.kernel import DONE, MORE_ROOM, Kernel
 from grabberd.measurement.blobs import Blobs
 from grabberd.measurement.compiled.binary_location import COLUMNS, ROOM, blobs_of, fail
@@ -41,6 +41,7 @@ def takes_grey(packed: PackedField, settings: LocationSettings) -> bool:
     return (
         packed.bits in GREY
         and settings.method in BY_KERNEL
+        and packed.parity != PROGRESSIVE
         and packed.y_step in (1, 2)
         and packed.rows * packed.y_step > 1
         and settings.noise_levels != 0
@@ -73,8 +74,7 @@ def grey_settings(settings: LocationSettings) -> GreySettings:
     """Make or recall the kernel's inputs."""
     edge = np.stack(edge_table(), axis=1)
     own = GreySettings(
-        settings.min_diameter_px,
-        settings.max_diameter_px,
+        *settings.limits_px,
         settings.line_jitter_px,
         settings.spread_px,
         math.nan if settings.noise_levels is None else settings.noise_levels,

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from grabberd.measurement.labelling.mask import run_greys
 from grabberd.measurement.locators.locator import Chords, Seen
-from grabberd.measurement.locators.windows import LINES_APART, first_row, lines_of
+from grabberd.measurement.locators.windows import lines_of
 
 END_QUANTISED_PX = 24**-0.5
 """σ of a chord's middle at 1 bit: half the difference of two ends, each rounded to whole pixels."""
@@ -56,9 +56,9 @@ def binary_shares(seen: Seen) -> Shares:
     if not low.all():
         chosen = low[label]
         label, length, row = (np.cumsum(low) - 1)[label[chosen]], length[chosen], row[chosen]
-    half_lines = row * seen.packed.y_step - first_row(seen.packed)
+    half_lines = row * seen.packed.y_step - seen.packed.first_delivered
     grid = _Grid.of(label, half_lines, lines_of(seen.packed))
-    if seen.packed.y_step == LINES_APART:
+    if seen.packed.y_step == seen.packed.lines_apart:
         share = grid.sums(length)
     else:
         amount = grid.sums(length * (half_lines % 2 == 0))
@@ -80,7 +80,7 @@ def _chords(seen: Seen, cuts: _Cuts) -> Chords:
     low = seen.low
     chosen = low[seen.label]
     cuts = _Cuts(*(values[chosen] for values in cuts))
-    half_lines = seen.runs.row[chosen] * seen.packed.y_step - first_row(seen.packed)
+    half_lines = seen.runs.row[chosen] * seen.packed.y_step - seen.packed.first_delivered
     grid = _Grid.of((np.cumsum(low) - 1)[seen.label[chosen]], half_lines, lines_of(seen.packed))
     delivered = half_lines % 2 == 0
     amount = grid.sums(cuts.amount * delivered)

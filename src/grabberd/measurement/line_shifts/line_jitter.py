@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.measurement.line_shifts.chords import Shares, binary_chords, binary_shares, grey_chords
-from grabberd.measurement.line_shifts.line_shifts import LineShifts, line_shifts, unsolved
+from grabberd.measurement.line_shifts.line_shifts import LINES_APART, LineShifts, line_shifts, unsolved
 from grabberd.measurement.locators.locator import Chords, Located, Seen, noise_of
-from grabberd.measurement.locators.windows import LINES_APART, line_of_row, lines_of
+from grabberd.measurement.locators.windows import line_of_row, lines_of
 
 Array = NDArray[np.float64]
 

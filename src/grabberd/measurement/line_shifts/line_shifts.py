@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from grabberd.measurement.line_shifts.bands import band_factor, band_half_solve, band_of, band_solve
 from grabberd.measurement.line_shifts.leans import ANY_LEAN, Leans, smoothed, terms_of
 from grabberd.measurement.locators.locator import Chords
-from grabberd.measurement.locators.windows import LINES_APART
 
+LINES_APART = 2
+"""Frame lines from one field line to the next, whatever the rows are: only lines of analog fields shift."""
 LEAN = 0.03
 """Least standard deviation of a_i about the leans of discs at such places, otherwise the root mean square of
 what is seen of that."""

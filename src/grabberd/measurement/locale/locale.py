@@ -15,7 +15,6 @@ from grabberd.measurement.locale.locale_patterns import Patterns, patterns_of
 from grabberd.measurement.locale.locale_posterior import Entries, Posterior, evidence_of, likelihoods
 from grabberd.measurement.locale.locale_table import Grid, table
 from grabberd.measurement.locators.locator import Located, Seen, meant_for
-from grabberd.measurement.locators.windows import LINES_APART
 from grabberd.measurement.sigma import binary_sigma_px
 
 Array = NDArray[np.float64]
@@ -26,12 +25,11 @@ NOISE_BLOBS = 24
 """Number of blobs that decide the noise."""
 JITTER_OF_CENTRE = 0.54
 """Variance of a centroid's x per variance of a line's shift, times the lines that its radius spans."""
-JITTER_OF_ENDS = {1: 0.25, 2: 0.5}
-"""Share of that in the posterior by `y_step`: it models a row's ends, and interpolated rows, as
-independent."""
-SHARED_NOISE = {1: 1.15, 2: 1.0}
-"""Factor on the variance of x: interpolated rows have no noise of their own but are counted as if they
-had."""
+JITTER_OF_ENDS, JITTER_OF_DOUBLED_ENDS = 0.5, 0.25
+"""Share of that in the posterior: it models a row's ends, and interpolated rows, as independent."""
+SHARED_NOISE = 1.15
+"""Factor on the variance of x of doubled fields: interpolated rows have no noise of their own but are counted
+as if they had."""
 MOST_JITTER = 0.7
 """Greatest share of the variance of x attributed to line jitter; the rest is the blob's own."""
 UNEXPLAINED = 20.0
@@ -49,12 +47,15 @@ def locate_by_locale(seen: Seen) -> Located:
     """
     meant_for(seen, "locale", (1,))
     centres = seen.centroids.copy()
-    sigma_px = binary_sigma_px(seen.area_px, seen.packed.y_step)
+    sigma_px = binary_sigma_px(seen.area_px, seen.packed.y_step, doubled=seen.packed.is_doubled)
     patterns = patterns_of(seen, centres)
     if not patterns.kinds:
         return Located(centres, sigma_px)
     spread_px, jitter_px = seen.settings.spread_px, seen.settings.line_jitter_px
-    look = Appearance(1.0, 1.0, patterns.fraction, NOISES[0], spread_px, jitter_px, seen.packed.y_step)
+    packed = seen.packed
+    look = Appearance(
+        1.0, 1.0, patterns.fraction, NOISES[0], spread_px, jitter_px, packed.y_step, packed.lines_apart
+    )
     posterior = _posterior(patterns, look)
     explained = posterior.evidence > np.median(posterior.evidence) - UNEXPLAINED
     blob = patterns.blob[explained]
@@ -62,7 +63,7 @@ def locate_by_locale(seen: Seen) -> Located:
     from_middle_px = posterior.from_middle_px[explained] / stretched
     centres[blob] = patterns.middle[explained] + from_middle_px / (1, seen.packed.y_step)
     variance = posterior.variance_px2[explained] / stretched**2
-    variance[:, 0] *= SHARED_NOISE[seen.packed.y_step]
+    variance[:, 0] *= SHARED_NOISE if packed.is_doubled else 1.0
     variance[:, 0] -= np.minimum(_jitter_px2(seen, blob), MOST_JITTER * variance[:, 0])
     sigma_px[blob] = np.sqrt(variance)
     return Located(centres, sigma_px)
@@ -70,9 +71,9 @@ def locate_by_locale(seen: Seen) -> Located:
 
 def _jitter_px2(seen: Seen, blob: NDArray[np.int64]) -> Array:
     """(M,) variance of x from line jitter, which is reported separately as the common error."""
-    lines = math.sqrt(4 / math.pi) / 2 * np.sqrt(seen.area_px[blob]) / LINES_APART
+    lines = math.sqrt(4 / math.pi) / 2 * np.sqrt(seen.area_px[blob]) / seen.packed.lines_apart
     common: Array = JITTER_OF_CENTRE * seen.settings.line_jitter_px**2 / lines
-    return JITTER_OF_ENDS[seen.packed.y_step] * common
+    return common * (JITTER_OF_DOUBLED_ENDS if seen.packed.is_doubled else JITTER_OF_ENDS)
 
 
 def _posterior(patterns: Patterns, look: Appearance) -> Posterior:

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 CHORDS = 20
 LINE_HEIGHT_PX = 1.6
-"""Compromise between a row that collects one frame line and a sensor that integrates two."""
+"""Compromise between a field's row that collects one frame line and a sensor that integrates two."""
 SURE = 6.9
 """Greatest log odds of a pixel: one in a thousand is wrong for reasons outside the model."""
 _NEWTON_STEPS = 6
@@ -31,7 +31,8 @@ class Appearance(NamedTuple):
         noise: Standard deviation of a pixel on a delivered line, in contrasts.
         spread_px: Standard deviation of the spread function.
         jitter_px: Standard deviation of a line's shift.
-        y_step: Frame lines from row to row; with 1 every other row is interpolated.
+        y_step: Frame lines from row to row.
+        lines_apart: Frame lines from one delivered line to the next: rows between them are interpolated.
     """
 
     half_width_px: float
@@ -41,6 +42,12 @@ class Appearance(NamedTuple):
     spread_px: float
     jitter_px: float
     y_step: int
+    lines_apart: int = 2
+
+    @property
+    def doubled(self) -> bool:
+        """True if every other row is interpolated."""
+        return self.y_step < self.lines_apart
 
     def of_size(self, half_width_px: float, half_height_px: float) -> "Appearance":
         """The same for targets of another size."""
@@ -50,7 +57,8 @@ class Appearance(NamedTuple):
     def blur_px(self) -> tuple[float, float]:
         """Standard deviation of spread and pixel combined, in x and y."""
         pixel = 12**-0.5
-        return math.hypot(self.spread_px, pixel), math.hypot(self.spread_px, LINE_HEIGHT_PX * pixel)
+        height_px = 1.0 if self.lines_apart == 1 else LINE_HEIGHT_PX
+        return math.hypot(self.spread_px, pixel), math.hypot(self.spread_px, height_px * pixel)
 
 
 def normal_share(z: Array) -> Array:

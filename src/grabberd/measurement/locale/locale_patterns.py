@@ -16,7 +16,6 @@ from grabberd.measurement.locale.locale_sizes import (
 )
 from grabberd.measurement.locale.locale_table import STEPS_X, STEPS_Y
 from grabberd.measurement.locators.locator import Seen
-from grabberd.measurement.locators.windows import first_row
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -85,11 +84,11 @@ def patterns_of(seen: Seen, centres: Array) -> Patterns:
     moments = moments_of(packed, seen.runs, seen.label, centres)
     sizes = sizes_of(moments, whole, centres, packed)
     fraction = NOMINAL_FRACTION
-    if packed.y_step == 1:
+    if packed.is_doubled:
         fraction = threshold_fraction(seen.shapes.pixels, moments, sizes, whole, seen.settings.spread_px)
     blob, kinds, count = _by_kind(whole.nonzero()[0], sizes)
     steps = np.array([STEPS_X, STEPS_Y * packed.y_step])
-    before = np.array([0, first_row(packed)])
+    before = np.array([0, packed.first_delivered])
     middle = np.rint((centres[blob] - before) * steps).astype(np.int64)
     wanted = np.repeat(kinds, count, axis=0).reshape(-1, 2)
     stretched = wanted / np.array(sizes[:2]).T[blob]
@@ -129,7 +128,7 @@ def _cuts(seen: Seen, blob: Whole, middle: Whole, stretched: Array, lean: Array)
         of, row, first, last = of[new], row[new], first[new], last[np.append(new[1:] - 1, -1)]
     begin = np.cumsum(np.bincount(of, minlength=len(blob)))
     x, y, wider, higher, leaning = np.array([*middle.T, *stretched.T, lean])[:, of]
-    down = (row - first_row(seen.packed)) * (seen.packed.y_step * STEPS_Y) - y
+    down = (row - seen.packed.first_delivered) * (seen.packed.y_step * STEPS_Y) - y
     origin = x + HALF + leaning * down * (STEPS_X / STEPS_Y)
     # A pixel's position is a whole number; what is stretched is its edge, half a pixel before.
     start, end = (

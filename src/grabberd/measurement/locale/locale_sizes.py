@@ -64,7 +64,7 @@ def moments_of(packed: PackedField, runs: Runs, label: NDArray[np.int64], centre
 
 def is_delivered(packed: PackedField, row: NDArray[np.int64]) -> NDArray[np.bool_]:
     """True for rows that the camera delivered; the others of a doubled field are interpolated."""
-    return (row & 1) == packed.parity if packed.y_step == 1 else row >= 0
+    return (row & 1) == packed.parity if packed.is_doubled else row >= 0
 
 
 def sizes_of(moments: Moments, counted: NDArray[np.bool_], centres: Array, packed: PackedField) -> Sizes:

@@ -143,7 +143,7 @@ def new_table(seen: Appearance) -> Table:
     starts = _starts(odds * (1.0 - right), unset * (1.0 - right))
     ends = _ends(odds * right, unset * right)
     beyond = ((0, 0), (0, 0), (0, CAPS - STEPS_X))
-    caps = (np.pad(one, beyond, mode="wrap") for one in _caps(unset, seen.y_step))
+    caps = (np.pad(one, beyond, mode="wrap") for one in _caps(unset, seen.y_step, seen.lines_apart))
     size = 2 * REACH_X + 1, 2 * REACH_Y[seen.y_step] + 1
     return Table(
         _windows((starts, ends, *caps), len(v), size),
@@ -180,11 +180,13 @@ def _by_pixel(values: Array) -> Array:
     return values.reshape(*values.shape[:2], -1, STEPS_X)
 
 
-def _caps(unset: Array, y_step: int) -> tuple[Array, Array]:
-    """(2, V, `STEPS_X`) log likelihood of all rows above one, and of all below; every other is
-    interpolated.
+def _caps(unset: Array, y_step: int, lines_apart: int) -> tuple[Array, Array]:
+    """(2, V, `STEPS_X`) log likelihood of all rows above one, and of all below; of a field every other is
+    interpolated, or missing.
     """
     of_rows = _by_pixel(unset).sum(axis=2).reshape(2, -1, STEPS_Y, STEPS_X)
+    if lines_apart == 1:
+        of_rows[1] = of_rows[0]
     of_rows[1] *= y_step == 1
     odd = np.arange(of_rows.shape[1]) % 2 == 1
     mixed = np.where(odd[:, np.newaxis, np.newaxis], of_rows[::-1], of_rows)

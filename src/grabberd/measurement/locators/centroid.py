@@ -12,7 +12,8 @@ def locate_by_centroid(seen: Seen) -> Located:
 
 
 def _binary(seen: Seen) -> Located:
-    return Located(seen.centroids, binary_sigma_px(seen.area_px, seen.packed.y_step))
+    packed = seen.packed
+    return Located(seen.centroids, binary_sigma_px(seen.area_px, packed.y_step, doubled=packed.is_doubled))
 
 
 def _grey(seen: Seen) -> Located:
@@ -23,6 +24,7 @@ def _grey(seen: Seen) -> Located:
         seen.area_px,
         weight,
         packed.y_step,
+        doubled=packed.is_doubled,
         noise=background.noise if noise is None else noise,
         threshold_height=max(0.0, packed.threshold - background.level),
     )

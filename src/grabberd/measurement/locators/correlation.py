@@ -16,7 +16,7 @@ from grabberd.measurement.locators.disc_image import (
 )
 from grabberd.measurement.locators.locator import GREY, Located, Seen, meant_for, noise_of
 from grabberd.measurement.locators.template import BLURRED_PX, PIXEL, ROW
-from grabberd.measurement.locators.windows import LINES_APART, Windows, windows_of
+from grabberd.measurement.locators.windows import Windows, windows_of
 
 STEP_PX = 0.25
 ACROSS = 6
@@ -57,8 +57,9 @@ def locate_by_correlation(seen: Seen) -> Located:
     meant_for(seen, "correlation", GREY)
     windows, noise = windows_of(seen), noise_of(seen)
     xy_px, sigma = np.zeros((len(windows.blob), 2), np.float32), np.zeros((len(windows.blob), 2), np.float32)
-    regular = np.array([windows.x_px[-1] // 2, windows.y_px[-1] / 2 // LINES_APART * LINES_APART])
-    displaced = np.abs(windows.middle - regular).max(axis=1, keepdims=True) > LINES_APART
+    apart = windows.lines_apart
+    regular = np.array([windows.x_px[-1] // 2, windows.y_px[-1] / 2 // apart * apart])
+    displaced = np.abs(windows.middle - regular).max(axis=1, keepdims=True) > apart
     middles = np.where(displaced, np.rint(windows.middle), regular)
     usual, group = np.unique(middles, axis=0, return_inverse=True)
     for index, middle in enumerate(usual):

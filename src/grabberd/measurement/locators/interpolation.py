@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from grabberd.measurement.background import LEAST_NOISE, background_in
 from grabberd.measurement.locators.locator import Located, Seen
-from grabberd.measurement.locators.windows import LINES_APART, Windows, windows_of
+from grabberd.measurement.locators.windows import Windows, windows_of
 from grabberd.measurement.sigma import binary_sigma_px
 
 Array = NDArray[np.float64]
@@ -35,8 +35,8 @@ def locate_by_vernier(seen: Seen) -> Located:
     noise = _noise_levels(seen)
     x = _crossings(signal.sum(axis=1), noise * signal.shape[1] ** 0.5)
     y = _crossings(signal.sum(axis=2), noise * signal.shape[2] ** 0.5)
-    sigma = np.hypot(np.stack([x.sigma, y.sigma * LINES_APART], axis=1), VERNIER_CURVED)
-    return _located(seen, windows, np.stack([x.middle, y.middle * LINES_APART], axis=1), sigma)
+    sigma = np.hypot(np.stack([x.sigma, y.sigma * windows.lines_apart], axis=1), VERNIER_CURVED)
+    return _located(seen, windows, np.stack([x.middle, y.middle * windows.lines_apart], axis=1), sigma)
 
 
 def locate_by_tian_huhns(seen: Seen) -> Located:
@@ -48,11 +48,11 @@ def locate_by_tian_huhns(seen: Seen) -> Located:
     windows = windows_of(seen)
     signal = _signal(windows)
     twice = _peaks(_self_convolved(signal))
-    xy_px = twice / 2 * (1.0, LINES_APART)
+    xy_px = twice / 2 * (1.0, windows.lines_apart)
     height = np.maximum(signal.max(axis=(1, 2), initial=1.0), 1.0)
     radius = np.sqrt(seen.area_px[windows.blob] / np.pi)
     spread = seen.settings.spread_px
-    bound = _noise_levels(seen) / height * np.sqrt(2 * spread * LINES_APART / (np.pi**0.5 * radius))
+    bound = _noise_levels(seen) / height * np.sqrt(2 * spread * windows.lines_apart / (np.pi**0.5 * radius))
     sigma = np.hypot(PARABOLA_NOISE * bound[:, np.newaxis], PARABOLA_CURVED)
     return _located(seen, windows, xy_px, sigma)
 
@@ -60,7 +60,7 @@ def locate_by_tian_huhns(seen: Seen) -> Located:
 def _located(seen: Seen, windows: Windows, xy_px: Array, sigma: Array) -> Located:
     """Assign σ; at 1 bit noise is negligible beside quantisation."""
     if seen.packed.bits == 1:
-        sigma = binary_sigma_px(seen.area_px[windows.blob], LINES_APART)
+        sigma = binary_sigma_px(seen.area_px[windows.blob], windows.lines_apart, doubled=False)
     centres, sigma_px = windows.located(seen, xy_px[:, 0], xy_px[:, 1], sigma)
     return Located(centres, sigma_px)
 

@@ -55,13 +55,14 @@ class Seen:
     def of_size(self) -> NDArray[np.bool_]:
         """(N,) bool, True for components neither too small nor too large for a target."""
         diameter = np.sqrt(4 / np.pi * self.area_px)
-        return (diameter >= self.settings.min_diameter_px) & (diameter <= self.settings.max_diameter_px)
+        least_px, most_px = self.settings.limits_px
+        return (diameter >= least_px) & (diameter <= most_px)
 
     @cached_property
     def low(self) -> NDArray[np.bool_]:
         """(N,) bool, True for those that are not too tall either: tall ones are costly and no targets."""
         height_px = (self.shapes.last_row - self.shapes.first_row + 1) * self.packed.y_step
-        return self.of_size & (height_px <= TALLEST * self.settings.max_diameter_px)
+        return self.of_size & (height_px <= TALLEST * self.settings.limits_px[1])
 
 
 class Chords(NamedTuple):

@@ -14,8 +14,6 @@ from grabberd.measurement.background import background_in
 from grabberd.measurement.labelling.mask import greys_at
 from grabberd.measurement.locators.locator import Seen
 
-LINES_APART = 2
-"""Frame lines from one field line to the next, whatever the packed field's rows are."""
 BEYOND_PX = (1.2, 3.9)
 """Margin of a window beyond the pixels above the threshold (of all but the largest blobs), and its increase
 for a threshold at their full height, since a high threshold leaves more of them out."""
@@ -35,6 +33,7 @@ class Windows(NamedTuple):
         line: (N,) int64, field line of the first row, counted as the camera delivered them.
         column: (N,) int64, the first column.
         middle: (N, 2) float32, position of the blob's centroid in the window: columns, frame lines.
+        lines_apart: Frame lines from one line to the next.
     """
 
     blob: NDArray[np.int64]
@@ -43,6 +42,7 @@ class Windows(NamedTuple):
     line: NDArray[np.int64]
     column: NDArray[np.int64]
     middle: Array
+    lines_apart: int
 
     @property
     def x_px(self) -> Array:
@@ -52,7 +52,7 @@ class Windows(NamedTuple):
     @property
     def y_px(self) -> Array:
         """(h,) frame lines from the first."""
-        return np.arange(self.grey.shape[1], dtype=np.float32) * np.float32(LINES_APART)
+        return np.arange(self.grey.shape[1], dtype=np.float32) * np.float32(self.lines_apart)
 
     def located(
         self,
@@ -66,7 +66,7 @@ class Windows(NamedTuple):
         A component without a window, too small or too large for a target, keeps its centroid with σ NaN.
         """
         centres, sigma = seen.centroids.copy(), np.full((len(seen.shapes), 2), np.nan)
-        line = self.line + y_px.astype(np.float64) / LINES_APART
+        line = self.line + y_px.astype(np.float64) / self.lines_apart
         centres[self.blob, 0] = self.column + x_px.astype(np.float64)
         centres[self.blob, 1] = row_of_line(seen.packed, line)
         sigma[self.blob] = sigma_px
@@ -76,25 +76,25 @@ class Windows(NamedTuple):
 def windows_of(seen: Seen) -> Windows:
     """Cut windows around the components of a target's size; off-centre at an edge of the field."""
     blob = np.flatnonzero(seen.of_size)
-    shapes, packed = seen.shapes, seen.packed
+    shapes, packed, apart = seen.shapes, seen.packed, seen.packed.lines_apart
     # Noise moves a centroid less than the middle of an extent.
     x, row = seen.centroids[blob].T
     beyond = _beyond_px(packed, x, row)
     columns = _size(shapes.last_column[blob] - shapes.first_column[blob] + 1, beyond, 1, packed.columns)
     extent = (shapes.last_row[blob] - shapes.first_row[blob] + 1) * packed.y_step
-    lines = _size(extent, beyond, LINES_APART, lines_of(packed))
+    lines = _size(extent, beyond, apart, lines_of(packed))
     y = line_of_row(packed, row)
     column, line = _first(x, columns, packed.columns), _first(y, lines, lines_of(packed))
-    middle = np.stack([x - column, LINES_APART * (y - line)], axis=1).astype(np.float32)
+    middle = np.stack([x - column, apart * (y - line)], axis=1).astype(np.float32)
     grey = _gathered(packed, line, lines, column, columns)
     half = lines * columns // 2
     background = np.partition(grey.reshape(len(grey), lines * columns), half, axis=1)[:, half]
-    return Windows(blob, grey, background, line, column, middle)
+    return Windows(blob, grey, background, line, column, middle, apart)
 
 
 def lines_of(packed: PackedField) -> int:
     """Number of lines that the camera delivered."""
-    return packed.rows * packed.y_step // LINES_APART
+    return packed.rows * packed.y_step // packed.lines_apart
 
 
 def _beyond_px(packed: PackedField, x: NDArray[np.float64], row: NDArray[np.float64]) -> float:
@@ -124,22 +124,18 @@ def _gathered(
     packed: PackedField, line: NDArray[np.int64], lines: int, column: NDArray[np.int64], columns: int
 ) -> Array:
     stride = packed.data.shape[2] * (1 if packed.bits == 8 else 8)
-    first = (line * (LINES_APART // packed.y_step) + first_row(packed)) * stride + column
-    within = np.arange(lines)[:, np.newaxis] * (LINES_APART // packed.y_step * stride) + np.arange(columns)
+    rows_apart = packed.lines_apart // packed.y_step
+    first = (line * rows_apart + packed.first_delivered) * stride + column
+    within = np.arange(lines)[:, np.newaxis] * (rows_apart * stride) + np.arange(columns)
     pixel = first[:, np.newaxis, np.newaxis] + within
     return greys_at(packed, pixel.ravel()).reshape(pixel.shape).astype(np.float32)
 
 
-def first_row(packed: PackedField) -> int:
-    """Row of the first line that the camera delivered."""
-    return packed.parity if packed.y_step == 1 else 0
-
-
 def line_of_row(packed: PackedField, row: NDArray[np.float64]) -> NDArray[np.float64]:
     """Convert a row of the field to a delivered line, fractions included."""
-    return (row - first_row(packed)) * packed.y_step / LINES_APART
+    return (row - packed.first_delivered) * packed.y_step / packed.lines_apart
 
 
 def row_of_line(packed: PackedField, line: NDArray[np.float64]) -> NDArray[np.float64]:
     """Convert a delivered line to a row of the field."""
-    return line * LINES_APART / packed.y_step + first_row(packed)
+    return line * packed.lines_apart / packed.y_step + packed.first_delivered

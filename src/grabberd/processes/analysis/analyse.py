@@ -18,7 +18,6 @@ from grabberd.analysis import (
     PressureModel,
     Pulsation,
     Surface,
-    TimedPoints,
     Touch,
     Variation,
     first_movement,
@@ -36,6 +35,7 @@ from grabberd.analysis.surface.nominal_shape import NominalShape
 from grabberd.errors import AnalysisError, InputError
 from grabberd.geometry import Rig
 from grabberd.processes.analysis.empty_liner import EmptyLiner, empty_liner
+from grabberd.processes.analysis.field_points import FieldPoints
 from grabberd.processes.analysis.inputs import AnalysisInputs, Reference
 from grabberd.processes.analysis.problems import Problems
 from grabberd.processes.analysis.question import Question
@@ -51,13 +51,6 @@ Progress = Callable[[int, int], None]
 
 
 _NOT_TRACKED = "the object's targets are other points of the wall in every field"
-
-
-class FieldPoints(NamedTuple):
-    """The points of one field; `time_s` from the capture's first field."""
-
-    n: int
-    timed: TimedPoints
 
 
 class Cycle(NamedTuple):
@@ -122,6 +115,7 @@ def analyse(
     light: FoundLight | None = None,
     *,
     pulsating: bool = False,
+    reference: Points | None = None,
 ) -> Analysis:
     """Analyses a capture.
 
@@ -133,6 +127,7 @@ def analyse(
         rig: whose views saw the points; None if targets that one view alone sees are of no use.
         light: that relates the clocks of camera and logger, for `vacuum.offset: light`.
         pulsating: True to refuse, before the long work, a capture whose wall does not pulsate.
+        reference: points of the reference state, where that is another capture.
 
     Raises:
         AnalysisError: no field determines a surface, or the reference state does not; or the wall does not
@@ -143,7 +138,7 @@ def analyse(
         raise AnalysisError(
             "the capture has no points", "measure it first; its fields have to show the object"
         )
-    work = _Work(captures, grid, inputs, progress or (lambda done, of: None), rig, light)
+    work = _Work(captures, grid, inputs, progress or (lambda done, of: None), rig, light, reference)
     return work.whole(pulsating=pulsating)
 
 
@@ -158,9 +153,10 @@ class _Work:
         progress: Progress,
         rig: Rig | None,
         light: FoundLight | None,
+        open_liner: Points | None,
     ) -> None:
         self._grid, self._inputs, self._progress, self._rig = grid, inputs, progress, rig
-        self._light = light
+        self._light, self._open_liner = light, open_liner
         self._timed = [[field.timed for field in capture] for capture in captures]
         self._fields = tuple(captures[0])
         self._time_s = np.array([field.timed.time_s for field in captures[0]])
@@ -205,6 +201,7 @@ class _Work:
                 "look at the capture's points: are they of this object model?",
             )
         states = tuple(state for _, state in fields)
+        empty = self._empty(vacuum, fields_points)
         return Analysis(
             grid=self._grid,
             inputs=self._inputs,
@@ -221,7 +218,7 @@ class _Work:
             problems=self._problems.all(),
             numbers=np.array([field.n for field in self._fields], np.int64),
             reference=question.reference,
-            empty=self._empty(vacuum, fields_points),
+            empty=empty,
         )
 
     def _states(
@@ -248,6 +245,7 @@ class _Work:
             names,
             _each(vacuums[0], count) + _each(vacuums[1], len(averaged)),
             np.concatenate(speeds_mm_per_s),
+            [False] * count + [True] * len(averaged),
         )
         fields = [(k, state) for k, state in found if k < count]
         return fields, [(k - count, state) for k, state in found if k >= count]
@@ -275,9 +273,7 @@ class _Work:
             None if inputs.reference.kind == "nominal" else self._reference_points(inputs.reference, None)
         )
         of_fields = vacuum.at(self._time_s)
-        return empty_liner(
-            self._grid, inputs, reference, points, of_fields, self._rig, self._problems.survived
-        )
+        return empty_liner(self._grid, inputs, reference, points, of_fields, self._rig, self._problems.add)
 
     def _of_phases(
         self, vacuum: Vacuum | None, average: PhaseAverage | None, pulsation: Pulsation | None
@@ -285,8 +281,9 @@ class _Work:
         if vacuum is None or average is None or pulsation is None:
             return ()
         try:
-            return vacuum.at(_phase_times(average, pulsation))
-        except InputError as error:  # the log of a capture shorter than a cycle does not cover all phases
+            return vacuum.at(pulsation.reached_s(average.phase))
+        # The log of a capture shorter than a cycle does not cover all phases.
+        except (InputError, AnalysisError) as error:
             self._problems.add(f"the mean cycle has no pressure: {error.message}")
             return ()
 
@@ -346,6 +343,13 @@ class _Work:
         return surface, outer_places(self._grid, points)
 
     def _reference_points(self, reference: Reference, average: PhaseAverage | None) -> Points:
+        if reference.kind == "capture":
+            if self._open_liner is None:
+                raise InputError(
+                    f"the reference state is {reference}, which is not given",
+                    "choose a field, a phase, or the object model's nominal shape; a guided test gives it",
+                )
+            return self._open_liner
         if reference.kind == "phase":
             if average is None:
                 raise InputError(
@@ -388,10 +392,3 @@ class _Work:
 def _each(vacuum: Sequence[ChamberVacuum], count: int) -> list[ChamberVacuum | None]:
     """The vacuum at each of so many states, or None for each if it is not known."""
     return list(vacuum) or [None] * count
-
-
-def _phase_times(average: PhaseAverage, pulsation: Pulsation) -> Array:
-    """Times at which the capture first reached the phases of the mean cycle."""
-    run = pulsation.runs[0]
-    times: Array = run.start_s + average.phase * pulsation.period_s
-    return times + pulsation.period_s * (times < run.first_s)

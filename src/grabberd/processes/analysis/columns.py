@@ -112,7 +112,7 @@ TABLES: Mapping[str, TableSpec] = {
             _number("cycles", "1", "how many cycles the capture, and its bursts, span together"),
             _measured("period_s", "s", "length of the cycle"),
             _measured("rate_per_min", "1/min", "cycles a minute"),
-            _number("stroke_mm", "mm", "movement of the target that moves most, from closed to open"),
+            _measured("stroke_mm", "mm", "movement of the target that moves most, from closed to open"),
             _number("residual_mm", "mm", "root mean square departure of the movement from the mean cycle"),
             _number("expected_mm", "mm", "what it would be by the points' σ alone"),
             _number("period_spread_s", "s", "standard deviation of the cycles' lengths"),
@@ -187,6 +187,12 @@ TABLES: Mapping[str, TableSpec] = {
         (
             _text("title", "what it is called"),
             _measured("value", "", "its value, in the row's unit; empty where there is a reason"),
+            _number(
+                "sigma_common",
+                "",
+                "part of σ that captures share which are analysed with the same liner values and gauges: "
+                "averaging them does not lessen it",
+            ),
             _text("unit", "its unit; 1 for a ratio"),
             _text("verdict", "met, not met or not certain, where a standard sets a limit; else empty"),
             _text("reason", "why it has no value; empty if it has one"),

@@ -1,9 +1,9 @@
 """A ramp with the empty liner: its own values, its collapse, and the material for the other captures."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -19,18 +19,19 @@ from grabberd.analysis import (
     collapse,
     liner_values,
 )
+from grabberd.analysis.load.ramp.ramp_quantities import COLLAPSE, VALUES
+from grabberd.analysis.quantity import Finding
 from grabberd.errors import AnalysisError
 from grabberd.geometry import Rig
 from grabberd.processes.analysis.inputs import CHANNEL, AnalysisInputs, missing
 from grabberd.processes.analysis.vacuum_inputs import channel_sigma_kpa, recorded_channel
 from grabberd.reconstruction import Points
 
+T = TypeVar("T")
+
 _MOST_LEVELS = 400
 """Fields of a ramp that are looked at: every few, if it has more."""
 _DIGITS = 5
-_UNKNOWN = Estimate(np.asarray(np.nan), np.asarray(np.nan))
-
-Survived = Callable[[Callable[[], Any]], Any]
 
 
 class EmptyLiner(NamedTuple):
@@ -39,11 +40,13 @@ class EmptyLiner(NamedTuple):
     Attributes:
         values: the liner's own values, with `material`: the given one with these values.
         collapse: pressure differences at which it buckles and at which its walls touch.
+        reasons: why there are no values, and why there is no collapse; empty where there are.
     """
 
     values: LinerValues | None
     material: Material | None
     collapse: Collapse | None
+    reasons: tuple[str, str] = ("", "")
 
 
 def empty_liner(
@@ -53,7 +56,7 @@ def empty_liner(
     points: Sequence[Points],
     vacuum: Sequence[ChamberVacuum],
     rig: Rig | None,
-    survived: Survived,
+    note: Callable[[str], None],
 ) -> EmptyLiner:
     """Evaluates a ramp.
 
@@ -64,8 +67,7 @@ def empty_liner(
         points: of the fields.
         vacuum: at each of the fields.
         rig: whose views saw the points; None if targets that one view alone sees are of no use.
-        survived: calls a function, and returns None, with a problem noted, if the data do not determine
-            its result.
+        note: takes note of a problem: why the data do not determine a result.
 
     Raises:
         InputError: the σ of a logger's zero is missing.
@@ -77,33 +79,34 @@ def empty_liner(
         for one, at in zip(points[::every], vacuum[::every], strict=True)
         if len(one)
     ]
-    arguments = (grid, material, reference, levels, common_kpa)
-    values: LinerValues | None = survived(lambda: liner_values(*arguments, rig))
+    values, no_values = _tried(lambda: liner_values(grid, material, reference, levels, common_kpa, rig))
     found = values.material(material) if values else None
-    if found is not None:
-        arguments = (grid, found, reference, levels, common_kpa)
-    return EmptyLiner(values, found, survived(lambda: collapse(*arguments)))
+    ends, no_ends = _tried(lambda: collapse(grid, found or material, reference, levels, common_kpa))
+    for reason in filter(None, (no_values, no_ends)):
+        note(reason)
+    return EmptyLiner(values, found, ends, (no_values, no_ends))
 
 
-def ramp_values(empty: EmptyLiner | None) -> dict[str, Any]:
-    """Values of the table `ramp` by column name."""
-    values, found, ends = empty or EmptyLiner(None, None, None)
+def _tried(function: Callable[[], T]) -> tuple[T | None, str]:
+    """Result of a function, or the reason why the data do not determine it."""
+    try:
+        return function(), ""
+    except AnalysisError as error:
+        return None, error.message
+
+
+def ramp_values(empty: EmptyLiner | None, found: Mapping[str, Finding]) -> dict[str, Any]:
+    """Values of the table `ramp` by column name; the quantities among them are given by name."""
+    values, material, *_ = empty or EmptyLiner(None, None, None)
     rows = 0 if empty is None else 1
-    sigma = values.sigma if values else np.full(3, np.nan)
-    parts = (values.E_mpa, values.wall_mm, values.F0_n) if values else (np.nan,) * 3
-    estimates = {
-        name: Estimate(np.asarray(value), np.asarray(value * relative))
-        for name, value, relative in zip(("E_mpa", "wall_mm", "F0_n"), parts, sigma, strict=True)
-    } | {
-        "stiffness_n_mm": values.stiffness_n_mm if values else _UNKNOWN,
-        "touch_kpa": ends.touch_kpa if ends else _UNKNOWN,
-        "buckling_kpa": ends.buckling_kpa if ends else _UNKNOWN,
-    }
+    quantities = {name: found[name].estimate for name in (*VALUES, *COLLAPSE)}
     return {
-        **{name: Estimate(*(np.full(rows, part) for part in one)) for name, one in estimates.items()},
+        **{name: Estimate(*(np.full(rows, part) for part in one)) for name, one in quantities.items()},
         "load_misfit": np.full(rows, values.misfit if values else np.nan),
         "levels": np.full(rows, len(values.used) if values else 0),
-        "material": np.full(rows, json.dumps(material_document(found)) if found else "", object).astype(str),
+        "material": np.full(rows, json.dumps(material_document(material)) if material else "", object).astype(
+            str
+        ),
     }
 
 

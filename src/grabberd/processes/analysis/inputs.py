@@ -1,13 +1,14 @@
 """Inputs of an analysis besides the points; none of them is ever assumed (paper 3.8).
 
-reference: nominal                      or {field: 12}, or {phase: 0.4}: reference state of the strain
+reference: nominal                      or {field: 12}, or {phase: 0.4}: reference state of strain; a guided
+                                        test also {capture: ID}, the mean of another one, of the still liner
 material: {E_mpa: 3, wall_mm: 2.5, …}   or {zones: [{rows: [0, 8], E_mpa: …}, …]}
 vacuum:
   pulsation: {kpa: 0, sigma_kpa: 0.5}   or {rate_per_min: 60, ratio: 0.6, …}, or log, or channel
   liner: {kpa: 42, sigma_kpa: 0.5}      or log, or channel: recorded with the capture itself
   log: "time_s,pulsation_vacuum_kpa…"   the text of a logger's file
   offset: {s: 12.3, sigma_s: 0.005}     the camera's time less the logger's, or light: both have seen it; with
-                                        channels a correction of their clock
+                                        channels a correction of their clock, or light: one of them
   gauge_sigma_kpa: 0.2                  σ of a logger's zero, for a ramp; in place of that of channels
   lag: {opening_s: 0.03, closing_s: 0.03, sigma_s: 0.005, near_s: 12}   in place of offset
 teat: none                              the liner is empty: a ramp of the vacuum, for the liner's own values
@@ -17,6 +18,7 @@ phases: 24                              number of states of the mean cycle
 sought_kpa: 1                           smallest pressure that the map has to resolve
 unseen: free                            or mirrored: the half of the wall that no camera sees
 flow_stop: {kpa: 9, sigma_kpa: 1}       pressure on the teat's end at which milk just stops flowing
+average: 10                             fields of a still wall that become one, their mean; n counts the means
 """
 
 from collections.abc import Mapping
@@ -41,6 +43,7 @@ KEYS = (
     "sought_kpa",
     "unseen",
     "flow_stop",
+    "average",
 )
 CHANNEL = "channel"
 """Stands for a vacuum that was recorded with the capture itself."""
@@ -59,14 +62,17 @@ _NOT_HOMOLOGOUS = (
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """Reference state of the strain: nominal shape, a field, or a phase of the mean cycle."""
+    """Reference state of the strain: nominal shape, a field, a phase of the mean cycle, or a capture."""
 
     kind: str
     value: float = 0.0
+    capture: str = ""
 
     def __str__(self) -> str:
         if self.kind == "nominal":
             return "the object model's nominal shape"
+        if self.kind == "capture":
+            return f"capture {self.capture}"
         return (
             f"field {self.value:.0f}" if self.kind == "field" else f"phase {self.value:g} of the mean cycle"
         )
@@ -91,6 +97,7 @@ class AnalysisInputs:
         flow_stop_kpa: contact pressure at the teat's end at which milk just stops flowing; None: no
             overpressure.
         channels: what was recorded with the capture itself, by name.
+        average: number of fields that become one, their mean; 1 leaves them as they are.
         unmet: what profiles were asked for and could not give, in sentences.
     """
 
@@ -107,6 +114,7 @@ class AnalysisInputs:
     homologous: bool = True
     flow_stop_kpa: Estimate | None = None
     channels: Mapping[str, ChannelCurve] = field(default_factory=dict)
+    average: int = 1
     unmet: tuple[str, ...] = ()
 
     @property
@@ -153,6 +161,7 @@ class _Stated(NamedTuple):
     unseen: str
     flow_stop_kpa: Estimate | None
     empty: bool
+    average: int
 
 
 def read_inputs(
@@ -186,6 +195,7 @@ def read_inputs(
         homologous=grid.homologous,
         flow_stop_kpa=stated.flow_stop_kpa,
         channels=channels or {},
+        average=stated.average,
     )
 
 
@@ -211,8 +221,11 @@ def _stated(reading: Reading, document: Mapping[str, Any]) -> _Stated:
         reading.refuse("unseen", unseen, " or ".join(UNSEEN))
     flow_stop = _flow_stop(reading, document.get("flow_stop"))
     empty = _empty(reading, document)
+    average = reading.integer(document, "average", least=1) if "average" in document else 1
     material = reading.mapping(document, "material") if "material" in document else {}
-    return _Stated(reference, material, vacuum, plane, heights, phases, sought, unseen, flow_stop, empty)
+    return _Stated(
+        reference, material, vacuum, plane, heights, phases, sought, unseen, flow_stop, empty, average
+    )
 
 
 def _empty(reading: Reading, document: Mapping[str, Any]) -> bool:
@@ -222,14 +235,16 @@ def _empty(reading: Reading, document: Mapping[str, Any]) -> bool:
 
 
 def _reference(reading: Reading, value: object) -> Reference | None:
-    expected = "nominal, {field: n} or {phase: 0…1}"
+    expected = "nominal, {field: n}, {phase: 0…1} or {capture: ID}"
     if value is None:
         return None
     if value == "nominal":
         return Reference("nominal")
-    if not isinstance(value, Mapping) or len(value) != 1 or not {"field", "phase"} & set(value):
+    if not isinstance(value, Mapping) or len(value) != 1 or not {"field", "phase", "capture"} & set(value):
         reading.refuse("reference", value, expected)
         return None
+    if "capture" in value:
+        return Reference("capture", capture=reading.text(value, "capture", "reference."))
     if "field" in value:
         return Reference("field", reading.integer(value, "field", "reference.", least=0))
     phase = reading.number(value, "phase", "reference.")
@@ -245,8 +260,11 @@ def _vacuum(reading: Reading, value: object) -> Mapping[str, Any]:
         reading.refuse("vacuum", value, f"a mapping of {', '.join(_VACUUM_KEYS)}")
         return {}
     reading.keys("vacuum.", value, _VACUUM_KEYS)
-    if value.get("offset") == BY_LIGHT and "log" not in value:
-        reading.problems.append(f"vacuum.offset: {BY_LIGHT} needs vacuum.log, with a column light")
+    recorded = CHANNEL in (value.get("pulsation"), value.get("liner"))
+    if value.get("offset") == BY_LIGHT and "log" not in value and not recorded:
+        reading.problems.append(
+            f"vacuum.offset: {BY_LIGHT} needs vacuum.log, with a column light, or recorded channels"
+        )
     if "offset" in value and "lag" in value:
         reading.problems.append("vacuum: offset and lag are both given; give one of them")
     return value

@@ -1,29 +1,43 @@
 """Values of the summary of an analysis, and of the gaps of its capture."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.analysis import ChamberVacuum, Estimate, Phases
+from grabberd.analysis import ChamberVacuum, Estimate
+from grabberd.analysis.quantity import Finding
 from grabberd.processes.analysis.analyse import Analysis, Cycle
 from grabberd.processes.analysis.vacuum_inputs import Vacuum
 
 _UNKNOWN = Estimate(np.asarray(np.nan), np.asarray(np.nan))
-_PHASES = "abcd"
+QUANTITIES = {
+    **{name: name for name in ("rate_per_min", "stroke_mm", "wall_ratio", "opening_lag_s", "closing_lag_s")},
+    "iso_ratio": "pulsator_ratio",
+    "wall_a_s": "liner_opening_s",
+    "wall_b_s": "liner_open_s",
+    "wall_c_s": "liner_closing_s",
+    "wall_d_s": "massage_time_s",
+    **{f"iso_{phase}_s": f"phase_{phase}_s" for phase in "abcd"},
+}
+"""Columns of the summary that are quantities of the field, by the names of the table `quantities`."""
 
 
-def summary_values(analysis: Analysis) -> dict[str, Any]:
-    """Values of the table `summary` by column name; NaN where unknown."""
-    cycle, touch = analysis.cycle, analysis.touch
+def summary_values(analysis: Analysis, found: Mapping[str, Finding]) -> dict[str, Any]:
+    """Values of the table `summary` by column name; NaN where unknown.
+
+    Args:
+        analysis: complete result of an analysis.
+        found: its quantities by name.
+    """
+    touch = analysis.touch
     return {
         "fields": len(analysis.numbers),
         "analysed": len(analysis.fields),
         "missing": int(gap_values(analysis)["missing"].sum()),
-        **_pulsation(cycle),
-        **_phases("wall", cycle.wall if cycle else None),
-        **_phases("iso", analysis.source.phases if analysis.source else None),
+        **{column: found[name].estimate for column, name in QUANTITIES.items()},
+        **_pulsation(analysis.cycle),
         **_clocks(analysis.source),
         "clock_kpa": _clock_kpa(analysis.vacuum),
         "touch_n": analysis.fields[touch.field].n if touch else np.nan,
@@ -32,25 +46,18 @@ def summary_values(analysis: Analysis) -> dict[str, Any]:
 
 
 def _clocks(source: Vacuum | None) -> dict[str, Any]:
-    """Relation of the clocks, and with it the wall's lag."""
+    """Relation of the clocks."""
     light = source.light.clock if source and source.light else None
-    offset, lag = (source.offset, source.lag) if source else (None, None)
+    offset = source.offset if source else None
     found = _UNKNOWN
     if light:
         found = _estimate(light.offset_s, light.offset_sigma_s)
     elif offset:
         found = _estimate(offset.offset_s, offset.sigma_s)
-    unsure_s = source.time_sigma_s if source else np.nan
     return {
         "offset_s": found,
         "clock_drift": _estimate(light.drift, light.drift_sigma) if light else _UNKNOWN,
         "light_switchings": light.edges if light else np.nan,
-        "opening_lag_s": _estimate(lag.opening_shift_s, np.hypot(lag.opening_sigma_s, unsure_s))
-        if lag
-        else _UNKNOWN,
-        "closing_lag_s": _estimate(lag.closing_shift_s, np.hypot(lag.closing_sigma_s, unsure_s))
-        if lag
-        else _UNKNOWN,
     }
 
 
@@ -66,19 +73,12 @@ def _clock_kpa(vacuum: Sequence[ChamberVacuum]) -> float:
 
 def _pulsation(cycle: Cycle | None) -> dict[str, Any]:
     if cycle is None:
-        unknown = ("stroke_mm", "residual_mm", "expected_mm", "period_spread_s", "stroke_spread")
-        return {
-            "cycles": np.nan,
-            "period_s": _UNKNOWN,
-            "rate_per_min": _UNKNOWN,
-            **dict.fromkeys(unknown, np.nan),
-        }
+        unknown = ("cycles", "residual_mm", "expected_mm", "period_spread_s", "stroke_spread")
+        return {"period_s": _UNKNOWN, **dict.fromkeys(unknown, np.nan)}
     found = cycle.pulsation
     return {
         "cycles": found.cycles,
         "period_s": Estimate(np.asarray(found.period_s), np.asarray(found.period_sigma_s)),
-        "rate_per_min": found.rate_per_min,
-        "stroke_mm": found.stroke_mm,
         "residual_mm": found.residual_mm,
         "expected_mm": found.expected_mm,
         "period_spread_s": _spread(cycle.variation.lengths_s.value),
@@ -88,15 +88,6 @@ def _pulsation(cycle: Cycle | None) -> dict[str, Any]:
 
 def _spread(values: NDArray[np.float64]) -> float:
     return float(np.std(values, ddof=1)) if len(values) > 1 else np.nan
-
-
-def _phases(before: str, phases: Phases | None) -> dict[str, Estimate]:
-    names = [f"{before}_{phase}_s" for phase in _PHASES]
-    if phases is None:
-        return dict.fromkeys([*names, f"{before}_ratio"], _UNKNOWN)
-    value, sigma = phases.durations_s
-    each = {name: Estimate(value[k], sigma[k]) for k, name in enumerate(names)}
-    return each | {f"{before}_ratio": phases.ratio}
 
 
 def gap_values(analysis: Analysis) -> dict[str, NDArray[np.int64]]:

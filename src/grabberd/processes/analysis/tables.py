@@ -29,8 +29,10 @@ def tables(analysis: Analysis) -> AnalysisTables:
     """All tables of an analysis; a table without results has no rows."""
     fields = _Series(analysis.states, _field_keys(analysis), analysis.vacuum)
     phases = _Series(analysis.phases, {"phase": analysis.phase}, analysis.phase_vacuum)
+    found = quantities(analysis)
+    by_name = {one.quantity.name: one for one in found}
     values: dict[str, Values] = {
-        "summary": summary_values(analysis),
+        "summary": summary_values(analysis, by_name),
         "fields": fields.keys | _of_fields(analysis, fields) | _wall(analysis, fields),
         "sections": _sections(fields),
         "profile": _profiles(fields),
@@ -39,10 +41,10 @@ def tables(analysis: Analysis) -> AnalysisTables:
         "phase_sections": _sections(phases),
         "phase_targets": _targets(analysis, phases),
         "phase_profile": _profiles(phases),
-        "quantities": quantity_values(quantities(analysis)),
+        "quantities": quantity_values(found),
         "cycles": _cycles(analysis),
         "gaps": gap_values(analysis),
-        "ramp": ramp_values(analysis.empty),
+        "ramp": ramp_values(analysis.empty, by_name),
         **strain_tables(analysis, fields.keys),
     }
     return {name: make_table(name, spec, values[name]) for name, spec in TABLES.items()}

@@ -95,7 +95,7 @@ def read_vacuum(
     if not {"pulsation", "liner"} <= set(document):
         return None
     if CHANNEL in (document["pulsation"], document["liner"]):
-        return recorded_vacuum(document, pulsation, time_s, channels or {})
+        return recorded_vacuum(document, pulsation, time_s, channels or {}, light)
     log = read_vacuum_log(document["log"]) if "log" in document else None
     if document.get("offset") == BY_LIGHT:
         return _by_light(document, log, pulsation, time_s, light)
@@ -150,8 +150,16 @@ def recorded_vacuum(
     pulsation: Pulsation | None,
     time_s: Array,
     channels: Mapping[str, ChannelCurve],
+    light: FoundLight | None = None,
 ) -> Vacuum:
     """The vacuum of which at least one chamber was recorded with the capture itself.
+
+    Args:
+        document: the inputs' `vacuum`.
+        pulsation: of the wall, or None if none was found.
+        time_s: (F,) the fields' times.
+        channels: what was recorded, by name.
+        light: the light in the picture that dates the channels by the fields, or None.
 
     Raises:
         InputError: there is no such channel, or another input does not go with it.
@@ -161,18 +169,13 @@ def recorded_vacuum(
             f"vacuum.{other} is given beside a recorded channel, whose clock is that of the fields",
             f"leave out {other}; vacuum.offset corrects the clock of the channels, if need be",
         )
-    if document.get("offset") == BY_LIGHT:
-        raise InputError(
-            "vacuum.offset is light beside a recorded channel, whose clock is that of the fields",
-            "leave out offset; a light relates the clock of a vacuum.log",
-        )
     curves = {
         name: recorded_channel(name, channels) for name in ("pulsation", "liner") if document[name] == CHANNEL
     }
-    offset_s, offset_sigma_s = _offset(document) or (0.0, 0.0)
+    curves = {name: _on_clock_of_fields(curve, document, time_s, light) for name, curve in curves.items()}
     wave = _wave(document["pulsation"])
     sources: dict[str, VacuumSource] = {
-        name: curve.source(offset_s, channel_sigma_kpa(document, curve)) for name, curve in curves.items()
+        name: curve.source(0.0, channel_sigma_kpa(document, curve)) for name, curve in curves.items()
     }
     if wave is not None:
         sources["pulsation"] = _on_camera_clock(wave, None)
@@ -184,11 +187,27 @@ def recorded_vacuum(
     return Vacuum(
         pulsation=sources["pulsation"],
         liner=sources["liner"],
-        time_sigma_s=float(np.hypot(offset_sigma_s, max(sigmas_s))),
+        time_sigma_s=max(sigmas_s),
         offset=None,
         phases=_phases(log, wave, time_s),
-        lag=None if log is None else _lag(replace(log, time_s=log.time_s + offset_s), pulsation),
+        light=light,
+        lag=None if log is None else _lag(log, pulsation),
         remarks=() if "offset" in document else _remarks(curves.values()),
+    )
+
+
+def _on_clock_of_fields(
+    curve: ChannelCurve, document: Mapping[str, Any], time_s: Array, light: FoundLight | None
+) -> ChannelCurve:
+    """A channel with its times as the fields have them: by the light, by an offset, or as it is."""
+    if document.get("offset") == BY_LIGHT:
+        if light is None:
+            raise missing("a channel light", "vacuum.offset: light is for captures that have recorded one")
+        own_s = light.clock.camera_s(curve.time_s)
+        return replace(curve, time_s=own_s, time_sigma_s=light.sigma_s(curve, time_s))
+    offset_s, sigma_s = read_offset(document) or (0.0, 0.0)
+    return replace(
+        curve, time_s=curve.time_s + offset_s, time_sigma_s=float(np.hypot(curve.time_sigma_s, sigma_s))
     )
 
 
@@ -301,10 +320,15 @@ def _clock(
         return offset.offset_s + (wave.start_s if wave else 0.0), offset.sigma_s
     if wave is not None:
         return wave.start_s, wave.start_sigma_s
-    return None if log is None else _offset(document)
+    return None if log is None else read_offset(document)
 
 
-def _offset(document: Mapping[str, Any]) -> tuple[float, float] | None:
+def read_offset(document: Mapping[str, Any]) -> tuple[float, float] | None:
+    """The camera's time less the logger's, with its σ; None where it is not given.
+
+    Raises:
+        InputError: one of them is missing, or a key is unknown.
+    """
     if "offset" not in document:
         return None
     reading = Reading("vacuum.offset")
@@ -326,14 +350,24 @@ def _found_offset(
         return None
     if pulsation is None:
         raise missing("a pulsation in the capture", "it is needed to find the offset; give vacuum.offset")
+    lag, near_s = read_lag(document)
+    curve = log or _as_log(wave, pulsation, near_s)
+    return find_offset(curve, pulsation, lag, near_s)
+
+
+def read_lag(document: Mapping[str, Any]) -> tuple[WallLag, float]:
+    """The wall's lag behind the vacuum, and roughly how far the clocks differ, in s.
+
+    Raises:
+        InputError: one of them is missing, or a key is unknown.
+    """
     reading = Reading("vacuum.lag")
     given = reading.mapping(document, "lag")
     reading.keys("", given, (*WallLag._fields, "near_s"))
     lag = WallLag(*(reading.number(given, key) for key in WallLag._fields))
     near_s = reading.number(given, "near_s")
     reading.finish("give the wall's lag behind the vacuum, with its σ, and roughly how far the clocks differ")
-    curve = log or _as_log(wave, pulsation, near_s)
-    return find_offset(curve, pulsation, lag, near_s)
+    return lag, near_s
 
 
 def _as_log(wave: PulsatorWave | None, pulsation: Pulsation, near_s: float) -> VacuumLog:

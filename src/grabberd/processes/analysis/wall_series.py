@@ -58,6 +58,7 @@ class WallSeries:
         names: Sequence[str],
         vacuum: Sequence[ChamberVacuum | None],
         speed_mm_per_s: Array,
+        averaged: Sequence[bool],
     ) -> list[tuple[int, WallState]]:
         """States of the points that determine a surface, with their indices in the series.
 
@@ -66,13 +67,18 @@ class WallSeries:
             names: of each of them.
             vacuum: at each of them; None where unknown.
             speed_mm_per_s: (F,) of the target that moves fastest.
+            averaged: True for those of the mean cycle, from which quantities are made: their loads have the
+                noise of what was seen told apart.
         """
         found: dict[int, WallState] = {}
         problems: list[list[str]] = [[] for _ in points]
         order = self._order(points)
         for start in range(0, len(points), _BATCH):
             some = order[start : start + _BATCH]
-            walls = [(k, self._wall(points[k], vacuum[k], speed_mm_per_s[k], problems[k])) for k in some]
+            walls = [
+                (k, self._wall(points[k], vacuum[k], speed_mm_per_s[k], problems[k], averaged[k]))
+                for k in some
+            ]
             made = {k: wall for k, wall in walls if wall}
             faces, maps = [wall.face for wall in made.values()], [wall.pressure for wall in made.values()]
             states = wall_states([points[k] for k in made], faces, self.question, maps)
@@ -101,6 +107,7 @@ class WallSeries:
         vacuum: ChamberVacuum | None,
         speed_mm_per_s: float,
         problems: list[str],
+        averaged: bool,
     ) -> "_Wall | None":
         """Wall of one field or phase; None, with a problem, if its points determine no face."""
         try:
@@ -109,7 +116,8 @@ class WallSeries:
                 return _Wall(self._surface(points), None)
             face = self._surface(points) if settled.wall.contradicted else self._face(settled)
             within = face.within(*self.question.places)
-            return _Wall(face, self.pressure.of_settled(settled.wall, within, vacuum, speed_mm_per_s))
+            pressure = self.pressure.of_settled(settled.wall, within, vacuum, speed_mm_per_s, split=averaged)
+            return _Wall(face, pressure)
         except AnalysisError as error:
             problems.append(error.message)
             return None

@@ -10,13 +10,11 @@ from grabberd.calibration import (
     Adjustment,
     Blunder,
     Elimination,
-    FieldImages,
-    Identification,
     IdentificationSettings,
     LocalFieldTrial,
     Mark,
-    MeanImages,
     Network,
+    PosedUnknowns,
     Unknowns,
     Validation,
     check_depth,
@@ -24,11 +22,11 @@ from grabberd.calibration import (
     compare,
     cross_validate,
     eliminate,
+    frame_poses,
     handedness_hint,
-    identify_by_hand,
-    identify_frame,
-    mean_images,
+    joined,
     normality,
+    of_first_pose,
     stillness,
     symmetries,
     target_to_add,
@@ -42,9 +40,8 @@ from grabberd.calibration import (
 from grabberd.errors import MeasurementError, RankDeficient
 from grabberd.field import NumberedField
 from grabberd.geometry import PARAMETERS, NominalRig, View
-from grabberd.measurement import LocationSettings, measure
 from grabberd.processes.calibration.calibration_result import CalibrateResult, CalibrateSettings
-from grabberd.processes.locating import whole
+from grabberd.processes.calibration.frame_capture import FrameCapture
 from grabberd.reconstruction import ObjectModel
 
 Array = NDArray[np.float64]
@@ -78,43 +75,102 @@ def calibrate(
         MeasurementError: no fields, a calibration frame that moves, too few targets, a planar calibration
             frame, an unclear identification, or no convergence; the message says which.
     """
+    return calibrate_poses([fields], nominal, frame, settings, by_hand)
+
+
+def calibrate_poses(
+    captures: Iterable[Iterable[NumberedField]],
+    nominal: NominalRig,
+    frame: ObjectModel,
+    settings: CalibrateSettings | None = None,
+    by_hand: Sequence[Mark] | None = None,
+) -> CalibrateResult:
+    """Calibrates from captures of the calibration frame in several poses before the same rig.
+
+    The first pose defines the coordinates; each other is six more unknowns. The rig then explains the same
+    targets from several sides, at many more places of the picture, and their certified places are checked by
+    it.
+
+    Args:
+        captures: fields of each pose; the calibration frame stands still within one.
+        nominal: the rig as it was built, each number to ten per cent.
+        frame: the calibration frame's targets.
+        settings: settings of the calibration.
+        by_hand: identifications made by hand in the first capture, in place of automatic ones.
+
+    Raises:
+        MeasurementError: as `calibrate`, or there is no capture.
+    """
     settings = settings or CalibrateSettings()
     _check_depth(frame, settings)
     if by_hand is None:
         _check_symmetry(frame, settings, IdentificationSettings().margin)
-    seen, bits, y_step = located(fields, nominal, settings.location)
-    images = (mean_images(seen[0]), mean_images(seen[1]))
-    identification = _identify(nominal, frame, images, settings, by_hand)
-    network = network_of(images, identification, frame, settings)
-    network = network.starting_from([*_held_as_built(network.views, nominal, settings)])
-    done, local = _explained(network, settings, nominal)
+    taken = list(_taken(captures, nominal, frame, settings, by_hand))
+    networks = [
+        one.network.starting_from([*_held_as_built(one.network.views, nominal, settings)]) for one in taken
+    ]
+    done, local = _explained(joined(networks) if len(networks) > 1 else networks[0], settings, nominal)
     final = _final(done, local, settings)
+    return _result(taken[0], done, local, final, nominal, frame, settings)
+
+
+def _taken(
+    captures: Iterable[Iterable[NumberedField]],
+    nominal: NominalRig,
+    frame: ObjectModel,
+    settings: CalibrateSettings,
+    by_hand: Sequence[Mark] | None,
+) -> Iterator[FrameCapture]:
+    number = 0
+    for number, fields in enumerate(captures, start=1):
+        try:
+            yield FrameCapture.of(fields, nominal, frame, settings, by_hand if number == 1 else None)
+        except MeasurementError as error:
+            if number == 1:
+                raise
+            raise MeasurementError(f"capture {number}: {error.message}", error.hint) from error
+    if not number:
+        raise MeasurementError("there is no capture to calibrate from", "name at least one")
+
+
+def _result(
+    first: FrameCapture,
+    done: "_Adjusted",
+    local: LocalFieldTrial | None,
+    final: Adjustment,
+    nominal: NominalRig,
+    frame: ObjectModel,
+    settings: CalibrateSettings,
+) -> CalibrateResult:
+    """Collect what is reported; of several poses, pictures and residuals are those of the first."""
+    adjustment, rig = of_first_pose(done.adjustment), of_first_pose(final)
     validation, unvalidated = _validated(done.adjustment)
-    still_left, still_right = (stillness(*one) for one in zip(seen, images, strict=True))
-    pointing_px = _pointing_px(images)
+    still_left, still_right = (stillness(*one) for one in zip(first.seen, first.images, strict=True))
+    pointing_px = first.pointing_px
     return CalibrateResult(
         frame=frame,
         nominal=nominal,
         settings=settings,
-        bits=bits,
-        y_step=y_step,
-        images=images,
-        identification=identification,
-        adjustment=done.adjustment,
+        bits=first.bits,
+        y_step=first.y_step,
+        images=first.images,
+        identification=first.identification,
+        adjustment=adjustment,
         elimination=done.elimination,
         blunders=done.blunders,
         unmodelled_px=done.unmodelled_px,
         local=local,
-        final=final,
-        differences=compare(done.adjustment),
-        normality=normality(done.adjustment),
+        final=rig,
+        differences=compare(adjustment),
+        normality=normality(adjustment),
         validation=validation,
-        volume=volume_sigma(final, pointing_px, local_fields=local.fields if local else ()),
+        volume=volume_sigma(rig, pointing_px, local_fields=local.fields[:2] if local else ()),
         pointing_px=pointing_px,
         unvalidated=unvalidated,
         stillness=(still_left, still_right),
-        disc_share=_disc_share(seen, done.adjustment.views, frame),
-        view_sigma_px=_view_sigma_px(seen),
+        disc_share=first.disc_share(adjustment.views, frame),
+        view_sigma_px=first.view_sigma_px,
+        poses=frame_poses(final),
     )
 
 
@@ -137,70 +193,6 @@ def _check_depth(frame: ObjectModel, settings: CalibrateSettings) -> None:
     """Check that the targets are not coplanar if interior parameters are adjusted."""
     if interior := [name for name in settings.free if name.rpartition(".")[2] in INTERIOR]:
         check_depth(frame.xyz_mm, interior, f"the targets of calibration frame {frame.name}")
-
-
-def located(
-    fields: Iterable[NumberedField], nominal: NominalRig, location: LocationSettings
-) -> tuple[tuple[list[FieldImages], list[FieldImages]], int, int]:
-    """Whole blobs of every field by view, with the fields' bits and line step."""
-    sides: tuple[list[FieldImages], list[FieldImages]] = ([], [])
-    packed = None
-    for numbered in fields:
-        packed = numbered.packed
-        blobs = measure(packed, None, location)
-        for side, half in zip(sides, (nominal.left, nominal.right), strict=True):
-            own = whole(blobs, *half)
-            side.append(
-                FieldImages(
-                    blobs.xy_px[own],
-                    blobs.sigma_px[own],
-                    packed.parity,
-                    blobs.common_px[own],
-                    blobs.area_px[own],
-                )
-            )
-    if packed is None:
-        raise MeasurementError("the capture has no field to calibrate from", "take the capture again")
-    return sides, packed.bits, packed.y_step
-
-
-def _identify(
-    nominal: NominalRig,
-    frame: ObjectModel,
-    images: tuple[MeanImages, MeanImages],
-    settings: CalibrateSettings,
-    by_hand: Sequence[Mark] | None,
-) -> Identification:
-    believed = IdentificationSettings(handedness=(settings.handedness, settings.handedness))
-    left, right = (side.xy_px for side in images)
-    if by_hand is None:
-        return identify_frame(nominal, frame, left, right, believed)
-    return identify_by_hand(nominal, frame, left, right, by_hand, believed)
-
-
-def network_of(
-    images: tuple[MeanImages, MeanImages],
-    identification: Identification,
-    frame: ObjectModel,
-    settings: CalibrateSettings,
-) -> Network:
-    """The identified images of both views as a network to adjust."""
-    targets = [side.target for side in (identification.left, identification.right)]
-    known = [target >= 0 for target in targets]
-    sigma = np.concatenate([side.sigma_px[own] for side, own in zip(images, known, strict=True)])
-    if settings.equal_weights:
-        sigma = np.full_like(sigma, np.sqrt(np.mean(sigma**2)))
-    place_sigma = 0.0 if settings.held else frame.sigma_mm
-    return Network(
-        views=identification.views,
-        view=np.repeat([0, 1], [int(own.sum()) for own in known]),
-        target=np.concatenate([target[own] for target, own in zip(targets, known, strict=True)]),
-        xy_px=np.concatenate([side.xy_px[own] for side, own in zip(images, known, strict=True)]),
-        sigma_px=sigma,
-        target_mm=frame.xyz_mm,
-        target_sigma_mm=np.full_like(frame.xyz_mm, place_sigma),
-        ids=frame.target,
-    )
 
 
 def _held_as_built(
@@ -234,14 +226,14 @@ def _explained(
         done = _adjusted(network, settings)
         return done, _local(done, nominal, settings)
     except MeasurementError as error:
-        hint = handedness_hint([view.handedness for view in network.views], nominal.handedness)
+        hint = handedness_hint([view.handedness for view in network.views[:2]], nominal.handedness)
         if hint is None or isinstance(error, RankDeficient):
             raise
         raise MeasurementError(error.message, hint) from error
 
 
 def _adjusted(network: Network, settings: CalibrateSettings) -> _Adjusted:
-    unknowns = Unknowns.of(network.views, settings.free, shared=settings.shared, tied=settings.tied)
+    unknowns = _unknowns(network.views, settings)
     check_rank(network, unknowns)
     adjustment, blunders, unmodelled_px = _sound(network, unknowns)
     if unmodelled_px > MOST_UNMODELLED_PX:
@@ -255,6 +247,12 @@ def _adjusted(network: Network, settings: CalibrateSettings) -> _Adjusted:
         elimination = eliminate(clean, unknowns, settings.alpha)
         adjustment = elimination.adjustment
     return _Adjusted(adjustment, blunders, elimination, unmodelled_px)
+
+
+def _unknowns(views: tuple[View, ...], settings: CalibrateSettings) -> Unknowns:
+    """Unknowns of the rig, and of the poses of the calibration frame where there are several."""
+    rig = Unknowns.of(views[:2], settings.free, shared=settings.shared, tied=settings.tied)
+    return PosedUnknowns.of_rig(rig, len(views) // 2) if len(views) > 2 else rig
 
 
 def _sound(network: Network, unknowns: Unknowns) -> tuple[Adjustment, tuple[Blunder, ...], float]:
@@ -289,39 +287,8 @@ def _local(done: _Adjusted, nominal: NominalRig, settings: CalibrateSettings) ->
 def _final(done: _Adjusted, local: LocalFieldTrial | None, settings: CalibrateSettings) -> Adjustment:
     """The calibration's own adjustment, with all that is not known of it."""
     adjustment = local.adjustment if local else done.adjustment
-    unknowns = Unknowns.of(adjustment.views, settings.free, shared=settings.shared, tied=settings.tied)
+    unknowns = _unknowns(adjustment.views, settings)
     return with_stated_covariance(adjustment, unknowns)
-
-
-def _pointing_px(images: tuple[MeanImages, MeanImages]) -> tuple[float, float]:
-    """σ of one field's image coordinates in x and y: scatter between fields, and the part common to all."""
-    variance = [np.nan_to_num(side.scatter_px) ** 2 + side.sigma_px**2 for side in images]
-    x, y = np.sqrt(np.concatenate(variance).mean(axis=0)).tolist()
-    return x, y
-
-
-def _view_sigma_px(seen: tuple[list[FieldImages], list[FieldImages]]) -> tuple[float, float]:
-    """Median pointing σ of one field in each view."""
-    left, right = (float(np.median(np.concatenate([one.sigma_px for one in side]))) for side in seen)
-    return left, right
-
-
-def _disc_share(
-    seen: tuple[list[FieldImages], list[FieldImages]], views: tuple[View, ...], frame: ObjectModel
-) -> tuple[float, float]:
-    """Median area of the targets in each view, over that of a disc's geometric image."""
-    left, right = (
-        float(np.median(np.concatenate([one.area_px for one in side if one.area_px is not None])))
-        / _disc_area_px(view, frame)
-        for side, view in zip(seen, views, strict=True)
-    )
-    return left, right
-
-
-def _disc_area_px(view: View, frame: ObjectModel) -> float:
-    away_mm = float(np.linalg.norm(view.center_mm - frame.xyz_mm.mean(axis=0)))
-    diameter_mm = frame.target_diameter_mm * view.f_mm / away_mm
-    return float(np.pi / 4 * diameter_mm**2 / (view.pixel_x_mm * view.pixel_y_mm))
 
 
 def _validated(adjustment: Adjustment) -> tuple[Validation | None, str]:

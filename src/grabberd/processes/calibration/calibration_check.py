@@ -12,7 +12,7 @@ from grabberd.errors import MeasurementError
 from grabberd.field import NumberedField
 from grabberd.geometry import Calibration, NominalRig, Rig, project_all
 from grabberd.measurement import LocationSettings
-from grabberd.processes.calibration.calibrate import located
+from grabberd.processes.calibration.located_frame import locate
 from grabberd.reconstruction import ImageNoise, ObjectModel, Points, ViewBlobs, intersect
 from grabberd.reconstruction.accuracy.accuracy import Axes
 from grabberd.reconstruction.accuracy.drift_check import parallax
@@ -98,11 +98,11 @@ def check(
         MeasurementError: there are no fields, the calibration frame moves or cannot be identified, or too few
             targets are seen.
     """
-    seen, _, _ = located(fields, nominal, location or LocationSettings())
-    images = (mean_images(seen[0]), mean_images(seen[1]))
-    points = _points(
-        images, identify_frame(nominal, frame, images[0].xy_px, images[1].xy_px), calibration, frame
-    )
+    located = locate(fields, nominal, frame, location or LocationSettings())
+    images = (mean_images(located.views[0]), mean_images(located.views[1]))
+    with located.sizes.told():
+        identified = identify_frame(nominal, frame, images[0].xy_px, images[1].xy_px)
+    points = _points(images, identified, calibration, frame)
     return _compared(points, frame, Rig.of(calibration), images[0].of_fields, in_place=in_place)
 
 

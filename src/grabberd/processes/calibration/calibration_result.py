@@ -13,6 +13,7 @@ from grabberd.calibration import (
     Blunder,
     Difference,
     Elimination,
+    FramePose,
     Identification,
     LocalFieldTrial,
     MeanImages,
@@ -87,6 +88,7 @@ class CalibrateResult:
         stillness: movement of the picture during the capture, left then right.
         disc_share: median area of a target in each view, over that of its geometric image.
         view_sigma_px: median pointing σ of one field in each view.
+        poses: poses of the calibration frame after the first, in the frame of the first.
     """
 
     frame: ObjectModel
@@ -111,11 +113,17 @@ class CalibrateResult:
     stillness: tuple[Stillness, Stillness]
     disc_share: tuple[float, float]
     view_sigma_px: tuple[float, float]
+    poses: tuple[FramePose, ...] = ()
 
     @property
     def views(self) -> tuple[View, ...]:
         """The views as calibrated."""
         return self.final.views
+
+    @property
+    def image_points(self) -> int:
+        """Number of image points of all poses."""
+        return len(self.adjustment.network) + sum(pose.count for pose in self.poses)
 
     @property
     def local_fields(self) -> tuple[LocalField | None, LocalField | None]:

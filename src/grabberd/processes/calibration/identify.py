@@ -11,7 +11,7 @@ from grabberd.errors import MeasurementError
 from grabberd.field import NumberedField
 from grabberd.geometry import NominalRig
 from grabberd.measurement import LocationSettings
-from grabberd.processes.calibration.calibrate import located
+from grabberd.processes.calibration.located_frame import locate
 from grabberd.reconstruction import ObjectModel
 
 Indices = NDArray[np.intp]
@@ -59,12 +59,14 @@ def identify(
     Raises:
         MeasurementError: there are no fields.
     """
-    seen, _, _ = located(fields, nominal, location or LocationSettings())
+    located = locate(fields, nominal, frame, location or LocationSettings())
+    seen = located.views
     try:
         images = (mean_images(seen[0]), mean_images(seen[1]))
     except MeasurementError as refusal:
         return SeenFrame((mean_images(seen[0][:1]), mean_images(seen[1][:1])), None, refusal, moved=True)
     try:
-        return SeenFrame(images, identify_frame(nominal, frame, images[0].xy_px, images[1].xy_px))
+        with located.sizes.told():
+            return SeenFrame(images, identify_frame(nominal, frame, images[0].xy_px, images[1].xy_px))
     except MeasurementError as refusal:
         return SeenFrame(images, None, refusal)

@@ -1,6 +1,7 @@
 """The calibration report as one JSON document: everything the calibration rests on."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,8 @@ def report_document(
     Args:
         result: result of `calibrate`.
         about: origin of the calibration: id, created_utc, version, capture, glass, note,
-            certificate, temperature_C and fields (their number); missing keys become null.
+            certificate, temperature_C and fields (their number); missing keys become null. other_captures:
+            ids of the captures of the further poses.
         acceptance: its verdict; None: judged here, without a previous calibration or a check length.
     """
     adjustment = result.adjustment
@@ -53,7 +55,11 @@ def report_document(
         "glass": about.get("glass"),
         "settings": _settings(result),
         "identification": _identification(result),
-        "result": {**_result(adjustment), "unmodelled_px": result.unmodelled_px},
+        "result": {
+            **_result(adjustment),
+            "unmodelled_px": result.unmodelled_px,
+            "poses": _poses(result, about.get("other_captures", ())),
+        },
         "views": [_view(result, index) for index in range(len(adjustment.views))],
         "unknowns": {
             "names": list(adjustment.unknowns.names),
@@ -121,6 +127,20 @@ def _identification(result: CalibrateResult) -> dict[str, Any]:
         "unmatched_blobs": of_each(lambda side: len(side.unmatched)),
         "description": of_each(lambda side: side.description),
     }
+
+
+def _poses(result: CalibrateResult, captures: Sequence[str]) -> list[dict[str, Any]]:
+    return [
+        {
+            "capture": capture,
+            "turn_deg": pose.turn_deg,
+            **by_axis("", "_mm", pose.values[3:]),
+            **by_axis("sigma_", "_mm", pose.sigma[3:]),
+            "image_points": pose.count,
+            "tau": pose.tau,
+        }
+        for pose, capture in zip_longest(result.poses, captures)
+    ]
 
 
 def _result(adjustment: Adjustment) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.calibration import base_mm, convergence_deg, distance_mm
-from grabberd.geometry import LocalField, Rig, View, correct_all, directions_all, distortion
+from grabberd.geometry import LocalField, Rig, View, correct_all, directions_all, image
 from grabberd.processes.calibration.calibration_result import CalibrateResult
 
 Array = NDArray[np.float64]
@@ -39,10 +39,11 @@ def volume_document(result: CalibrateResult) -> dict[str, Any]:
 
 
 def distortion_document(view: View, lines: int) -> dict[str, Any]:
-    """Distortion by equations (6) and (7), in px, on a grid over a view's half of the picture."""
+    """Distortion of ideal points, in px, on a grid over a view's half of the picture."""
     columns, rows, xy_px = _nodes(view, lines)
     scale = np.array([view.pixel_x_mm, -view.pixel_y_mm])
-    added = distortion(view.b, (xy_px - (view.x0_px, view.y0_px)) * scale) / scale
+    ideal = (xy_px - (view.x0_px, view.y0_px)) * scale
+    added = image(Rig.of_views([view]), ideal.T[:, np.newaxis]).pixels[:, 0].T - xy_px
     return _grid(view.name, columns, rows, added)
 
 

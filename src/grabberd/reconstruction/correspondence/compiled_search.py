@@ -124,8 +124,12 @@ def _local(field: LocalField, shift_px: Array, sigma_px: Array) -> _LocalField:
 
 
 def takes(rig: Rig) -> bool:
-    """True if the kernel covers this rig."""
-    return len(rig.views) == 2 and (rig.factor is None or rig.factor.shape[2] <= _MOST_ERRORS)
+    """True if the kernel covers this rig; its polynomials are those of the distortion."""
+    return (
+        len(rig.views) == 2
+        and not rig.corrects.any()
+        and (rig.factor is None or rig.factor.shape[2] <= _MOST_ERRORS)
+    )
 
 
 class Nearby:

@@ -9,7 +9,9 @@ from grabberd.reports.figures.curves import phase_svg, profile_svg, time_svg
 from grabberd.reports.figures.distribution import distribution_svg, has_samples
 from grabberd.reports.figures.drawing import require_matplotlib
 from grabberd.reports.figures.geometry import geometry_svg
+from grabberd.reports.figures.groups import groups_svg, trends_svg
 from grabberd.reports.figures.states import State, maps_svg, model_svg, states_of
+from grabberd.reports.figures.tested import tested_svg
 from grabberd.reports.figures.vectors import field_svg, residuals_svg
 
 __all__ = [
@@ -18,6 +20,7 @@ __all__ = [
     "distribution_svg",
     "field_svg",
     "geometry_svg",
+    "groups_svg",
     "has_samples",
     "maps_svg",
     "model_svg",
@@ -26,7 +29,9 @@ __all__ = [
     "require_matplotlib",
     "residuals_svg",
     "states_of",
+    "tested_svg",
     "time_svg",
+    "trends_svg",
     "validation_svg",
     "volume_svg",
 ]

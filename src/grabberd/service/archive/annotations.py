@@ -1,11 +1,11 @@
-"""Pins, notes and labels of captures, and their deletion by hand."""
+"""Pins, notes, labels and marks of captures, and their deletion by hand."""
 
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Protocol
 
 from grabberd.documents.captures import CaptureDocument
-from grabberd.documents.named_types import MOST_LABELS
+from grabberd.documents.named_types import MOST_LABELS, MOST_MARKS
 from grabberd.errors import Conflict, InputError
 from grabberd.service.archive.archive import Archive
 from grabberd.storage.state.analysis_store import AnalysisStore
@@ -53,6 +53,7 @@ class CaptureAnnotations:
         pinned: bool | None = None,
         note: str | None = None,
         labels: Mapping[str, str | None] | None = None,
+        marks: Mapping[str, str | None] | None = None,
     ) -> None:
         """Changes what is given and leaves the rest.
 
@@ -61,10 +62,11 @@ class CaptureAnnotations:
             pinned: True to keep the capture until it is unpinned.
             note: New note.
             labels: Labels to add or replace by name; None removes one.
+            marks: Names of fields to mark, by number; None removes a mark.
 
         Raises:
             NotFound: No capture has that id.
-            InputError: The capture would have too many labels.
+            InputError: The capture would have too many labels or marks, or has no such field.
             StorageError: The state cannot be written.
         """
         document = self._archive.document(capture_id)
@@ -75,7 +77,10 @@ class CaptureAnnotations:
             annotation = replace(annotation, note=note)
         if labels is not None:
             annotation = replace(annotation, labels=_merged(document, labels))
+        if marks is not None:
+            annotation = replace(annotation, marks=_marked(document, annotation.marks, marks))
         self._annotations.put(capture_id, annotation)
+        self._archive.library.note(capture_id)
 
     def spared(self) -> set[str]:
         """Returns the ids of the captures that retention must leave: pinned ones, and those that a job needs.
@@ -111,6 +116,25 @@ def _merged(document: CaptureDocument, labels: Mapping[str, str | None]) -> dict
     if len(kept) > MOST_LABELS:
         raise InputError(
             f"capture {document.id} would have {len(kept)} labels; the limit is {MOST_LABELS}",
+            "remove some first, by setting them to null",
+        )
+    return kept
+
+
+def _marked(
+    document: CaptureDocument, marks: Mapping[int, str], changes: Mapping[str, str | None]
+) -> dict[int, str]:
+    total = sum(document.ledger.counts.values())
+    changed = {int(n): name for n, name in changes.items()}
+    beyond = [n for n, name in changed.items() if name is not None and n >= total]
+    if beyond:
+        raise InputError(
+            f"capture {document.id} has no field {beyond[0]}", f"its fields are numbered 0 to {total - 1}"
+        )
+    kept = {n: name for n, name in {**marks, **changed}.items() if name is not None}
+    if len(kept) > MOST_MARKS:
+        raise InputError(
+            f"capture {document.id} would have {len(kept)} marks; the limit is {MOST_MARKS}",
             "remove some first, by setting them to null",
         )
     return kept

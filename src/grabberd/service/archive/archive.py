@@ -3,12 +3,12 @@
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from grabberd.documents.capture_analyses import CaptureAnalysis
-from grabberd.documents.captures import CaptureDocument
+from grabberd.documents.captures import CaptureDocument, MarkDocument
 from grabberd.errors import (
     CaptureFileError,
     Cause,
@@ -20,6 +20,7 @@ from grabberd.errors import (
 )
 from grabberd.service.archive.descriptions import Descriptions
 from grabberd.service.archive.index_keeper import IndexKeeper
+from grabberd.service.archive.library import Library
 from grabberd.service.capture.capture_documents import (
     armed_document,
     damaged_document,
@@ -38,7 +39,7 @@ from grabberd.storage.disk import storage_errors
 from grabberd.storage.patience import Patience, within
 from grabberd.storage.state.annotation_store import Annotation
 from grabberd.storage.state.capture_index import Unusable
-from grabberd.storage.state.index_entries import IndexEntry
+from grabberd.storage.state.index_entries import SEALED_ENTRY, IndexEntry
 
 log = logging.getLogger(__name__)
 AWAY = (Cause.CAPTURES_MISSING, Cause.CAPTURES_REPLACED)
@@ -66,6 +67,7 @@ class Archive:
         index: Index of the captures that have ended.
         keeper: Rebuilds the index.
         analysis: Returns the latest analysis of a capture by its id; set by who knows of analyses.
+        library: The captures as lists search them.
     """
 
     def __init__(
@@ -92,6 +94,7 @@ class Archive:
         self._annotation = annotation
         self.analysis: Callable[[str], CaptureAnalysis | None] = lambda _: None
         self.annotations = annotations
+        self.library = Library(self.index, annotation, annotations)
         self._descriptions = Descriptions(describe)
 
     def open(self) -> None:
@@ -189,6 +192,16 @@ class Archive:
             reason_of(path).unlink(missing_ok=True)
         self.index.remove(capture_id)
 
+    def ended(self, subject: str, captures: Iterable[str]) -> None:
+        """Takes note of the end of a job on a capture, which may have a new run, and that analysed others."""
+        with suppress(NotFound, StorageError):
+            entry = self.index.get(subject)
+            path = self.directory / entry.file
+            if entry.state == SEALED_ENTRY and not entry.still_holds(path):
+                self.index.add(path)
+        for capture_id in captures:
+            self.library.note(capture_id)
+
     def document(self, capture_id: str) -> CaptureDocument:
         """Returns the document of a capture.
 
@@ -197,13 +210,13 @@ class Archive:
         """
         return self._annotated(self._document(capture_id), self._annotation(capture_id))
 
-    def listed(self, entry: IndexEntry, annotation: Annotation) -> CaptureDocument:
-        """Returns the document of a capture that has ended, by what is known of it.
+    def listed(self, entry: IndexEntry) -> CaptureDocument:
+        """Returns the document of a capture that has ended.
 
         Raises:
             NotFound: It was deleted since its entry was read.
         """
-        return self._annotated(self._sealed_document(entry), annotation)
+        return self._annotated(self._sealed_document(entry), self._annotation(entry.id))
 
     def current(self) -> list[CaptureDocument]:
         """Returns the documents of the captures that are armed or running."""
@@ -240,6 +253,7 @@ class Archive:
             "pinned": annotation.pinned,
             "note": document.note if annotation.note is None else annotation.note,
             "labels": document.labels if annotation.labels is None else dict(annotation.labels),
+            "marks": [MarkDocument(n=n, name=name) for n, name in sorted(annotation.marks.items())],
             "analysis": self.analysis(document.id),
         }
         return document.model_copy(update=changes)

@@ -18,26 +18,30 @@ from grabberd.storage.state.job_store import Unanalysed
 
 log = logging.getLogger(__name__)
 
-ANALYSE = "analyse"
-"""Kind of the jobs that analyse."""
+ANALYSING = ("analyse", "test")
+"""Kinds of the jobs that analyse their subject."""
 MAIN = (
     "liner_compression_mean_kpa",
     "overpressure_kpa",
     "teat_load_n",
     "liner_opening_s",
     "liner_closing_s",
+    "rate_per_min",
+    "wall_ratio",
+    "stroke_mm",
+    "touch_kpa",
+    "buckling_kpa",
+    "stiffness_n_mm",
 )
-"""Quantities of the table of that name which are shown with a capture."""
-OF_SUMMARY = {"rate_per_min": "1/min", "wall_ratio": "1"}
-"""Columns of the table `summary` that are, and their units."""
+"""Quantities of the table of that name which are shown with a capture; new ones come last."""
 REMEMBERED = 4096
 
 
 class Jobs(Protocol):
     """The part of the queue that tells of analyses."""
 
-    def unfinished(self, subject: str, kind: str) -> JobDocument | None:
-        """Returns the job of a kind on a capture that waits or runs."""
+    def analysing(self, capture_id: str) -> JobDocument | None:
+        """Returns the job that waits or runs and analyses a capture."""
         ...
 
     def unanalysed(self, capture_id: str) -> Unanalysed | None:
@@ -76,7 +80,7 @@ class CaptureAnalyses:
 
     def of(self, capture_id: str) -> CaptureAnalysis | None:
         """The latest analysis of a capture; None if none was ever asked for."""
-        job, failed = self._jobs.unfinished(capture_id, ANALYSE), self._jobs.unanalysed(capture_id)
+        job, failed = self._jobs.analysing(capture_id), self._jobs.unanalysed(capture_id)
         number = max(self._analyses.numbers(capture_id), default=None)
         if job is None and failed is None and number is None:
             return None
@@ -98,14 +102,14 @@ class CaptureAnalyses:
 
     def open(self, jobs: Iterable[JobDocument]) -> None:
         """Learns which analyses ended last, from the jobs that are known, in their order."""
-        ended = [job for job in jobs if job.kind == ANALYSE and job.ended_utc is not None]
+        ended = [job for job in jobs if job.kind in ANALYSING and job.ended_utc is not None]
         for job in sorted(ended, key=lambda job: job.ended_utc or ""):
             self.note(job.subject)
 
-    def ended(self, job: JobDocument) -> None:
-        """Takes note of a job that has ended."""
-        if job.kind == ANALYSE:
-            self.note(job.subject)
+    def ended(self, captures: Iterable[str]) -> None:
+        """Takes note of the end of a job that should have analysed these captures."""
+        for capture_id in captures:
+            self.note(capture_id)
 
     def note(self, capture_id: str) -> None:
         """Takes note of a capture whose analysis has ended, or that cannot be analysed."""
@@ -130,8 +134,4 @@ class CaptureAnalyses:
 def _main(record: AnalysisRecord) -> Iterable[QuantityDocument]:
     """The main quantities of an analysis that were found."""
     found = {one.name: one for one in record.quantities if one.value is not None}
-    yield from (found[name] for name in MAIN if name in found)
-    for name, unit in OF_SUMMARY.items():
-        value, sigma = record.summary.get(name), record.summary.get(f"sigma_{name}")
-        if record.quantities and value is not None:
-            yield QuantityDocument(name=name, unit=unit, value=value, sigma=sigma)
+    return [found[name] for name in MAIN if name in found]

@@ -6,10 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from grabberd.acquisition import Outcome
 from grabberd.documents.captures import CaptureDocument
-from grabberd.service.archive.capture_analyses import MAIN, OF_SUMMARY
+from grabberd.service.archive.capture_analyses import MAIN
 from grabberd.storage.export.csv_file import cells
-
-QUANTITIES = (*MAIN, *OF_SUMMARY)
 
 
 def captures_csv(captures: Sequence[CaptureDocument]) -> str:
@@ -23,7 +21,7 @@ def captures_csv(captures: Sequence[CaptureDocument]) -> str:
 
 
 def _head(labels: Iterable[str]) -> list[object]:
-    measured = [column for name in QUANTITIES for column in (name, f"sigma_{name}")]
+    measured = [column for name in MAIN for column in (name, f"sigma_{name}")]
     return [
         *("id", "device", "created_utc", "state", "verdict", "fields", "received"),
         *("coverage_verdict", "share_found", "bits", "lines"),
@@ -52,6 +50,6 @@ def _row(capture: CaptureDocument, labels: Iterable[str]) -> list[object]:
 def _measured(capture: CaptureDocument) -> Iterator[float | None]:
     """The main quantities, each with its σ, to seven digits as in all tables; None where there is none."""
     found = {one.name: one for one in capture.analysis.quantities} if capture.analysis else {}
-    for name in QUANTITIES:
+    for name in MAIN:
         known = (found[name].value, found[name].sigma) if name in found else (None, None)
         yield from (None if value is None else float(f"{value:.7g}") for value in known)

@@ -4,7 +4,7 @@ loggers.
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 from grabberd.errors import StorageError
@@ -36,7 +36,7 @@ class Upkeep:
         unsealed: UnsealedCaptures,
         state_keeper: StateKeeper,
         loggers: Loggers,
-        look_further: Callable[[], None] = lambda: None,
+        look_further: Sequence[Callable[[], None]] = (),
     ) -> None:
         self._archive = archive
         self._unsealed = unsealed
@@ -66,7 +66,8 @@ class Upkeep:
         self._loggers.look()
         if rounds % STATE_EVERY == 0:
             self._state_keeper.look()
-        self._look_further()
+        for look in self._look_further:
+            look()
 
     def _run(self) -> None:
         rounds = 0

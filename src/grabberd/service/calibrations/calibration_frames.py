@@ -3,15 +3,36 @@
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 
 from grabberd.config import shipped_configs
 from grabberd.documents.calibrations import CalibrationFrameRow
 from grabberd.documents.named_types import JsonObject
 from grabberd.errors import NotFound
 from grabberd.reconstruction import ObjectModel
+from grabberd.reconstruction.object_model import FileKey
 from grabberd.service.setup import read_yaml
 
-CALIBRATION_FRAME_KEYS = ("certificate", "temperature_C", "check_length")
+CALIBRATION_FRAME_KEYS: Mapping[str, FileKey] = MappingProxyType(
+    {
+        "certificate": FileKey(
+            "anything",
+            "",
+            "none",
+            "Number, laboratory, date: kept with every calibration and shown in its report.",
+        ),
+        "temperature_C": FileKey(
+            "number", "°C", "none", "Temperature at which the places were measured; kept and shown likewise."
+        ),
+        "check_length": FileKey(
+            "mapping",
+            "",
+            "none",
+            "Distance of two targets, certified by other means than the places: nothing else tells of a file "
+            "whose scale is wrong.",
+        ),
+    }
+)
 """Keys of a calibration frame's document beside those of an object model."""
 
 
@@ -66,6 +87,5 @@ def calibration_frame_model(document: JsonObject) -> ObjectModel:
     Raises:
         InputError: The document is invalid.
     """
-    return ObjectModel.from_document(
-        {key: document[key] for key in document if key not in CALIBRATION_FRAME_KEYS}
-    )
+    own = {key: document[key] for key in document if key not in CALIBRATION_FRAME_KEYS}
+    return ObjectModel.from_document(own, "the calibration frame's file")

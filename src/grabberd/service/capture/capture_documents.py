@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from grabberd.acquisition import Ledger, LedgerEntry, cause_of_loss
+from grabberd.acquisition import PAL_HZ, Ledger, LedgerEntry, cause_of_loss
 from grabberd.acquisition.channels.account import Account
 from grabberd.documents.captures import (
     CaptureDocument,
@@ -24,8 +24,6 @@ from grabberd.storage.capture.meta import SEALED
 from grabberd.storage.capture.schema import reading_errors
 from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.index_entries import IndexEntry
-
-NOMINAL_RATE_HZ = 50.0
 
 
 def ledger_document(ledger: Ledger, rate_hz: float) -> LedgerDocument:
@@ -92,7 +90,9 @@ def running_document(recording: Recording) -> CaptureDocument:
     )
     ended = "unsealed" if recording.sealed.is_set() and not recording.is_sealed else "sealing"
     state = "recording" if recorder.recording else ended
-    return document.model_copy(update={"state": state, "ended_because": recorder.ended_because})
+    length = recorder.length_fields if state == "recording" else None
+    changes = {"state": state, "length_fields": length, "ended_because": recorder.ended_because}
+    return document.model_copy(update=changes)
 
 
 def describe(path: Path) -> CaptureDocument:
@@ -145,7 +145,7 @@ def _without_fields(**known: object) -> CaptureDocument:
     nothing = dict.fromkeys(("verdict", "ended_because", "trigger_utc"))
     none_of = dict.fromkeys(("pre_trigger_fields", "bits", "fields", "size_bytes"), 0)
     rest = {"lines": "", "note": "", "runs": [], "labels": {}, "pinned": False}
-    ledger = ledger_document(Ledger(), NOMINAL_RATE_HZ)
+    ledger = ledger_document(Ledger(), PAL_HZ)  # of no field: any rate will do
     return CaptureDocument.model_validate({**nothing, **none_of, **rest, "ledger": ledger, **known})
 
 

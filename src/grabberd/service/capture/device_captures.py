@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from grabberd.acquisition import StreamInfo
+from grabberd.acquisition import PAL_HZ, FieldOrder, StreamInfo
 from grabberd.acquisition.clock import UtcClock
+from grabberd.config import RigConfig
 from grabberd.errors import CaptureRunning, Conflict, GrabberdError, NotFound
 from grabberd.geometry import Calibration
 from grabberd.service.capture.capture_request import ArmedCapture
@@ -16,10 +17,8 @@ from grabberd.service.capture.recording import Recording
 from grabberd.service.channels.loggers import Loggers
 from grabberd.service.device.field_pipeline import FieldPipeline
 from grabberd.service.device.status_board import STREAMING, StatusBoard
-from grabberd.service.setup import DeviceSetup
+from grabberd.service.setup import DeviceSetup, misfit
 
-NOMINAL_RATE_HZ = 50.0
-"""PAL; used until the device has been opened and says its own rate."""
 T = TypeVar("T")
 
 
@@ -124,7 +123,7 @@ class DeviceCaptures:
     def rate_hz(self) -> float:
         """Fields per second as granted; nominal until the device has been opened."""
         stream = self.board.now.stream
-        return stream.rate_hz if stream else NOMINAL_RATE_HZ
+        return stream.rate_hz if stream else PAL_HZ
 
     @property
     def bytes_per_s(self) -> float:
@@ -170,14 +169,18 @@ class DeviceCaptures:
             self.pipeline.thresholds.release()
 
     def check_measurable(self) -> None:
-        """Checks that the calibration fits the size of the pictures that stream now, if any do.
+        """Checks that rig and calibration fit the size of the pictures that stream now, if any do.
 
         Raises:
-            CalibrationMismatch: It does not fit.
+            InputError: The rig does not fit.
+            CalibrationMismatch: The calibration does not.
         """
         stream, measuring = self.board.now.stream, self.setup.measuring
-        if measuring is not None and stream is not None:
+        if stream is None:
+            return
+        if measuring is not None:
             check_stream(measuring.calibration, stream)
+        check_picture_size(self.setup.config.rig, stream)
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,12 +224,28 @@ def of_device(by_name: Mapping[str, T], name: str | None) -> T:
     return by_name[name]
 
 
+def check_picture_size(rig: RigConfig, stream: StreamInfo) -> None:
+    """Checks that the pictures of a stream have the rig's size, so that its views are where it says.
+
+    Raises:
+        InputError: They have another.
+    """
+    lines = _frame_lines(stream, rig.lines)
+    if (stream.columns, lines) != (rig.columns, rig.lines):
+        raise misfit(rig, stream.columns, lines)
+
+
+def _frame_lines(stream: StreamInfo, expected: int) -> int:
+    """Lines of a stream's frames: its fields have half of them, unless they are doubled or have them all."""
+    whole = stream.field_order is FieldOrder.PROGRESSIVE or stream.field_rows == expected
+    return stream.field_rows if whole else 2 * stream.field_rows
+
+
 def check_stream(calibration: Calibration, stream: StreamInfo) -> None:
     """Checks that the pictures of a stream have the calibration's size; doubled fields have all lines.
 
     Raises:
         CalibrationMismatch: They have another size.
     """
-    doubled = stream.field_rows == calibration.lines
-    lines = stream.field_rows if doubled else 2 * stream.field_rows
+    lines = _frame_lines(stream, calibration.lines)
     calibration.check_fits(stream.columns, lines, glass=calibration.glass)

@@ -154,6 +154,7 @@ class Recorder:
         ended_because: Reason for the end; None while it records.
         first_n: The stream's number of the capture's first field; None before that came.
         fields: Number of fields that the file has or will have.
+        rate_hz: Fields per second.
     """
 
     def __init__(
@@ -175,6 +176,7 @@ class Recorder:
         self._fields = fields
         self._clock = clock
         self._source = source
+        self.rate_hz = stream.rate_hz
         self._period_ns = round(1e9 / stream.rate_hz)
         self._lossless = stream.waits_for_reader
         self._keeps_pace = stream.live and not stream.waits_for_reader
@@ -193,6 +195,11 @@ class Recorder:
         if not self._started:
             self._started = True
             threading.Thread(target=self.run, name=f"recorder-{capture_id}", daemon=True).start()
+
+    @property
+    def length_fields(self) -> int | None:
+        """Length of the capture, lost fields included; None if it lasts until it is stopped."""
+        return self._fields
 
     @property
     def recording(self) -> bool:

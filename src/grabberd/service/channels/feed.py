@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.acquisition.channels import Anomaly, Dating
+from grabberd.service.channels.step_means import StepMeans
 from grabberd.storage.capture.channels.reading_groups import ChannelCalibration
 
 KEPT_NS = 10_000_000_000
@@ -24,7 +25,7 @@ class Part(NamedTuple):
         posted_ns: When they came.
         time_ns: (K,) when each was taken, ascending.
         values: (K, C) of the logger's channels in their order, in its own units; NaN where one has none.
-        kpa: (K, C) the same in kPa below atmosphere.
+        kpa: (K, C) the same in kPa below atmosphere; of a light as it is.
         calibrations: What turns one into the other; the same object for all parts of one opening.
         dating: What the times go by.
         time_sigma_ns: σ of each.
@@ -113,12 +114,15 @@ class Feed:
         lock: Held while a part is passed on.
         followers: The captures that take all readings.
         newest_ns: Time of the newest reading; None before the first.
+        newest_sigma_ns: Its σ.
     """
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
         self.followers: set[Follower] = set()
         self.newest_ns: int | None = None
+        self.newest_sigma_ns: int | None = None
+        self._means: StepMeans | None = None
         self._kept: deque[Part] = deque()
         self._count = 0
 
@@ -128,7 +132,9 @@ class Feed:
             self._kept.append(part)
             self._count += len(part.time_ns)
             if len(part.time_ns):
-                self.newest_ns = part.newest_ns
+                self.newest_ns, self.newest_sigma_ns = part.newest_ns, part.time_sigma_ns
+                self._means = self._means or StepMeans(part.kpa.shape[1])
+                self._means.add(part.time_ns, part.kpa)
             oldest_ns = part.posted_ns - KEPT_NS
             while self._kept and (self._count > MOST_KEPT or self._kept[0].posted_ns < oldest_ns):
                 self._count -= len(self._kept.popleft().time_ns)
@@ -146,3 +152,10 @@ class Feed:
         """Parts with readings that came since a time, in order."""
         with self.lock:
             return [one for one in self._kept if one.posted_ns >= since_ns and len(one.time_ns)]
+
+    def means_since(self, since_ns: int, channel: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """(K,) middle of each time of a field in which a channel said something, and (K,) its mean."""
+        with self.lock:
+            if self._means is None:
+                return np.empty(0, np.int64), np.empty(0)
+            return self._means.since(since_ns, channel)

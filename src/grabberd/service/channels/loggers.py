@@ -3,10 +3,12 @@
 import itertools
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from grabberd.acquisition.channels import LoggerInfo
+from grabberd.acquisition.channels import Dating, LoggerInfo
 from grabberd.acquisition.channels.vacuum import Channel
 from grabberd.acquisition.clock import SystemClock, UtcClock
 from grabberd.documents.channels import ChannelValueDocument, LoggerDocument
@@ -35,6 +37,32 @@ class _Logger:
     feed: Feed
     board: LoggerBoard
     thread: LoggerThread
+
+    def is_settled(self, sigma_ns: int) -> bool:
+        """True if its readings are dated to within a σ, or no longer waiting makes them so."""
+        status = self.board.now
+        if not status.is_reading:
+            return status.state is not DeviceState.OPENING
+        if status.info is None or status.info.dating is not Dating.OWN_CLOCK:
+            return True
+        newest_sigma_ns = self.feed.newest_sigma_ns
+        return newest_sigma_ns is not None and newest_sigma_ns <= sigma_ns
+
+
+class ChannelMeans(NamedTuple):
+    """Means of the readings of one channel, over the time of a field each.
+
+    Attributes:
+        channel: The channel.
+        logger: Name of its logger.
+        time_ns: (K,) middle of each time, ascending; those without readings are not there.
+        kpa: (K,) kPa below atmosphere, or the level of a light.
+    """
+
+    channel: Channel
+    logger: str
+    time_ns: NDArray[np.int64]
+    kpa: NDArray[np.float64]
 
 
 class Loggers:
@@ -97,6 +125,25 @@ class Loggers:
                 recordings.append(LoggerRecording(one.board, channels, follower))
         return ChannelRecording(recordings, self._clock) if recordings else None
 
+    def means(self, device: str, since_ns: int) -> list[ChannelMeans]:
+        """Means of the channels of a device since a time, for the last minutes."""
+        return [
+            ChannelMeans(channel, name, *one.feed.means_since(since_ns, place))
+            for name, one in self._loggers.items()
+            for place, channel in enumerate(one.setup.channels)
+            if not channel.devices or device in channel.devices
+        ]
+
+    def unsettled(self, sigma_ns: int) -> list[str]:
+        """Names of loggers that are not open yet, or whose clocks are not related to ours to within a σ."""
+        return [name for name, one in self._loggers.items() if not one.is_settled(sigma_ns)]
+
+    def ages_s(self) -> dict[str, float]:
+        """Age of the newest reading of each logger that has ever given one."""
+        now_ns = self._clock.now_ns()
+        known = {name: one.feed.newest_ns for name, one in self._loggers.items()}
+        return {name: (now_ns - ns) / 1e9 for name, ns in known.items() if ns is not None}
+
     def document(self) -> dict[str, LoggerDocument]:
         """The loggers at this moment, by name."""
         since_ns = self._clock.now_ns() - SHOWN_NS
@@ -148,7 +195,7 @@ def _recorded(number: int, channel: Channel, setup: LoggerSetup, info: LoggerInf
 def _document(logger: _Logger, since_ns: int) -> LoggerDocument:
     status, setup = logger.board.now, logger.setup
     info = status.info
-    means = _means(logger, since_ns) if status.is_reading else {}
+    now = _present(logger, since_ns) if status.is_reading else {}
     return LoggerDocument(
         name=setup.name,
         driver=setup.config.driver,
@@ -163,13 +210,15 @@ def _document(logger: _Logger, since_ns: int) -> LoggerDocument:
         openings=status.openings,
         readings=status.readings,
         anomalies={one.reason: one.times for one in status.anomalies},
+        lost=sum(one.lost for one in status.anomalies),
         warnings=list(info.remarks) if info else [],
         channels={
             one.name: ChannelValueDocument(
                 quantity=one.quantity,
                 column=one.column,
                 devices=list(one.devices),
-                kpa=means.get(one.name),
+                kpa=now.get(one.name) if one.quantity.is_vacuum else None,
+                level=None if one.quantity.is_vacuum else now.get(one.name),
                 sigma_kpa=one.sigma_kpa,
                 calibrated=one.calibrated,
             )
@@ -178,12 +227,12 @@ def _document(logger: _Logger, since_ns: int) -> LoggerDocument:
     )
 
 
-def _means(logger: _Logger, since_ns: int) -> dict[str, float]:
-    """The mean of the newest readings of each channel."""
+def _present(logger: _Logger, since_ns: int) -> dict[str, float]:
+    """The mean of the newest readings of each vacuum, and the newest of each light."""
     parts, found = logger.feed.newest(since_ns), {}
     for place, one in enumerate(logger.setup.channels if parts else ()):
         kpa = np.concatenate([part.kpa[:, place] for part in parts])
         kpa = kpa[np.isfinite(kpa)]
         if len(kpa):
-            found[one.name] = round(float(kpa.mean()), 2)
+            found[one.name] = round(float(kpa.mean() if one.quantity.is_vacuum else kpa[-1]), 2)
     return found

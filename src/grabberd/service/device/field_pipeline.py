@@ -12,6 +12,7 @@ from grabberd.acquisition import (
     Content,
     ContentCheck,
     FieldNumbering,
+    FieldOrder,
     GrabbedField,
     Numbered,
     Ring,
@@ -21,6 +22,7 @@ from grabberd.acquisition import (
     StreamInfo,
 )
 from grabberd.config import DeviceConfig
+from grabberd.errors import InputError
 from grabberd.field import NumberedField, PackedField, Packing, pack
 from grabberd.service.device.shedding import Shedding
 from grabberd.service.device.threshold_keeper import NewestField, ThresholdKeeper
@@ -76,11 +78,20 @@ class FieldPipeline:
         """Provides the ring for these bits and lines; None: as configured.
 
         It is a new one if they differ from those in use; readers of the old one get what is left in it.
+
+        Raises:
+            InputError: Lines are to be doubled, and the camera is progressive.
         """
         with self._configuring:
+            progressive = self._granted is not None and _is_progressive(self._granted)
+            if lines == "doubled" and progressive:
+                raise InputError(
+                    "a progressive picture lacks no lines that could be doubled", "leave out 'lines'"
+                )
             default_bits, default_lines = self._default
             bits = bits or default_bits
             lines = lines or (default_lines if bits == default_bits else _default_lines(bits))
+            lines = "field" if progressive else lines
             if (bits, lines) != (self.ring.bits, self.ring.lines):
                 self._exchange(bits, lines)
             return self.ring
@@ -97,9 +108,10 @@ class FieldPipeline:
             self._numbering = FieldNumbering(info, since_ns)
         else:
             self._numbering.resume(since_ns)
-        if change:
+        lines = "field" if _is_progressive(info) else self.ring.lines
+        if change or lines != self.ring.lines:
             with self._configuring:
-                self._exchange(self.ring.bits, self.ring.lines)
+                self._exchange(self.ring.bits, lines)
         self._granted = info
         self._content = ContentCheck() if info.live else None
         self.thresholds.opened(live=info.live)
@@ -150,7 +162,7 @@ class FieldPipeline:
         self.interruption = None
         # Read once: a capture's start may exchange the ring while this field is packed for the old one.
         ring = self.ring
-        self.newest.offer(grabbed.field, ring)
+        self.newest.offer(grabbed.field, ring, grabbed.time_ns)
         content, packed = self._packed(grabbed, signal, ring)
         self._unnumbered.append(_Unnumbered(packed, grabbed.sequence, now_ns, ring))
         if standstill is not None:
@@ -199,6 +211,10 @@ class FieldPipeline:
         # Missing lines are interpolated on the grey field, before the threshold (paper 3.3).
         level, by_pixel = self.thresholds.for_next_field()
         return Packing(ring.bits, ring.lines == "doubled", level, by_pixel, self._interpolation)
+
+
+def _is_progressive(info: StreamInfo) -> bool:
+    return info.field_order is FieldOrder.PROGRESSIVE
 
 
 def _default_lines(bits: int) -> str:

@@ -61,9 +61,14 @@ class RigHealth:
         self._log_change(fit)
 
     @property
+    def problem(self) -> str | None:
+        """Problem of the rig in a sentence; None if there is none."""
+        return None if self.fit is None or self.fit.verdict not in _MEANINGS else _sentence(self.fit)
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings for the operator, in sentences."""
-        return () if self.fit is None or self.fit.verdict not in _MEANINGS else (_sentence(self.fit),)
+        return (f"{self.problem}; {WHAT_TO_DO}",) if self.problem else ()
 
     @property
     def document(self) -> RigDocument | None:
@@ -87,7 +92,7 @@ class RigHealth:
         if fit.verdict is RigVerdict.FITS:
             log.info("device %s: pictures and calibration agree again", self._device)
         else:
-            log.warning("device %s: %s", self._device, _sentence(fit))
+            log.warning("device %s: %s; %s", self._device, _sentence(fit), WHAT_TO_DO)
 
 
 def fit_document(fit: RigFit) -> RigDocument:
@@ -109,10 +114,10 @@ def fit_document(fit: RigFit) -> RigDocument:
 
 def _sentence(fit: RigFit) -> str:
     if not math.isfinite(fit.shift_px):
-        return f"{_MEANINGS[fit.verdict]}; {WHAT_TO_DO}"
+        return _MEANINGS[fit.verdict]
     return (
         f"{_MEANINGS[fit.verdict]}: the views lie {fit.shift_px:.2f} px apart, where "
-        f"{fit.sigma_px:.2f} px are expected; {WHAT_TO_DO}"
+        f"{fit.sigma_px:.2f} px are expected"
     )
 
 

@@ -11,6 +11,7 @@ from grabberd.acquisition.clock import UtcClock, iso_utc
 from grabberd.acquisition.device import Signal, StreamInfo
 from grabberd.documents.states import DeviceState, Rung
 from grabberd.errors import Cause, DeviceError, GrabberdError, PictureError
+from grabberd.service.device.recent_fields import RecentFields
 from grabberd.service.device.recovery import Step
 from grabberd.service.device.standstills import Standstills
 
@@ -90,12 +91,14 @@ class StatusBoard:
         name: Name of the device.
         changed: Notified with every change of state; whoever waits for a state waits on it.
         standstills: Times for which the program took no fields.
+        recent: Fields of the last minute.
     """
 
     def __init__(self, name: str, clock: UtcClock) -> None:
         self.name = name
         self.changed = threading.Condition()
         self.standstills = Standstills(clock)
+        self.recent = RecentFields()
         self._clock = clock
         self._status = DeviceStatus(
             DeviceState.ABSENT, iso_utc(clock.utc_now()), "not opened yet", code=Cause.NOT_OPENED
@@ -240,6 +243,7 @@ class StatusBoard:
             log.warning("device %s: %s, from field %d on", self.name, event.reason, event.n)
 
     def _count(self, outcome: Outcome, reason: str | None, count: int) -> None:
+        self.recent.count(self._clock.now_ns(), outcome, count)
         self._status.outcomes[outcome] += count
         if outcome is not Outcome.RECEIVED:
             self._status.losses[cause_of_loss(outcome, reason or "")] += count

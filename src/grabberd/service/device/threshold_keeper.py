@@ -42,10 +42,12 @@ class Shown(NamedTuple):
     Attributes:
         field: The field in memory of its own, with its lines as they came.
         ring: The ring that it went into.
+        time_ns: Middle of its exposure, as the driver tells it; 0 where nobody asks for it.
     """
 
     field: Field
     ring: Ring
+    time_ns: int = 0
 
 
 class NewestField:
@@ -59,13 +61,13 @@ class NewestField:
         self._shown: Shown | None = None
         self._shown_s = -math.inf
 
-    def offer(self, field: Field, ring: Ring) -> None:
+    def offer(self, field: Field, ring: Ring, time_ns: int = 0) -> None:
         """Leaves a copy if one is asked for."""
         # Read without the lock: the capture thread comes by 50 times a second and mostly nobody asks.
         if not self._wanted:
             return
         # The field is a view into the driver's buffer, which is requeued when the capture thread goes on.
-        copy = Shown(replace(field, luma=np.array(field.luma)), ring)
+        copy = Shown(replace(field, luma=np.array(field.luma)), ring, time_ns)
         with self._given:
             self._shown, self._shown_s, self._wanted = copy, self._now_s(), False
             self._count += 1

@@ -16,6 +16,7 @@ from grabberd.acquisition.clock import UtcClock
 from grabberd.field import NumberedField
 from grabberd.processes.measure import MeasuredField, MeasureSetup, measure_fields
 from grabberd.reconstruction import Coverage, CoverageTally
+from grabberd.service.device.field_history import FieldHistory
 from grabberd.service.device.field_order_health import FieldOrderHealth
 from grabberd.service.device.field_pipeline import ARRIVALS, FieldPipeline
 from grabberd.service.device.rig_health import RigHealth
@@ -189,6 +190,7 @@ class Worker(threading.Thread):
         latency: Latency from a field's arrival until its points were published.
         rig: Health of the rig: camera and mirrors compared with their calibration.
         field_order: Whether fields come in the sequence of time.
+        history: Measured fields of the last minutes, in a few numbers each.
     """
 
     def __init__(
@@ -208,6 +210,7 @@ class Worker(threading.Thread):
         self.latency = Latency()
         self.rig = RigHealth(name)
         self.field_order = FieldOrderHealth(name)
+        self.history = FieldHistory()
         self._setup = setup
         self._pipeline = pipeline
         self._captures = captures
@@ -255,7 +258,7 @@ class Worker(threading.Thread):
             with closing(self._paced(recording.recorded())) as fields:
                 for measured in measure_fields(fields, self._setup, tally):
                     recording.add(measured)
-                    self._publish(measured, recording.first_n)
+                    self._publish(measured, self._setup, recording.first_n)
             coverage = tally.result()
             failure = None
         finally:
@@ -274,7 +277,7 @@ class Worker(threading.Thread):
         self.field_order.begin(setup)
         with closing(self._paced(self._ring_fields(setup))) as fields:
             for measured in measure_fields(fields, setup):
-                self._publish(measured, 0)
+                self._publish(measured, setup, 0)
 
     def _paced(self, fields: Iterator[NumberedField]) -> Generator[NumberedField]:
         """The same fields, in turn with other devices' workers, and fewer while capturing falls behind."""
@@ -308,7 +311,7 @@ class Worker(threading.Thread):
                 else:
                     self.live = None
 
-    def _publish(self, measured: MeasuredField, first_n: int) -> None:
+    def _publish(self, measured: MeasuredField, setup: MeasureSetup, first_n: int) -> None:
         now_ns = self._clock.now_ns()
         with self.published:
             self._number += 1
@@ -318,6 +321,7 @@ class Worker(threading.Thread):
         # A capture numbers its fields from its first one, the pipeline from the stream's.
         arrived_ns = int(self._pipeline.arrived_ns[(measured.n + first_n) % ARRIVALS])
         self.latency.add(now_ns - arrived_ns)
+        self.history.see(measured, setup, now_ns - arrived_ns)
         self.rig.see(measured)
         self.field_order.see(measured)
 

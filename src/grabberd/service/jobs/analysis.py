@@ -4,10 +4,10 @@ What computes and draws is imported where it is used: the daemon declares the jo
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pydantic import Field
 
@@ -16,21 +16,21 @@ from grabberd.acquisition.clock import SystemClock, iso_utc
 from grabberd.documents.analyses import AnalysisRecord, QuantityDocument
 from grabberd.documents.named_types import JsonObject
 from grabberd.documents.pressure_method import PRESSURE_METHOD
-from grabberd.documents.profiles import ProfileUse
 from grabberd.documents.requests import CaptureName
 from grabberd.documents.results import AnalysisResult
 from grabberd.errors import ExtraMissing, InputError
 from grabberd.service.jobs.job_spec import JobContext, JobSpec
 from grabberd.service.jobs.progress import Progress, portion
-from grabberd.service.profiles.profile_text import plain_name
+from grabberd.service.jobs.resolved_inputs import resolved_inputs, use_of
 from grabberd.service.profiles.profiles import FoundProfiles
 from grabberd.storage.state.analysis_store import DOCUMENT, PAGE, RECORD, AnalysisStore
 
 if TYPE_CHECKING:
     from grabberd.processes.analysis.analyse import Analysis
-    from grabberd.processes.analysis.profile import Profile
-    from grabberd.processes.analysis.profile_inputs import ResolvedInputs, Subject
+    from grabberd.processes.analysis.field_points import FieldPoints
     from grabberd.processes.analysis.tables import AnalysisTables
+    from grabberd.reconstruction import Points
+    from grabberd.service.jobs.analysis_source import AnalysisSource
 
 SOURCE = "the HTTP request"
 """Where the inputs of a job come from, as the report shows it."""
@@ -38,13 +38,35 @@ _ANALYSED = 0.8
 """Share of the work; the rest is drawing and writing."""
 
 
+class AnalysisOptions(NamedTuple):
+    """Choice of what is analysed of a capture, and how.
+
+    Attributes:
+        run: The run whose points are analysed; None for the latest.
+        pulsating: True to refuse a capture whose wall does not pulsate, but for a ramp with the empty liner.
+        reference: Capture of the still liner whose mean is the reference state, where the inputs name it.
+    """
+
+    run: int | None = None
+    pulsating: bool = False
+    reference: Path | None = None
+
+
+_USUAL = AnalysisOptions()
+
+
 @dataclass(frozen=True, slots=True)
 class AnalysisOutput:
-    """An analysis, the same as tables, and the document `about` what it was made from."""
+    """An analysis, the same as tables, and the document `about` what it was made from.
+
+    Attributes:
+        captured: Fields of the capture as they were taken: those of the analysis may be means of them.
+    """
 
     analysis: "Analysis"
     tables: "AnalysisTables"
     about: JsonObject
+    captured: "Sequence[FieldPoints]"
 
 
 class AnalysisJob(JobSpec):
@@ -52,7 +74,8 @@ class AnalysisJob(JobSpec):
 
     Attributes:
         bursts: Ids of the bursts; these and the others as `analyse_file` takes them.
-        source: Where the inputs come from, as the report shows it.
+        source: Where the inputs come from, as the report shows it; `sources`: those of them that come from
+            elsewhere, by their names.
     """
 
     kind = "analyse"
@@ -62,12 +85,18 @@ class AnalysisJob(JobSpec):
     vacuum_log: str | None = None
     profiles: FoundProfiles | None = None
     source: str = SOURCE
+    sources: dict[str, str] = Field(default_factory=dict)
     pulsating: bool = False
 
     @property
     def captures(self) -> tuple[str, ...]:
         """The capture and its bursts."""
         return (self.subject, *self.bursts)
+
+    @property
+    def analyses(self) -> tuple[str, ...]:
+        """The capture; its bursts only add to it."""
+        return (self.subject,)
 
     def run(self, progress: Progress, context: JobContext) -> AnalysisResult:
         """Analyses and stores.
@@ -84,13 +113,13 @@ class AnalysisJob(JobSpec):
             path=context.file(self.subject),
             inputs=with_log(self.inputs, self.vacuum_log),
             bursts=[context.file(burst) for burst in self.bursts],
-            run=self.run_number,
             profiles=self.profiles,
-            sources=dict.fromkeys([*self.inputs, *(["vacuum.log"] if self.vacuum_log else [])], self.source),
-            pulsating=self.pulsating,
+            sources=dict.fromkeys([*self.inputs, *(["vacuum.log"] if self.vacuum_log else [])], self.source)
+            | self.sources,
+            options=AnalysisOptions(run=self.run_number, pulsating=self.pulsating),
         )
         with analyses.scratch() as folder:
-            record = _write_all(folder, made, context.job)
+            record = write_stored(folder, made, context.job)
             return AnalysisResult(analysis=analyses.publish(self.subject, folder), **dict(record))
 
 
@@ -100,10 +129,9 @@ def analyse_file(
     path: Path,
     inputs: JsonObject,
     bursts: Sequence[Path] = (),
-    run: int | None = None,
     profiles: FoundProfiles | None = None,
     sources: Mapping[str, str] | None = None,
-    pulsating: bool = False,
+    options: AnalysisOptions = _USUAL,
 ) -> AnalysisOutput:
     """Analyses the points of a capture; nothing is written.
 
@@ -112,11 +140,10 @@ def analyse_file(
         path: The capture.
         inputs: What is known besides the points; see `grabberd.processes.analysis.inputs`.
         bursts: Captures of the same liner that are combined with it by phase, each with its latest run.
-        run: The run whose points are analysed; None for the latest.
         profiles: Profiles that complete the inputs, and the capture's labels, by which they were found; None:
             none are used, and its labels are those in its file.
         sources: Where each of the inputs comes from, by its name.
-        pulsating: True to refuse a capture whose wall does not pulsate, but for a ramp with the empty liner.
+        options: What is analysed of it, and how.
 
     Raises:
         CaptureFileError, NotFound: A capture or run does not exist.
@@ -127,6 +154,7 @@ def analyse_file(
     """
     from grabberd.analysis import Grid
     from grabberd.processes.analysis.analyse import analyse
+    from grabberd.processes.analysis.averaged_fields import averaged_fields
     from grabberd.processes.analysis.inputs import read_inputs
     from grabberd.processes.analysis.profile_inputs import Subject
     from grabberd.processes.analysis.tables import tables
@@ -136,15 +164,18 @@ def analyse_file(
     recorded = frozenset() if profiles is None else recorded_quantities(path)
     # Only the wall's equilibrium can use the rays of a single view.
     single = {"material", "vacuum"} <= _sections(inputs, profiles, recorded)
-    captures = [read_source(path, run, single), *(read_source(burst, None, single) for burst in bursts)]
+    captures = [
+        read_source(path, options.run, single),
+        *(read_source(burst, None, single) for burst in bursts),
+    ]
     check_same_model(captures)
     about = captures[0].about | ({} if profiles is None else {"labels": profiles.labels})
     grid = Grid.of(captures[0].model)
-    resolved = _resolved(inputs, profiles, Subject(about["device"], about["object"], grid, recorded))
+    resolved = resolved_inputs(inputs, profiles, Subject(about["device"], about["object"], grid, recorded))
     channels = channel_curves(path, resolved.inputs)
     read = replace(read_inputs(resolved.inputs, grid, channels), unmet=tuple(resolved.lacks))
     progress(0.0)
-    fields = [capture.fields for capture in captures]
+    fields = [averaged_fields(capture.fields, read.average) for capture in captures]
     of_reading = tuple(capture.problem for capture in captures if capture.problem)
     light = found_light(path, read.vacuum)
     analysis = analyse(
@@ -154,7 +185,8 @@ def analyse_file(
         lambda done, of: progress(done / max(of, 1)),
         common_rig(captures),
         light,
-        pulsating=pulsating and not read.empty,
+        pulsating=options.pulsating and not read.empty,
+        reference=None if options.reference is None else _mean_points(options.reference, captures),
     )
     analysis = replace(analysis, problems=of_reading + analysis.problems)
     about = {
@@ -163,14 +195,27 @@ def analyse_file(
         "version": __version__,
         "pressure_method": PRESSURE_METHOD,
         "bursts": [capture.about["id"] for capture in captures[1:]],
-        "profiles": [_use(one).model_dump() for one in resolved.used],
+        "profiles": [use_of(one).model_dump() for one in resolved.used],
         "sources": {
             **(sources or {}),
             **resolved.sources,
             **{f"vacuum.{name}": one.origin for name, one in channels.items()},
         },
     }
-    return AnalysisOutput(analysis, tables(analysis), about)
+    return AnalysisOutput(analysis, tables(analysis), about, captures[0].fields)
+
+
+def _mean_points(path: Path, captures: "Sequence[AnalysisSource]") -> "Points":
+    """The points of a capture of the still wall, averaged over all of its fields."""
+    from grabberd.processes.analysis.averaged_fields import averaged_fields
+    from grabberd.service.jobs.analysis_source import check_same_model, read_source
+
+    source = read_source(path, None, False)
+    check_same_model([*captures, source])
+    if not source.fields:
+        raise InputError(f"capture {source.about['id']} has no points", "capture the reference state again")
+    (mean,) = averaged_fields(source.fields, len(source.fields))
+    return mean.timed.points
 
 
 def _sections(inputs: JsonObject, found: FoundProfiles | None, recorded: frozenset[str]) -> set[str]:
@@ -179,21 +224,6 @@ def _sections(inputs: JsonObject, found: FoundProfiles | None, recorded: frozens
     of_kinds = {"liner": "material", "pulsator": "vacuum"}
     of_channels = {"vacuum"} if recorded else set()
     return {*inputs, *of_channels, *(name for kind, name in of_kinds.items() if kind in kinds)}
-
-
-def _resolved(given: JsonObject, found: FoundProfiles | None, subject: "Subject") -> "ResolvedInputs":
-    from grabberd.processes.analysis.profile import Profile
-    from grabberd.processes.analysis.profile_inputs import ResolvedInputs, resolve
-
-    if found is None:
-        return ResolvedInputs(dict(given))
-    labels = {key: plain_name(value) for key, value in found.labels.items()}
-    known = [Profile(one.kind, one.name, one.version, one.sha256, one.profile) for one in found.profiles]
-    return resolve(labels, known, given, subject)
-
-
-def _use(profile: "Profile") -> ProfileUse:
-    return ProfileUse(kind=profile.kind, name=profile.name, version=profile.version, sha256=profile.sha256)
 
 
 def write_document(folder: Path, made: AnalysisOutput) -> JsonObject:
@@ -206,7 +236,7 @@ def write_document(folder: Path, made: AnalysisOutput) -> JsonObject:
     from grabberd.reports import document_json
 
     document = analysis_document(made.analysis, made.tables, made.about)
-    _write(folder / DOCUMENT, document_json(document))
+    write_text(folder / DOCUMENT, document_json(document))
     return document
 
 
@@ -219,10 +249,15 @@ def write_page(folder: Path, document: JsonObject) -> Path:
     """
     from grabberd.reports import analysis_html
 
-    return _write(folder / PAGE, analysis_html(document))
+    return write_text(folder / PAGE, analysis_html(document))
 
 
-def _write(path: Path, text: str) -> Path:
+def write_text(path: Path, text: str) -> Path:
+    """Writes a file, and reads it back.
+
+    Raises:
+        StorageError: It cannot be written, or exists.
+    """
     from grabberd.storage.checked_file import write_checked
     from grabberd.storage.text_check import text_check
 
@@ -246,7 +281,7 @@ def with_log(inputs: JsonObject, vacuum_log: str | None) -> JsonObject:
     return {**inputs, "vacuum": {**vacuum, "log": vacuum_log}}
 
 
-def _write_all(folder: Path, made: AnalysisOutput, job: str) -> AnalysisRecord:
+def write_stored(folder: Path, made: AnalysisOutput, job: str) -> AnalysisRecord:
     """Writes every file of a stored analysis; returns its record."""
     from grabberd.processes.analysis.maps import map_units, target_maps
     from grabberd.storage.export.analysis_export import write_csv
@@ -255,7 +290,7 @@ def _write_all(folder: Path, made: AnalysisOutput, job: str) -> AnalysisRecord:
     write_csv(folder, made.tables)
     write_maps(folder, target_maps(made.tables, made.analysis.grid), map_units(made.tables))
     document = write_document(folder, made)
-    missing_extra, page_problem = _drawn(folder, document)
+    missing_extra, page_problem = drawn(lambda: write_page(folder, document))
     record = AnalysisRecord(
         created_utc=document["created_utc"],
         version=document["version"],
@@ -273,20 +308,26 @@ def _write_all(folder: Path, made: AnalysisOutput, job: str) -> AnalysisRecord:
         missing_extra=missing_extra,
         page_problem=page_problem,
     )
-    _write(folder / RECORD, record.model_dump_json())
+    write_text(folder / RECORD, record.model_dump_json())
     return record
 
 
 def _quantities(made: "AnalysisTables") -> list[QuantityDocument]:
     """Rows of the table `quantities`, without definition and source."""
     table = made["quantities"]
-    names = ("name", "unit", "value", "sigma_value", "verdict", "reason")
+    names = ("name", "unit", "value", "sigma_value", "sigma_common", "verdict", "reason")
     rows = zip(*(table.column(name).tolist() for name in names), strict=True)
     return [
         QuantityDocument(
-            name=name, unit=unit, value=_known(value), sigma=_known(sigma), verdict=verdict, reason=reason
+            name=name,
+            unit=unit,
+            value=_known(value),
+            sigma=_known(sigma),
+            sigma_common=_known(common),
+            verdict=verdict,
+            reason=reason,
         )
-        for name, unit, value, sigma, verdict, reason in rows
+        for name, unit, value, sigma, common, verdict, reason in rows
     ]
 
 
@@ -294,13 +335,13 @@ def _known(value: Any) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _drawn(folder: Path, document: JsonObject) -> tuple[str | None, str | None]:
-    """Draws the page; returns the extra that is missing, or another reason why there is none.
+def drawn(draw: Callable[[], object]) -> tuple[str | None, str | None]:
+    """Draws a page; returns the extra that is missing, or another reason why there is none.
 
-    A bug in a picture must not cost the analysis.
+    A bug in a picture must not cost the numbers.
     """
     try:
-        write_page(folder, document)
+        draw()
     except ExtraMissing as error:
         return error.extra, None
     except Exception as error:

@@ -1,4 +1,4 @@
-"""The inputs with which a sealed capture is analysed by itself."""
+"""The inputs with which a sealed capture is analysed, or tested, by itself."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -6,8 +6,12 @@ from pathlib import Path
 from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.named_types import JsonObject
 from grabberd.errors import ConfigError, GrabberdError, Problem
+from grabberd.processes.liner_tests.recipes import Recipe
 from grabberd.service.profiles.profiles import FoundProfiles
 from grabberd.service.setup import DeviceSetup
+
+_STATED = {"liner": ("material",), "pulsator": ("vacuum",), "cow": ("flow_stop",)}
+"""Inputs that come from a profile, by its kind."""
 
 
 def inputs_of(found: FoundProfiles, device: DeviceSetup) -> JsonObject | JobProblem:
@@ -25,6 +29,23 @@ def inputs_of(found: FoundProfiles, device: DeviceSetup) -> JsonObject | JobProb
             " captures with the name of a liner's profile",
         )
     return device.analysis_inputs or {}
+
+
+def inputs_of_test(recipe: Recipe, found: FoundProfiles, device: DeviceSetup) -> JsonObject:
+    """The device's inputs for the analyses of a guided test.
+
+    Left out is what the recipe or a profile states, since the test is of that liner and of that recipe; and
+    without a teat the vacuum, since the configuration states that of a milking.
+
+    Args:
+        recipe: The recipe.
+        found: Profiles that the capture's labels name.
+        device: The device that captured it.
+    """
+    stated = {*recipe.inputs, *(["vacuum"] if recipe.teat is False else [])}
+    for one in found.profiles:
+        stated |= {*_STATED.get(one.kind, ()), *one.profile.get("analysis", {})}
+    return {key: value for key, value in (device.analysis_inputs or {}).items() if key not in stated}
 
 
 def check_analysis_inputs(setups: Mapping[str, DeviceSetup], file: Path) -> None:

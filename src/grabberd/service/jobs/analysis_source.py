@@ -7,12 +7,13 @@ from textwrap import shorten
 from typing import Any
 
 from grabberd.acquisition import Ledger
+from grabberd.acquisition.channels import Quantity
 from grabberd.analysis import TimedPoints, read_vacuum_log
 from grabberd.documents.named_types import JsonObject
 from grabberd.errors import InputError, NotReady
 from grabberd.geometry import Calibration, Rig
-from grabberd.processes.analysis.analyse import FieldPoints
-from grabberd.processes.analysis.inputs import BY_LIGHT
+from grabberd.processes.analysis.field_points import FieldPoints
+from grabberd.processes.analysis.inputs import BY_LIGHT, CHANNEL
 from grabberd.processes.light_clock import FoundLight, find_light, logged_light
 from grabberd.processes.measure import MeasureSetup
 from grabberd.processes.single_views import single_view_images
@@ -21,6 +22,8 @@ from grabberd.service.setup import measure_setup
 from grabberd.storage import CaptureReader, RunInfo
 
 _LONGEST_REASON = 200
+_LEAST_LIGHT = 10
+"""Readings below which nothing is said of a light."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,16 +77,44 @@ def read_source(path: Path, run: int | None, single: bool) -> AnalysisSource:
         return AnalysisSource(fields, model, calibration, _origin(reader, info), problem)
 
 
+def read_origin(path: Path, run: int | None) -> tuple[JsonObject, ObjectModel]:
+    """Origin of a run's points, as the report shows it, and the object model that they were measured with.
+
+    Raises:
+        CaptureFileError, NotFound: The capture or the run does not exist.
+        NotReady: It was measured without an object model.
+        InputError: Its object model cannot be read.
+    """
+    with CaptureReader(path) as reader:
+        info = reader.run(run)
+        return _origin(reader, info), _object_model(path, info)
+
+
+def capture_origin(path: Path) -> tuple[JsonObject, Mapping[str, Any]]:
+    """Origin of a capture's latest points, as the report shows it, and the calibration that made them.
+
+    The calibration is empty where there is none.
+
+    Raises:
+        CaptureFileError, NotFound: The capture does not exist, or was never measured.
+    """
+    with CaptureReader(path) as reader:
+        info = reader.run(None)
+        return _origin(reader, info), info.made_with.get("calibration") or {}
+
+
 def found_light(path: Path, vacuum: Mapping[str, Any]) -> FoundLight | None:
     """The light in a capture's pictures, where the inputs' vacuum leaves the clocks to it; else None.
 
     Raises:
-        InputError: The log has no light.
-        AnalysisError: There is none in the pictures that goes by the log.
+        InputError: Neither the log nor, where the vacuum was recorded, the capture has a light.
+        AnalysisError: There is none in the pictures that goes by it.
         CaptureFileError: The capture cannot be read.
     """
     if vacuum.get("offset") != BY_LIGHT:
         return None
+    if CHANNEL in (vacuum.get("pulsation"), vacuum.get("liner")):
+        return _recorded_light(path)
     log = read_vacuum_log(vacuum["log"])
     if log.light is None:
         raise InputError(
@@ -93,6 +124,27 @@ def found_light(path: Path, vacuum: Mapping[str, Any]) -> FoundLight | None:
     with CaptureReader(path) as reader:
         logged = logged_light(log.time_s, log.light)
         return find_light(reader.received(), reader.first_time_ns or 0, logged)
+
+
+def _recorded_light(path: Path) -> FoundLight:
+    """The light in a capture's pictures by the channel that was recorded with them."""
+    with CaptureReader(path) as reader:
+        named = {one.quantity: one for one in reader.channels.all}
+        channel = named.get(Quantity.LIGHT)
+        if channel is None:
+            known = ", ".join(one.name for one in named.values()) or "none"
+            raise InputError(
+                "the capture has no channel light, which vacuum.offset: light is found by",
+                f"its channels are: {known}; leave out vacuum.offset, or have a light recorded",
+            )
+        readings = reader.channels.read(channel.name)
+        source = f"the recorded channel {channel.name}"
+        if len(readings.time_s) < _LEAST_LIGHT:
+            hint = "the capture's channels say what is missing, and why"
+            raise InputError(f"{source} has {len(readings.time_s)} readings", hint)
+        logged = logged_light(readings.time_s, readings.value, source)
+        found = find_light(reader.received(), reader.first_time_ns or 0, logged)
+        return found._replace(logger=channel.logger, delay_sigma_s=channel.calibration.delay_sigma_ms / 1e3)
 
 
 def common_rig(sources: Sequence[AnalysisSource]) -> Rig | None:
@@ -172,7 +224,7 @@ def _origin(reader: CaptureReader, info: RunInfo) -> JsonObject:
         "run_created_utc": info.created_utc,
         "run_version": info.version,
         "calibration": (info.made_with.get("calibration") or {}).get("id"),
-        "object": info.made_with["object"].get("name"),
+        "object": (info.made_with.get("object") or {}).get("name"),
         "bits": meta.bits,
         "site": meta.site,
         "labels": meta.labels,

@@ -1,9 +1,10 @@
 """Calibration of both virtual cameras from a capture of the calibration frame, and the report on it."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import chain
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -16,18 +17,21 @@ from grabberd.documents.calibration_reports import CalibrationReport
 from grabberd.documents.named_types import JsonObject
 from grabberd.documents.requests import CalibrationOptions, CertifiedLength
 from grabberd.errors import InputError
-from grabberd.geometry import PARAMETERS, Calibration, NominalRig
+from grabberd.field import NumberedField
+from grabberd.geometry import PARAMETERS, Calibration
+from grabberd.measurement import LocationSettings
 from grabberd.processes.calibration.acceptance.verdict import AcceptanceInputs, judge
-from grabberd.processes.calibration.calibrate import calibrate
+from grabberd.processes.calibration.calibrate import calibrate_poses
 from grabberd.processes.calibration.calibration_result import CalibrateResult, CalibrateSettings
 from grabberd.processes.calibration.report_document import report_document
+from grabberd.processes.target_sizes import px_per_mm
 from grabberd.reconstruction import ObjectModel
 from grabberd.service.calibrations.calibration_frames import (
     CALIBRATION_FRAME_KEYS,
     calibration_frame_model,
 )
 from grabberd.service.jobs.progress import Progress, counted, portion
-from grabberd.service.setup import location_settings, settings_of_capture
+from grabberd.service.setup import location_settings, misfit, nominal_rig, settings_of_capture
 from grabberd.storage import CaptureReader
 
 _LOCATED = 0.8
@@ -42,10 +46,10 @@ class CalibrationOutput:
     report: CalibrationReport
 
 
-def calibrate_file(
+def calibrate_files(
     progress: Progress,
     *,
-    path: Path,
+    paths: Sequence[Path],
     calibration_frame: JsonObject,
     options: CalibrationOptions,
     note: str | None = None,
@@ -53,11 +57,11 @@ def calibrate_file(
     rig: RigConfig | None = None,
     by_hand: Sequence[Mark] | None = None,
 ) -> CalibrationOutput:
-    """Calibrates from a sealed capture; nothing is written.
+    """Calibrates from sealed captures; nothing is written.
 
     Args:
         progress: Called with the share that is done.
-        path: A capture of the calibration frame.
+        paths: Captures of the calibration frame, one for each of its poses before the same rig.
         calibration_frame: Document of the calibration frame.
         options: Options of the adjustment; those that are None default as in `CalibrateSettings`.
         note: Free text, kept with the calibration.
@@ -71,36 +75,70 @@ def calibrate_file(
         MeasurementError: The capture determines no calibration; the message says why.
     """
     model = calibration_frame_model(calibration_frame)
-    with CaptureReader(path) as reader:
+    with CaptureReader(paths[0]) as reader:
         reader.check_unchanged(runs=())
         rig = rig or recorded_rig(reader)
-        settings = _settings(options, settings_of_capture(reader.meta.config))
-        fields = counted(reader.received(), reader.field_count, portion(progress, 0.0, _LOCATED))
+        nominal = nominal_rig(rig)
+        measured = location_settings(settings_of_capture(reader.meta.config), px_per_mm(nominal))
+        settings = _settings(options, measured)
+        share = _LOCATED / len(paths)
+        fields = counted(reader.received(), reader.field_count, portion(progress, 0.0, share))
+        further = _Further(paths[1:], reader, progress, share)
         known = AcceptanceInputs(
             None if previous is None else Calibration.from_document(previous),
             _check_length(options, calibration_frame, model),
         )
-        result = calibrate(fields, nominal_rig(rig), model, settings, by_hand)
-        about = _about(reader, calibration_frame, note, rig)
+        poses = (_of_rig(one, rig) for one in chain([fields], further))
+        result = calibrate_poses(poses, nominal, model, settings, by_hand)
+        about = {**_about(reader, calibration_frame, note, rig), "other_captures": further.ids}
     report = CalibrationReport.model_validate(report_document(result, about, judge(result, known)))
     return CalibrationOutput(_calibration(result, about, report), report)
 
 
-def nominal_rig(rig: RigConfig) -> NominalRig:
-    """Converts a configured rig to the type that the core takes."""
-    return NominalRig(
-        columns=rig.columns,
-        lines=rig.lines,
-        left=(rig.views.left.first_column, rig.views.left.end_column),
-        right=(rig.views.right.first_column, rig.views.right.end_column),
-        distance_mm=rig.distance_mm,
-        base_mm=rig.base_mm,
-        convergence_deg=rig.convergence_deg,
-        focal_length_mm=rig.focal_length_mm,
-        pixel_x_mm=rig.pixel_x_mm,
-        pixel_y_mm=rig.pixel_y_mm,
-        handedness=(rig.views.left.handedness, rig.views.right.handedness),
-    )
+def _of_rig(fields: Iterable[NumberedField], rig: RigConfig) -> Iterator[NumberedField]:
+    """The fields, each of which has the rig's size.
+
+    Raises:
+        InputError: One has another.
+    """
+    for numbered in fields:
+        packed = numbered.packed
+        if (packed.columns, packed.frame_lines) != (rig.columns, rig.lines):
+            raise misfit(rig, packed.columns, packed.frame_lines)
+        yield numbered
+
+
+class _Further:
+    """Fields of captures after the first, one capture after the other; `ids` are of those read so far."""
+
+    def __init__(self, paths: Sequence[Path], first: CaptureReader, progress: Progress, share: float) -> None:
+        self.ids: list[str] = []
+        self._paths, self._first, self._progress, self._share = paths, first, progress, share
+
+    def __iter__(self) -> Iterator[Iterator[NumberedField]]:
+        for number, path in enumerate(self._paths, start=1):
+            with CaptureReader(path) as reader:
+                reader.check_unchanged(runs=())
+                self._check_same_rig(reader)
+                self.ids.append(reader.meta.id)
+                part = portion(self._progress, number * self._share, (number + 1) * self._share)
+                yield counted(reader.received(), reader.field_count, part)
+
+    def _check_same_rig(self, reader: CaptureReader) -> None:
+        """Check that a capture is of another pose before the same rig.
+
+        Raises:
+            InputError: It is the first one again, or its rig or its way to make fields is another.
+        """
+        first, meta = self._first.meta, reader.meta
+        if meta.id in {first.id, *self.ids}:
+            raise InputError(f"capture {meta.id} is named twice", "name each pose's capture once")
+        mine = (first.config.get("rig"), first.bits, first.lines)
+        if mine != (meta.config.get("rig"), meta.bits, meta.lines):
+            raise InputError(
+                f"capture {meta.id} has another rig, bits or lines than capture {first.id}",
+                "take all poses of the calibration frame with one configuration",
+            )
 
 
 def recorded_rig(reader: CaptureReader) -> RigConfig:
@@ -118,8 +156,8 @@ def recorded_rig(reader: CaptureReader) -> RigConfig:
         ) from error
 
 
-def _settings(options: CalibrationOptions, measured: JsonObject) -> CalibrateSettings:
-    """Combines the options with the settings that the capture was measured with."""
+def _settings(options: CalibrationOptions, location: LocationSettings) -> CalibrateSettings:
+    """Combines the options with the settings for locating blobs."""
     default = CalibrateSettings()
     return CalibrateSettings(
         equal_weights=options.weights == "equal",
@@ -130,7 +168,7 @@ def _settings(options: CalibrationOptions, measured: JsonObject) -> CalibrateSet
         alpha=default.alpha if options.alpha is None else options.alpha,
         local_field=default.local_field if options.local_field is None else options.local_field,
         handedness=options.handedness,
-        location=location_settings(measured),
+        location=location,
     )
 
 
@@ -215,6 +253,7 @@ def _calibration(result: CalibrateResult, about: JsonObject, report: Calibration
         "version": about["version"],
         "sigma0": result.adjustment.sigma0,
         **report.model_dump(mode="json", include={"settings", "tests", "dropped"}),
+        **({"poses": report.model_dump(mode="json")["result"]["poses"]} if report.result.poses else {}),
         "acceptance": report.acceptance.model_dump(mode="json", include={"verdict", "reasons"}),
     }
     source = f"capture {about['capture']['id']} of calibration frame {frame.name}"

@@ -17,7 +17,7 @@ class CalibrationJob(JobSpec):
     """Calibrates from a capture, draws the report and stores all of it at once, or nothing.
 
     Attributes:
-        calibration_frame: Document of the calibration frame, as `calibrate_file` takes it and the options.
+        calibration_frame: Document of the calibration frame, as `calibrate_files` takes it and the options.
         device: Name of the device the calibration will belong to.
         note: Free text, kept with the calibration.
         previous: Document of the calibration that the device measures with; None if it has none.

@@ -28,8 +28,8 @@ class Calibrator(Protocol):
         ...
 
 
-def calibrate_capture(progress: Progress, **given: Any) -> "CalibrationOutput":
-    """Calibrates as `calibrate_file` does, which takes whatever is given."""
-    from grabberd.service.jobs.calibration import calibrate_file  # noqa: PLC0415
+def calibrate_capture(progress: Progress, *, path: Path, **given: Any) -> "CalibrationOutput":
+    """Calibrates as `calibrate_files` does, which takes whatever else is given, from one capture."""
+    from grabberd.service.jobs.calibration import calibrate_files  # noqa: PLC0415
 
-    return calibrate_file(progress, **given)
+    return calibrate_files(progress, paths=[path], **given)

@@ -50,17 +50,18 @@ def channel_curves(path: Path, inputs: Mapping[str, Any]) -> dict[str, ChannelCu
 
 def _curve(quantity: str, readings: ChannelReadings) -> ChannelCurve:
     channel, calibration = readings.channel, readings.channel.calibration
+    delay_sigma_s = calibration.delay_sigma_ms / 1e3
     calibrated = f"calibrated {calibration.calibrated}" if calibration.calibrated else "never calibrated"
     return ChannelCurve(
         name=quantity,
         time_s=readings.time_s,
         kpa=readings.kpa,
         sigma_kpa=calibration.sigma_kpa,
-        time_sigma_s=math.hypot(
-            float(readings.time_sigma_ns.max(initial=0)) / 1e9, calibration.delay_sigma_ms / 1e3
-        ),
+        time_sigma_s=math.hypot(float(readings.time_sigma_ns.max(initial=0)) / 1e9, delay_sigma_s),
         origin=f"channel {channel.name} of the logger {channel.logger}, {calibrated}",
         remark=_remark(readings),
+        delay_sigma_s=delay_sigma_s,
+        logger=channel.logger,
     )
 
 

@@ -12,10 +12,11 @@ from grabberd.documents.results import AxesDocument, CheckResult, Placement
 from grabberd.errors import NotReady
 from grabberd.geometry import Calibration
 from grabberd.processes.calibration.calibration_check import Check, CheckVerdict, check
+from grabberd.processes.target_sizes import px_per_mm
 from grabberd.service.calibrations.calibration_frames import calibration_frame_model
-from grabberd.service.jobs.calibration import nominal_rig, recorded_rig
+from grabberd.service.jobs.calibration import recorded_rig
 from grabberd.service.jobs.progress import Progress, counted
-from grabberd.service.setup import location_settings, settings_of_capture
+from grabberd.service.setup import location_settings, nominal_rig, settings_of_capture
 from grabberd.storage import CaptureReader
 
 VIEWS = ("left", "right")
@@ -59,12 +60,13 @@ def check_file(
             raise NotReady(
                 f"capture {reader.meta.id} was made without a calibration", "name the one to check"
             )
+        nominal = nominal_rig(recorded_rig(reader))
         found = check(
             counted(reader.received(), reader.field_count, progress),
-            nominal_rig(recorded_rig(reader)),
+            nominal,
             model,
             Calibration.from_document(document),
-            location_settings(settings_of_capture(reader.meta.config)),
+            location_settings(settings_of_capture(reader.meta.config), px_per_mm(nominal)),
             in_place=in_place,
         )
         capture_id = reader.meta.id

@@ -20,11 +20,12 @@ from grabberd.documents.results import (
 )
 from grabberd.field import NumberedField
 from grabberd.processes.calibration.identify import identify
+from grabberd.processes.target_sizes import px_per_mm
 from grabberd.reconstruction import ObjectModel
 from grabberd.service.calibrations.calibration_frames import calibration_frame_model
-from grabberd.service.jobs.calibration import nominal_rig, recorded_rig
+from grabberd.service.jobs.calibration import recorded_rig
 from grabberd.service.jobs.progress import Progress, counted, portion
-from grabberd.service.setup import location_settings, settings_of_capture
+from grabberd.service.setup import location_settings, nominal_rig, settings_of_capture
 from grabberd.storage import CaptureReader
 
 VIEWS = ("left", "right")
@@ -47,11 +48,15 @@ def identify_file(progress: Progress, path: Path, calibration_frame: JsonObject)
     model = calibration_frame_model(calibration_frame)
     with CaptureReader(path) as reader:
         fields = list(_spread(reader))
+        nominal = nominal_rig(recorded_rig(reader))
         seen = identify(
             counted(fields, len(fields), portion(progress, 0.0, _LOCATED)),
-            nominal_rig(recorded_rig(reader)),
+            nominal,
             model,
-            replace(location_settings(settings_of_capture(reader.meta.config)), method=QUICKEST),
+            replace(
+                location_settings(settings_of_capture(reader.meta.config), px_per_mm(nominal)),
+                method=QUICKEST,
+            ),
         )
         capture = reader.meta.id
     sides = zip(VIEWS, seen.images, seen.target, strict=True)

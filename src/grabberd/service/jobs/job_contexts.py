@@ -7,6 +7,7 @@ from grabberd.service.jobs.calibrator import Calibrator, calibrate_capture
 from grabberd.service.jobs.job_spec import JobContext, JobSpec
 from grabberd.storage.state.analysis_store import AnalysisStore
 from grabberd.storage.state.calibration_store import CalibrationStore
+from grabberd.storage.state.liner_test_store import LinerTestStore
 
 
 @dataclass(slots=True)
@@ -17,12 +18,14 @@ class JobContexts:
         archive: The captures.
         analyses: The analyses.
         calibrations: The calibrations.
+        tests: The guided tests.
         calibrator: Function that calibrates.
     """
 
     archive: Archive
     analyses: AnalysisStore
     calibrations: CalibrationStore
+    tests: LinerTestStore
     calibrator: Calibrator = calibrate_capture
 
     def of(self, job_id: str, spec: JobSpec) -> JobContext:
@@ -39,5 +42,6 @@ class JobContexts:
             captures=self.archive.directory,
             analyses=self.analyses.directory,
             calibrations=self.calibrations.directory,
+            tests=self.tests.directory,
             calibrator=self.calibrator,
         )

@@ -2,7 +2,7 @@
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import timedelta
 from typing import Any
 
@@ -39,14 +39,14 @@ class JobQueue:
         faults: Where it is told that a queue was lost.
 
     Attributes:
-        ended: Called with every job that has ended.
+        ended: Called with every job that has ended, and the captures that it should have analysed.
         interrupt: Called with the number of a job that was cancelled while it ran.
     """
 
     def __init__(
         self, clock: UtcClock, store: JobStore, kinds: Kinds, faults: FaultBoard | None = None
     ) -> None:
-        self.ended: Callable[[JobDocument], None] = lambda _: None
+        self.ended: Callable[[JobDocument, Sequence[str]], None] = lambda job, analyses: None
         self.interrupt: Callable[[int], None] = lambda _: None
         self._clock = clock
         self._store = store
@@ -71,7 +71,9 @@ class JobQueue:
             with self._store.errors():
                 found = [entry_of(row, self._kinds) for row in self._store.jobs()]
             entries = [self._after_a_crash(entry) for entry in found]
-            self._store.put(*(entry.row for entry in entries))
+            both = zip(found, entries, strict=True)
+            given_up = [one for before, after in both for one in before.unanalysed(after.job)]
+            self._store.put(*(entry.row for entry in entries), unanalysed=given_up)
             self._unanalysed = {one.capture: one for one in self._store.unanalysed()}
             self._entries = {entry.number: entry for entry in entries}
             self._unfinished = {entry.number: entry for entry in entries if not entry.ended}
@@ -130,11 +132,11 @@ class JobQueue:
         waiting = {one.number: place + 1 for place, one in enumerate(one for one in entries if one.waits)}
         return [one.placed(waiting.get(one.number)) for one in reversed(entries)]
 
-    def unfinished(self, subject: str, kind: str) -> JobDocument | None:
-        """Returns the first job of a kind on a subject that waits or runs; None if there is none."""
+    def analysing(self, capture_id: str) -> JobDocument | None:
+        """Returns the first job that waits or runs and analyses a capture; None if there is none."""
         with self._changed:
-            jobs = (one.job for one in self._unfinished.values())
-            return next((job for job in jobs if (job.subject, job.kind) == (subject, kind)), None)
+            entries = (one for one in self._unfinished.values() if capture_id in one.analyses)
+            return next((one.job for one in entries), None)
 
     def busy_subjects(self) -> set[str]:
         """Returns the captures that the jobs which wait or run are about, or read."""
@@ -218,12 +220,13 @@ class JobQueue:
             if entry.ended:
                 return
             ended = entry.changed(state=state, ended_utc=iso_utc(self._clock.utc_now()), **changes)
-            unanalysed, analysed = ended.unanalysed, ended.analysed
+            unanalysed = entry.unanalysed(ended.job)
+            analysed = entry.analyses if state is JobState.DONE else ()
             self._keep(ended, unanalysed=unanalysed, analysed=analysed)
             known = {capture: one for capture, one in self._unanalysed.items() if capture not in analysed}
             self._unanalysed = known | {one.capture: one for one in unanalysed}
             self._prune()
-        self.ended(ended.job)
+        self.ended(ended.job, entry.analyses)
 
     def interrupted(self, number: int, words: str, hint: str) -> bool:
         """Lets a job whose process has ended wait again, or fail after enough attempts; True if it waits.

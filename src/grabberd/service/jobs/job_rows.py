@@ -15,7 +15,6 @@ from grabberd.service.jobs.job_spec import JobSpec
 from grabberd.storage.state.job_store import StoredJob, Unanalysed
 
 Kinds = Mapping[str, type[JobSpec]]
-ANALYSE = "analyse"
 MOST_ATTEMPTS = 3
 """A job that ends its process, or the daemon with it, so many times would do so for ever."""
 ENDED = frozenset({JobState.DONE, JobState.FAILED, JobState.CANCELLED})
@@ -66,19 +65,16 @@ class Entry:
         return JobProblem(message=f"{words}, in each of {attempts} attempts", hint=hint)
 
     @property
-    def analysed(self) -> frozenset[str]:
-        """The capture that it has analysed, if it is such a job and done."""
-        done = self.job.kind == ANALYSE and self.job.state is JobState.DONE
-        return frozenset({self.job.subject} if done else ())
+    def analyses(self) -> tuple[str, ...]:
+        """Captures whose analysis it makes; none once it has ended."""
+        return () if self.ended or self.spec is None else self.spec.analyses
 
-    @property
-    def unanalysed(self) -> tuple[Unanalysed, ...]:
-        """The capture that it should have analysed, if it is such a job and has failed, or was cancelled."""
-        job = self.job
-        if job.kind != ANALYSE or job.state not in (JobState.FAILED, JobState.CANCELLED):
+    def unanalysed(self, job: JobDocument) -> tuple[Unanalysed, ...]:
+        """The captures that it leaves without the analysis that was asked for, by how the job ended."""
+        if job.state not in (JobState.FAILED, JobState.CANCELLED):
             return ()
-        problem = job.problem or _CANCELLED
-        return (Unanalysed(job.subject, job.state.value, problem.model_dump_json()),)
+        problem = (job.problem or _CANCELLED).model_dump_json()
+        return tuple(Unanalysed(one, job.state.value, problem) for one in self.analyses)
 
     def placed(self, position: int | None) -> JobDocument:
         """The job as it is shown, with its position among those that wait."""

@@ -26,6 +26,7 @@ class JobContext:
         captures: Folder of the captures.
         analyses: Folder of the `AnalysisStore`.
         calibrations: Folder of the `CalibrationStore`.
+        tests: Folder of the `LinerTestStore`.
         calibrator: Function that calibrates; None for that of the program.
     """
 
@@ -34,6 +35,7 @@ class JobContext:
     captures: Path = Path()
     analyses: Path = Path()
     calibrations: Path = Path()
+    tests: Path = Path()
     calibrator: Calibrator | None = None
 
     def file(self, capture_id: str) -> Path:
@@ -69,6 +71,11 @@ class JobSpec(Document, ABC):
     def captures(self) -> tuple[str, ...]:
         """Ids of the sealed captures that it reads."""
         return (self.subject,)
+
+    @property
+    def analyses(self) -> tuple[str, ...]:
+        """Ids of the captures whose analysis it makes."""
+        return ()
 
     @abstractmethod
     def run(self, progress: Progress, context: JobContext) -> JobResult:

@@ -1,24 +1,26 @@
-"""Queues an analysis of every capture that is sealed, on devices whose configuration asks for it."""
+"""Queues a job for every capture that is sealed: its guided test, if a label names one, or its analysis, on
+devices whose configuration asks for it.
+"""
 
 import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from grabberd.acquisition.clock import UtcClock, iso_utc
-from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.job_problem import JobProblem
 from grabberd.errors import GrabberdError, NotFound
+from grabberd.processes.liner_tests.recipes import LABEL, RECIPES
 from grabberd.service.archive.archive import Archive
 from grabberd.service.archive.capture_analyses import CaptureAnalyses
-from grabberd.service.jobs.analysis import AnalysisJob
-from grabberd.service.jobs.analysis_inputs import inputs_of
-from grabberd.service.jobs.check_job import NOTE as CHECK
 from grabberd.service.jobs.job_queue import JobQueue
+from grabberd.service.jobs.sealed_job import sealed_job
 from grabberd.service.profiles.profiles import Profiles
 from grabberd.service.setup import DeviceSetup
+from grabberd.storage.json_value import read_json
+from grabberd.storage.state.annotation_store import Annotation
 from grabberd.storage.state.index_entries import SEALED_ENTRY, IndexEntry
 from grabberd.storage.state.state_store import StateStore
 
@@ -26,6 +28,10 @@ log = logging.getLogger(__name__)
 
 SINCE = "analysed_when_sealed_since"
 """Key of the settings: by device, the time from which on its captures are analysed by themselves."""
+TESTED_SINCE = "tested_when_sealed_since"
+"""The same of captures whose label names a guided test."""
+NEVER = "~"
+"""Later than any time."""
 AGAIN_S = 60.0
 """Time until all captures are looked through again, after something could not be read or queued."""
 AT_ONCE = 200
@@ -38,6 +44,7 @@ class SealedAnalyses:
     Captures that are sealed now are told by `sealed`. Those that the end of the daemon kept from the queue
     are found at its next start: they started after the option was first in force, and neither have an
     analysis, nor wait for one, nor has one come to nothing. Captures from before that time are left alone.
+    For guided tests no option is needed: their time is that of the first start with a device.
 
     Args:
         queue: The jobs.
@@ -65,11 +72,12 @@ class SealedAnalyses:
         self._archive = archive
         self._analyses = analyses
         self._settings = settings
-        self._setups = {name: one for name, one in setups.items() if one.config.analysis.when_sealed}
+        self._setups = dict(setups)
         self._profiles = profiles
         self._clock = clock
         self._now_s = now_s
         self._since: dict[str, str] = {}
+        self._tested_since: dict[str, str] = {}
         self._sealed: deque[str] = deque()
         self._search_s: float | None = None
         self._one = threading.Lock()
@@ -80,12 +88,12 @@ class SealedAnalyses:
         Raises:
             StorageError: The settings cannot be read or written.
         """
-        known: Any = self._settings.get(SINCE) or {}
-        now = iso_utc(self._clock.utc_now())
-        self._since = {name: str(known.get(name, now)) for name in self._setups}
-        if self._since != known:
+        asking = [name for name, one in self._setups.items() if one.config.analysis.when_sealed]
+        self._since = self._times(SINCE, asking)
+        self._tested_since = self._times(TESTED_SINCE, self._setups)
+        if (self._since, self._tested_since) != (self._known(SINCE), self._known(TESTED_SINCE)):
             self.keep()
-        self._search_s = self._now_s() if self._since else None
+        self._search_s = self._now_s() if self._setups else None
 
     def keep(self) -> None:
         """Stores again from when on captures are analysed.
@@ -93,11 +101,11 @@ class SealedAnalyses:
         Raises:
             StorageError: The settings cannot be written.
         """
-        self._settings.put({SINCE: self._since})
+        self._settings.put({SINCE: self._since, TESTED_SINCE: self._tested_since})
 
     def sealed(self, capture_id: str, device: str) -> None:
         """Takes note of a capture that is sealed: the next look queues it, and nobody waits for that."""
-        if device in self._since:
+        if device in self._setups:
             self._sealed.append(capture_id)
 
     def look(self) -> None:
@@ -115,19 +123,37 @@ class SealedAnalyses:
                 log.warning("captures cannot be queued for analysis now: %s; %s", error.message, error.hint)
                 self._search_s = self._now_s() + AGAIN_S
 
+    def _known(self, key: str) -> dict[str, Any]:
+        return dict(self._settings.get(key) or {})
+
+    def _times(self, key: str, devices: Iterable[str]) -> dict[str, str]:
+        """The time of each device, which for one that is new is now."""
+        known, now = self._known(key), iso_utc(self._clock.utc_now())
+        return {name: str(known.get(name, now)) for name in devices}
+
     def _found(self) -> Iterator[IndexEntry]:
-        """Yields the captures since the option was set, newest first."""
-        after, oldest_utc = None, min(self._since.values())
+        """Yields the captures since the first device was to be looked after, newest first."""
+        after, oldest_utc = None, min([*self._since.values(), *self._tested_since.values()])
+        annotations = self._archive.annotations()
         while True:
             entries = self._archive.index.page(after, AT_ONCE)
             for entry in entries:
                 if entry.state == SEALED_ENTRY and entry.created_utc < oldest_utc:
                     return
-                if entry.state == SEALED_ENTRY and entry.created_utc >= self._since.get(entry.device, "~"):
+                if entry.state == SEALED_ENTRY and self._may_be_meant(entry, annotations.get(entry.id)):
                     yield entry
             if len(entries) < AT_ONCE:
                 return
             after = (entries[-1].created_utc, entries[-1].id)
+
+    def _may_be_meant(self, entry: IndexEntry, annotation: Annotation | None) -> bool:
+        """True for a capture that is worth looking into: its file need not be opened for the others."""
+        if entry.created_utc >= self._since.get(entry.device, NEVER):
+            return True
+        changed = None if annotation is None else annotation.labels
+        labels = read_json(entry.labels) if changed is None else changed
+        tested = entry.created_utc >= self._tested_since.get(entry.device, NEVER)
+        return tested and labels.get(LABEL) in RECIPES
 
     def _consider(self, capture_id: str) -> None:
         """Queues a capture, or notes why it cannot be analysed; one that is known already is left.
@@ -143,32 +169,13 @@ class SealedAnalyses:
         setup = self._setups.get(document.device)
         if document.analysis is not None or document.state != "sealed" or setup is None:
             return
-        if document.labels.get("purpose") == CHECK:
-            return
         found = self._profiles.of_labels(document.labels)
-        wanted = _problem_of(document) or inputs_of(found, setup)
+        analysed = document.created_utc >= self._since.get(document.device, NEVER)
+        wanted = sealed_job(document, found, setup, analysed=analysed)
         if isinstance(wanted, JobProblem):
             self._queue.refuse(capture_id, wanted)
             self._analyses.note(capture_id)
             log.warning("capture %s is not analysed: %s; %s", capture_id, wanted.message, wanted.hint)
-            return
-        source = f"the configuration's {setup.config.analysis.inputs}"
-        profiles = found if found.profiles else None
-        job = AnalysisJob(subject=capture_id, inputs=wanted, source=source, pulsating=True, profiles=profiles)
-        queued = self._queue.submit(job, automatic=True)
-        log.info("capture %s is queued for analysis: %s", capture_id, queued.id)
-
-
-def _problem_of(document: CaptureDocument) -> JobProblem | None:
-    """Reason why there is nothing to analyse; None if there are points."""
-    if not document.runs:
-        return JobProblem(
-            message=f"capture {document.id} was not measured: there was no calibration or no object model",
-            hint="set up both, and measure the capture again",
-        )
-    if document.coverage is not None and document.coverage.verdict == "not_measured":
-        return JobProblem(
-            message=f"capture {document.id} has too few points: {document.coverage.in_words}",
-            hint="look at its light, calibration and object model",
-        )
-    return None
+        elif wanted is not None:
+            queued = self._queue.submit(wanted, automatic=True)
+            log.info("capture %s is queued (%s): %s", capture_id, queued.kind, queued.id)

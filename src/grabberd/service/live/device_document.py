@@ -7,23 +7,29 @@ from grabberd.documents.capture_analyses import DeviceAnalysis
 from grabberd.documents.devices import (
     ComputerDocument,
     DeviceDocument,
-    DeviceLackDocument,
+    LastMinute,
     RingDocument,
     ViewColumnsDocument,
 )
+from grabberd.documents.liner_tests import DeviceTest
 from grabberd.documents.states import Rung
 from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
 from grabberd.service.device.standstills import Standstills
 from grabberd.service.device.worker import Worker
 from grabberd.service.instrument import Instrument
+from grabberd.service.live.health import Surroundings, device_health, lacks_of
 from grabberd.service.live.live_document import live_document
-from grabberd.service.readiness import lacks_of
 
 
 def device_document(
-    instrument: Instrument, active: ActiveCalibrations, latest_analysis: DeviceAnalysis | None = None
+    instrument: Instrument,
+    active: ActiveCalibrations,
+    around: Surroundings,
+    latest_analysis: DeviceAnalysis | None = None,
+    latest_test: DeviceTest | None = None,
 ) -> DeviceDocument:
     """A device at this moment."""
+    health = device_health(instrument, around)
     status, rate_hz = instrument.board.now, instrument.board.rate_hz
     # Read once: a capture may end, or begin, while the document is built.
     running, armed = instrument.running, instrument.armed_capture
@@ -42,6 +48,7 @@ def device_document(
         rate_hz=None if rate_hz is None else round(rate_hz, 1),
         fields={outcome: status.outcomes[outcome] for outcome in Outcome},
         losses={cause: status.losses[cause] for cause in LossCause},
+        last_minute=LastMinute(**instrument.board.recent.within(around.clock.now_ns())._asdict()),
         rebases={kind: status.rebases[kind] for kind in Rebase},
         computer=_computer(instrument.board.standstills),
         openings=status.openings,
@@ -54,7 +61,8 @@ def device_document(
             for name, one in views
         },
         calibration=active.document(instrument),
-        lacks=[DeviceLackDocument(**one.model_dump(exclude={"device"})) for one in lacks_of(instrument)],
+        lacks=lacks_of(health.parts),
+        health=health,
         warnings=[*status.warnings, *active.warnings(instrument), *_warnings(instrument.worker)],
         capture_id=running.id if running else None,
         armed_capture_id=armed.id if armed else None,
@@ -62,7 +70,8 @@ def device_document(
         rig=instrument.worker.rig.document,
         field_order=instrument.worker.field_order.document,
         latest_analysis=latest_analysis,
-        live=live_document(instrument),
+        latest_test=latest_test,
+        live=live_document(instrument, around.clock),
     )
 
 

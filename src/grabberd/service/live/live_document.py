@@ -10,18 +10,23 @@ from grabberd.processes.locating import whole
 from grabberd.processes.measure import MeasureSetup
 from grabberd.reconstruction import ObjectModel
 from grabberd.reconstruction.section_width import section_widths
+from grabberd.service.device.status_board import STREAMING
 from grabberd.service.device.worker import Live
 from grabberd.service.instrument import Instrument
 from grabberd.storage.export.points_document import point_columns
 
+CURRENT_NS = 2_000_000_000
+"""Age from which the newest measured field is no longer what is before the camera."""
 LATENCY_OF_LATEST = 500
 """Fields whose latencies are summarised: those of the last ten seconds at 50 Hz."""
 
 
-def live_document(instrument: Instrument) -> LiveDocument | None:
-    """The newest measured field in short; None before the first."""
+def live_document(instrument: Instrument, clock: UtcClock) -> LiveDocument | None:
+    """The newest measured field in short; None if it is no longer what is before the camera."""
     live = instrument.worker.live
-    if live is None:
+    if live is None or instrument.board.state not in STREAMING:
+        return None
+    if clock.now_ns() - live.measured.time_ns > CURRENT_NS:
         return None
     residual = live.measured.points.residual_px
     return LiveDocument(

@@ -4,12 +4,18 @@ import threading
 
 from grabberd.documents.devices import LightDocument, ViewLightDocument
 from grabberd.errors import NotReady
+from grabberd.geometry.document_reader import is_number
+from grabberd.measurement import LocationSettings
 from grabberd.processes.light import light_of
+from grabberd.processes.target_sizes import px_per_mm, sized
 from grabberd.service.device.threshold_keeper import Shown
 from grabberd.service.instrument import Instrument
+from grabberd.service.setup import DeviceSetup, location_settings, nominal_rig, settings_of
 from grabberd.storage.export.grey_png import grey_png
 
 FIELD_WITHIN_S = 0.5
+USUAL_MM = 1.5
+"""Diameter of the paper's targets, assumed while no object is configured."""
 
 
 def light_document(instrument: Instrument, threshold: int | None) -> LightDocument:
@@ -22,11 +28,20 @@ def light_document(instrument: Instrument, threshold: int | None) -> LightDocume
     level = instrument.pipeline.thresholds.in_force.level if threshold is None else threshold
     views = instrument.setup.config.rig.views
     columns = {name: (one.first_column, one.end_column) for name, one in views}
-    lights = light_of(shown.field, level, columns)
+    lights = light_of(shown.field, level, columns, _location(instrument.setup))
     described = {
         name: ViewLightDocument.model_validate(one, from_attributes=True) for name, one in lights.items()
     }
     return LightDocument(threshold=level, views=described)
+
+
+def _location(setup: DeviceSetup) -> LocationSettings:
+    """Settings of target location, for targets of the configured object as the nominal rig shows them."""
+    scale = px_per_mm(nominal_rig(setup.config.rig))
+    stated = (setup.documents.get("object") or {}).get("target_diameter_mm")
+    # Light is set before there is a calibration or an object, whose document may be invalid, too.
+    diameter_mm = float(stated) if is_number(stated) and stated > 0 else USUAL_MM
+    return sized(location_settings(settings_of(setup.config), scale), scale, diameter_mm)
 
 
 class PreviewPicture:

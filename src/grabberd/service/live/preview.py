@@ -1,4 +1,4 @@
-"""Preview of the newest field: one binary message with its centroids and its bits."""
+"""Preview of the newest field: one binary message with its picture and what was found in it."""
 
 import struct
 import zlib
@@ -10,18 +10,39 @@ from numpy.typing import NDArray
 
 from grabberd.acquisition import Outcome, Slot
 from grabberd.acquisition.clock import UtcClock
-from grabberd.field import PackedField, quantise, unpack
+from grabberd.field import Field, PackedField, quantise, unpack
+from grabberd.processes.light import CLIPPED_LEVEL
 from grabberd.reconstruction import Points
+from grabberd.service.device.threshold_keeper import Shown
 from grabberd.service.device.worker import Live
 from grabberd.service.instrument import Instrument
+from grabberd.service.live.grey_picture import (
+    BLACK_LEVEL,
+    LADDER,
+    NO_PICTURE,
+    Detail,
+    Part,
+    SentPicture,
+    grey_picture,
+)
 
-HEADER = struct.Struct("<4sHHQqqHHHHHBBIII")
+HEADER = struct.Struct("<4sHHQqqHHHHHBBIIIHHHHBBHII")
 """Little endian; docs/reference/live.md has it byte for byte."""
 MAGIC = b"GRBP"
 VERSION = 1
 OUTCOMES = (Outcome.RECEIVED, Outcome.DAMAGED, Outcome.NO_SIGNAL)
+BITS, GREY = 0, 1
+"""How the picture is encoded."""
 FAST = 1
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+FIELD_WITHIN_S = 0.25
+"""Longest wait for a field: one comes every 20 ms, unless there is none."""
+MEASURED_WITHIN_S = 0.015
+"""Longest wait until a field is measured, so that its picture is shown with its own targets."""
+SAME_NS = 10_000_000
+"""Half the time between fields."""
+OLD_NS = 250_000_000
+"""Age from which what was found is no longer shown on a picture."""
 
 
 POINT = np.dtype([("target", "<u4"), ("image_px", "<f4", (2, 2)), ("residual_px", "<f4")])
@@ -33,7 +54,7 @@ class Centroids(NamedTuple):
 
     Attributes:
         time_us: Time of the field in µs since 1970; 0 without a field.
-        xy_px: (N, 2) float32, centroids of the blobs, frame pixels.
+        xy_px: (N, 2) float32, centroids of the blobs that lie wholly in the picture, frame pixels.
         points: (P,) of `POINT`.
     """
 
@@ -45,27 +66,128 @@ class Centroids(NamedTuple):
 NO_CENTROIDS = Centroids(0, np.zeros((0, 2), np.float32))
 
 
+class View(NamedTuple):
+    """Part and kind of the picture that is shown; for all clients with the same, a message is made once.
+
+    Attributes:
+        grey: True for the grey picture, False for the bits that are measured.
+        part: Part of the grey picture; None for all of it.
+        detail: Detail of the grey picture.
+    """
+
+    grey: bool = False
+    part: Part | None = None
+    detail: Detail = LADDER[0]
+
+
+class PreviewField(NamedTuple):
+    """One field to look at.
+
+    Attributes:
+        n: Number of the field.
+        time_us: Middle of its exposure, µs since 1970.
+        outcome: What became of it.
+        packed: Its bits, or None if there are none.
+        grey: Its grey values, or None without a picture.
+        threshold: Threshold in force.
+        found: What was found in it, or in the newest field that was measured.
+    """
+
+    n: int
+    time_us: int
+    outcome: Outcome
+    packed: PackedField | None
+    grey: Field | None
+    threshold: int
+    found: Centroids = NO_CENTROIDS
+
+    def message(self, view: View) -> bytes:
+        """Header, centroids, deflated picture and points; no picture without a signal."""
+        found, picture = self.found, self._picture(view)
+        header = HEADER.pack(
+            MAGIC,
+            VERSION,
+            HEADER.size,
+            self.n,
+            self.time_us,
+            found.time_us,
+            picture.columns,
+            picture.rows,
+            picture.y0,
+            picture.y_step,
+            self.threshold,
+            OUTCOMES.index(self.outcome),
+            self.packed.bits if self.packed else 0,
+            len(found.xy_px),
+            len(picture.deflated),
+            len(found.points),
+            picture.x0,
+            picture.x_step,
+            *self._frame(),
+            GREY if view.grey else BITS,
+            view.detail.step if view.grey else 0,
+            0,
+            *(self._clipped() if view.grey else (0, 0)),
+        )
+        return header + found.xy_px.astype("<f4").tobytes() + picture.deflated + found.points.tobytes()
+
+    def _picture(self, view: View) -> SentPicture:
+        if view.grey:
+            return NO_PICTURE if self.grey is None else grey_picture(self.grey, view.part, view.detail)
+        packed = self.packed
+        if packed is None:
+            return NO_PICTURE
+        deflated = zlib.compress(one_bit(packed).tobytes(), FAST)
+        return SentPicture(packed.columns, packed.rows, 0, 1, packed.y0, packed.y_step, deflated)
+
+    def _frame(self) -> tuple[int, int]:
+        """Columns and lines of the frame."""
+        whole = self.grey or self.packed
+        return (whole.columns, 2 * -(-whole.rows * whole.y_step // 2)) if whole else (0, 0)
+
+    def _clipped(self) -> tuple[int, int]:
+        """Pixels of the field that are as bright as the camera gets, and as dark."""
+        if self.grey is None:
+            return 0, 0
+        luma = self.grey.luma
+        return int(np.count_nonzero(luma >= CLIPPED_LEVEL)), int(np.count_nonzero(luma <= BLACK_LEVEL))
+
+
 class Preview:
-    """Makes the messages of one device, each once for all clients."""
+    """Makes what the clients of one device are shown; used by one thread at a time."""
 
     def __init__(self, instrument: Instrument, clock: UtcClock) -> None:
         self._instrument = instrument
         self._clock = clock
-        self._shown: Slot | None = None
 
-    def make(self) -> bytes | None:
-        """The message of the newest field; None if there has been no new field since the last call."""
-        slot = self._instrument.pipeline.ring.newest
-        if slot is None or slot is self._shown:
+    def make(self) -> PreviewField | None:
+        """The next field, as soon as it comes; None if none comes soon."""
+        shown = self._instrument.pipeline.newest.ask(FIELD_WITHIN_S)
+        if shown is None:
             return None
-        self._shown = slot
-        time_ns = slot.numbered.time_ns if slot.numbered else self._clock.now_ns()
-        return message(slot, self._utc_us(time_ns), self._centroids(self._instrument.worker.live))
+        live = self._measured(shown.time_ns)
+        pipeline = self._instrument.pipeline
+        found, time_us = self._found(live), self._utc_us(shown.time_ns)
+        return preview_field(shown, pipeline.ring.newest, found, time_us, pipeline.thresholds.in_force.level)
 
-    def _centroids(self, live: Live | None) -> Centroids:
+    def _measured(self, time_ns: int) -> Live | None:
+        """The measured field that is nearest to a time; None if it is old."""
+        worker = self._instrument.worker
+        with worker.published:
+            newest = worker.live
+            if newest is None or time_ns - newest.measured.time_ns > OLD_NS:
+                return None
+            worker.published.wait_for(lambda: _is_measured(worker.live, time_ns), MEASURED_WITHIN_S)
+            lives = worker.since(0)
+        nearest = min(lives, key=lambda one: abs(one.measured.time_ns - time_ns))
+        return nearest if abs(nearest.measured.time_ns - time_ns) <= OLD_NS else None
+
+    def _found(self, live: Live | None) -> Centroids:
         if live is None:
             return NO_CENTROIDS
-        xy_px = live.measured.blobs.xy_px.astype(np.float32)
+        # What the picture's border cuts is no target, and looks like one with a ring round it.
+        blobs = live.measured.blobs
+        xy_px = blobs.xy_px[~blobs.at_border].astype(np.float32)
         return Centroids(self._utc_us(live.measured.time_ns), xy_px, _points(live.measured.points))
 
     def _utc_us(self, time_ns: int) -> int:
@@ -74,28 +196,22 @@ class Preview:
         return now_us - (self._clock.now_ns() - time_ns) // 1000
 
 
-def message(slot: Slot, time_us: int, centroids: Centroids) -> bytes:
-    """Header, centroids, deflated bits and points of a slot; no bits without a signal."""
-    shown = slot.numbered if slot.outcome is not Outcome.NO_SIGNAL else None
-    packed = shown.packed if shown else None
-    deflated = b"" if packed is None else zlib.compress(one_bit(packed).tobytes(), FAST)
-    shape = (0, 0, 0, 0, 0) if packed is None else _shape(packed)
-    outcome, bits = OUTCOMES.index(slot.outcome), packed.bits if packed else 0
-    header = HEADER.pack(
-        MAGIC,
-        VERSION,
-        HEADER.size,
-        slot.n,
-        time_us,
-        centroids.time_us,
-        *shape,
-        outcome,
-        bits,
-        len(centroids.xy_px),
-        len(deflated),
-        len(centroids.points),
+def preview_field(
+    shown: Shown, slot: Slot | None, found: Centroids, time_us: int, threshold: int
+) -> PreviewField:
+    """A field to look at, of its copy and the newest slot of the ring."""
+    if slot is None:
+        return PreviewField(0, time_us, Outcome.RECEIVED, None, shown.field, threshold, found)
+    has_picture = slot.outcome is not Outcome.NO_SIGNAL
+    packed = slot.numbered.packed if slot.numbered and has_picture else None
+    grey = shown.field if has_picture else None
+    return PreviewField(
+        slot.n, time_us, slot.outcome, packed, grey, packed.threshold if packed else threshold, found
     )
-    return header + centroids.xy_px.astype("<f4").tobytes() + deflated + centroids.points.tobytes()
+
+
+def _is_measured(live: Live | None, time_ns: int) -> bool:
+    return live is not None and live.measured.time_ns >= time_ns - SAME_NS
 
 
 def _points(points: Points) -> NDArray[np.void]:
@@ -109,7 +225,3 @@ def one_bit(packed: PackedField) -> NDArray[np.uint8]:
     single = packed if packed.bits == 1 else quantise(unpack(packed), 1, packed.threshold)
     bits: NDArray[np.uint8] = single.data[0]
     return bits
-
-
-def _shape(packed: PackedField) -> tuple[int, int, int, int, int]:
-    return packed.columns, packed.rows, packed.y0, packed.y_step, packed.threshold

@@ -1,19 +1,22 @@
 """MQTT topics and the messages on them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 from urllib.parse import quote
 
 from grabberd.acquisition import Outcome
+from grabberd.documents.analyses import QuantityDocument
 from grabberd.documents.capture_analyses import DeviceAnalysis
 from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.devices import DeviceDocument
 from grabberd.documents.document import Document
+from grabberd.documents.liner_tests import DeviceTest
 from grabberd.documents.mqtt import (
     AnalysisMessage,
     CaptureSummary,
     DeviceStateMessage,
     LedgerSummary,
+    LinerTestMessage,
     MeasuredValue,
 )
 from grabberd.documents.named_types import JsonObject
@@ -36,8 +39,9 @@ STATE = Topic("devices/{device}/state", True, "the state of a device")
 ANALYSIS = Topic(
     "devices/{device}/analysis", True, "the analysis of one of the device's captures that ended last"
 )
+TEST = Topic("devices/{device}/test", True, "the guided test of one of the device's captures that ended last")
 CAPTURE = Topic("captures", False, "the summary of a capture that has ended")
-TOPICS = (ONLINE, STATE, ANALYSIS, CAPTURE)
+TOPICS = (ONLINE, STATE, ANALYSIS, TEST, CAPTURE)
 
 
 class Message(NamedTuple):
@@ -80,7 +84,7 @@ def device_state(device: DeviceDocument, storage: StorageDocument) -> DeviceStat
         device: The device.
         storage: The disk with its captures.
     """
-    calibration = device.calibration
+    calibration, health = device.calibration, device.health
     lacks = {one.lacks for one in device.lacks}
     return DeviceStateMessage(
         device=device.name,
@@ -88,6 +92,10 @@ def device_state(device: DeviceDocument, storage: StorageDocument) -> DeviceStat
         since_utc=device.since_utc,
         cause=device.cause,
         cause_code=device.cause_code,
+        health=health.level,
+        health_part=health.part,
+        health_word=health.parts[health.part].word if health.part else None,
+        hint=health.hint,
         signal=device.signal,
         rate_hz=None if device.rate_hz is None else round(device.rate_hz),
         fields_lost=device.fields[Outcome.LOST],
@@ -110,13 +118,38 @@ def device_analysis(device: str, latest: DeviceAnalysis) -> AnalysisMessage:
         state=latest.state,
         analysis=latest.analysis,
         created_utc=latest.created_utc,
-        quantities={
-            one.name: MeasuredValue(value=one.value, sigma=one.sigma, unit=one.unit)
-            for one in latest.quantities
-        },
+        quantities=_by_name(latest.quantities),
         problem=latest.problem.message if latest.problem else None,
         hint=latest.problem.hint if latest.problem else None,
     )
+
+
+def device_test(device: str, latest: DeviceTest) -> LinerTestMessage:
+    """The latest guided test of a device: its verdict and quantities, or why there are none."""
+    test, problem = latest.test, latest.problem
+    return LinerTestMessage(
+        device=device,
+        capture_id=latest.capture,
+        state=latest.state,
+        test=test and test.id,
+        kind=test and test.kind,
+        liner=test and test.liner,
+        verdict=test and test.verdict,
+        created_utc=test and test.created_utc,
+        quantities=_by_name(test.quantities if test else ()),
+        offers=test is not None and test.offers,
+        problem=problem and problem.message,
+        hint=problem and problem.hint,
+    )
+
+
+def _by_name(quantities: Iterable[QuantityDocument]) -> dict[str, MeasuredValue]:
+    """Quantities that were found."""
+    return {
+        one.name: MeasuredValue(value=one.value, sigma=one.sigma, unit=one.unit)
+        for one in quantities
+        if one.value is not None
+    }
 
 
 def capture_summary(

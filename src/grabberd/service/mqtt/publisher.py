@@ -22,10 +22,12 @@ from grabberd.service.mqtt.messages import (
     CAPTURE,
     ONLINE,
     STATE,
+    TEST,
     Message,
     Topics,
     device_analysis,
     device_state,
+    device_test,
 )
 from grabberd.service.mqtt.summary_queue import SummaryQueue
 
@@ -181,6 +183,9 @@ class Publisher:
             if device.latest_analysis is not None:
                 analysis = device_analysis(name, device.latest_analysis)
                 messages.append(self._topics.message(ANALYSIS, analysis, device=name))
+            if device.latest_test is not None:
+                test = device_test(name, device.latest_test)
+                messages.append(self._topics.message(TEST, test, device=name))
             for message in messages:
                 if published.get(message.topic) != message:
                     await connection.publish(self._dated(message))

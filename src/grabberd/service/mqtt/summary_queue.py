@@ -2,6 +2,7 @@
 
 import logging
 
+from grabberd.acquisition import PAL_HZ
 from grabberd.documents.named_types import JsonObject
 from grabberd.errors import CaptureFileError, NotFound
 from grabberd.service.archive.archive import Archive
@@ -12,8 +13,6 @@ from grabberd.storage.state.outbox import Outbox
 
 log = logging.getLogger(__name__)
 
-NOMINAL_RATE_HZ = 50.0
-"""For the summary of a damaged capture, whose own rate cannot be read."""
 AT_ONCE = 100
 """Maximum number of summaries made in one go: each opens a capture file, and publishing waits meanwhile."""
 
@@ -124,8 +123,8 @@ class SummaryQueue:
             with CaptureReader(self._archive.directory / file) as reader:
                 calibration = reader.runs[-1].made_with.get("calibration") if reader.runs else None
                 return dict(reader.meta.site), reader.meta.rate_hz, calibration and calibration.get("id")
-        except (CaptureFileError, OSError):  # the document already says that it is damaged
-            return {}, NOMINAL_RATE_HZ, None
+        except (CaptureFileError, OSError):  # the document already says that it is damaged; any rate will do
+            return {}, PAL_HZ, None
 
     def _note_full(self, full: bool) -> None:
         if full and not self._full:

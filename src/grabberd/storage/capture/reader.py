@@ -126,6 +126,34 @@ class CaptureReader:
         return self._number("SELECT (SELECT max(n) FROM fields) - (SELECT min(n) FROM fields) + 1") or 0
 
     @property
+    def length(self) -> int:
+        """Number of fields that should have come, known without reading every row."""
+        lost = "SELECT %s FROM ledger"
+        firsts = (self.first_n, self._number(lost % "min(first_n)"))
+        ends = (self.last_field and self.last_field[0] + 1, self._number(lost % "max(first_n + count)"))
+        known = [end for end in ends if end is not None]
+        return max(known) - min(first for first in firsts if first is not None) if known else 0
+
+    @property
+    def losses(self) -> int:
+        """Number of fields that were not received undamaged, by the ledger."""
+        return self._number("SELECT sum(count) FROM ledger") or 0
+
+    @property
+    def run_count(self) -> int:
+        """Number of runs."""
+        return self._number("SELECT count(*) FROM runs") or 0
+
+    @property
+    def calibration_id(self) -> str:
+        """Id of the calibration of the newest run; empty if there is none."""
+        query = """SELECT iif(json_valid(calibration), json_extract(calibration, '$.id'), NULL) FROM runs
+            ORDER BY run DESC LIMIT 1"""
+        with reading_errors(self.path):
+            row = self._connection.execute(query).fetchone()
+        return row[0] if row and isinstance(row[0], str) and row[0].isprintable() else ""
+
+    @property
     def runs(self) -> list[RunInfo]:
         """All runs in order."""
         with reading_errors(self.path):

@@ -5,7 +5,7 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from grabberd.acquisition import Ledger, LedgerEntry, LedgerEvent, Outcome
-from grabberd.field import BIT_DEPTHS, LARGEST_SIDE_PX, NumberedField, PackedField
+from grabberd.field import BIT_DEPTHS, LARGEST_SIDE_PX, PROGRESSIVE, NumberedField, PackedField
 from grabberd.storage.capture.codec import decode_field
 from grabberd.storage.capture.meta import LARGEST_N, LARGEST_TIME_NS, LONGEST_REASON
 from grabberd.storage.json_value import read_json
@@ -21,7 +21,7 @@ _OF_PICTURES = {
     "columns": range(1, LARGEST_SIDE_PX + 1),
 }
 _OF_FIELDS = {
-    "parity": (0, 1),
+    "parity": (0, 1, PROGRESSIVE),
     "y0": range(LARGEST_SIDE_PX),
     "y_step": (1, 2),
     "threshold": range(256),

@@ -89,19 +89,25 @@ def write_csv(folder: Path, tables: AnalysisTables) -> list[Path]:
     ]
 
 
-def _names(table: Table) -> list[str]:
-    return [column.name for column in table.columns]
+def write_parquet_files(folder: Path, tables: AnalysisTables, about: Mapping[str, Any]) -> list[Path]:
+    """Writes a Parquet file for each table.
 
-
-def _parquet(folder: Path, analysis: _Analysis) -> list[Path]:
-    about, paths = json.dumps(analysis.about, ensure_ascii=False), []
-    for table in analysis.tables.values():
+    Raises:
+        ExtraMissing: pyarrow is not installed.
+        StorageError: A file cannot be written, or exists already.
+    """
+    paths = []
+    for table in tables.values():
         path = folder / f"{table.name}.parquet"
         with checked_file(path, parquet_check(_names(table), table.__len__)) as file:
-            metadata = {"description": table.meaning, "grabberd": about}
+            metadata = {"description": table.meaning, "grabberd": json.dumps(about, ensure_ascii=False)}
             write_parquet(file, table.columns, [table.rows], metadata)
         paths.append(path)
     return paths
+
+
+def _names(table: Table) -> list[str]:
+    return [column.name for column in table.columns]
 
 
 def _hdf5(folder: Path, analysis: _Analysis) -> list[Path]:
@@ -181,7 +187,7 @@ def _new_folder(folder: Path) -> Path:
 
 _WRITERS: Mapping[str, Callable[[Path, _Analysis], list[Path]]] = {
     "csv": lambda folder, analysis: write_csv(folder, analysis.tables),
-    "parquet": _parquet,
+    "parquet": lambda folder, analysis: write_parquet_files(folder, analysis.tables, analysis.about),
     "hdf5": _hdf5,
     "vtu": _vtu,
     "ply": _ply,

@@ -1,4 +1,4 @@
-"""Points as C3D, the format of motion analysis: markers, frame by frame, in single precision.
+"""Points as C3D, the format of motion analysis: markers and analog channels, in single precision.
 
 The format: https://www.c3d.org/HTML/default.htm
 """
@@ -32,6 +32,27 @@ _TEXT, _WORD, _REAL = -1, 2, 4
 _HINT = "csv, parquet and mat have room for it"
 
 
+class Analog(NamedTuple):
+    """Description of the analog channels: a label, a unit and a few words for each.
+
+    Attributes:
+        samples: Samples to each frame.
+    """
+
+    labels: Sequence[str]
+    units: Sequence[str]
+    descriptions: Sequence[str]
+    samples: int
+
+    @property
+    def words(self) -> int:
+        """Numbers of them in a frame."""
+        return self.samples * len(self.labels)
+
+
+NO_ANALOG = Analog((), (), (), 0)
+
+
 class Markers(NamedTuple):
     """Description of the markers, before the first frame.
 
@@ -42,6 +63,7 @@ class Markers(NamedTuple):
         rate_hz: Frames a second.
         scale_mm: Unit of residuals, and of coordinates if a program converts them to integers.
         about: Texts of the file's own group of parameters, by name.
+        analog: The analog channels beside them.
     """
 
     labels: Sequence[str]
@@ -50,6 +72,12 @@ class Markers(NamedTuple):
     rate_hz: float
     scale_mm: float
     about: Mapping[str, str]
+    analog: Analog = NO_ANALOG
+
+    @property
+    def words(self) -> int:
+        """Numbers in a frame."""
+        return 4 * len(self.labels) + self.analog.words
 
 
 def c3d_scale_mm(reach_mm: float, sigma_mm: float) -> float:
@@ -72,8 +100,8 @@ def c3d_head(markers: Markers) -> bytes:
     first = 2 + blocks
     head = struct.pack(
         "<BBHHHHHfHHf",
-        *(2, 0x50, len(markers.labels), 0, 1, min(markers.frames, LONGEST_COUNT), 0),
-        *(-markers.scale_mm, first, 0, markers.rate_hz),
+        *(2, 0x50, len(markers.labels), markers.analog.words, 1, min(markers.frames, LONGEST_COUNT), 0),
+        *(-markers.scale_mm, first, markers.analog.samples, markers.rate_hz),
     )
     section = bytes((1, 0x50, blocks, _INTEL)) + _parameters(markers, first)
     return head.ljust(BLOCK, b"\0") + section.ljust(blocks * BLOCK, b"\0")
@@ -95,7 +123,7 @@ def c3d_frames(
 
 def c3d_padding(markers: Markers) -> bytes:
     """Zeros after the last frame, up to the end of its block."""
-    return bytes(-markers.frames * len(markers.labels) * 16 % BLOCK)
+    return bytes(-markers.frames * markers.words * 4 % BLOCK)
 
 
 def _check_room(what: str, count: int, most: int) -> None:
@@ -106,7 +134,7 @@ def _check_room(what: str, count: int, most: int) -> None:
 def _parameters(markers: Markers, first_block: int) -> bytes:
     groups = {
         "POINT": _point(markers, first_block),
-        "ANALOG": _analog(),
+        "ANALOG": _analog(markers.analog, markers.rate_hz),
         "TRIAL": _trial(markers),
         "GRABBERD": [_text(name, [text]) for name, text in markers.about.items()],
     }
@@ -143,11 +171,19 @@ def _point(markers: Markers, first_block: int) -> list[_Parameter]:
     return parameters
 
 
-def _analog() -> list[_Parameter]:
+def _analog(analog: Analog, rate_hz: float) -> list[_Parameter]:
     """Programs look for the group even where there is no channel."""
-    empty = [_text(name, [], is_array=True) for name in ("LABELS", "DESCRIPTIONS", "UNITS")]
-    none = [("SCALE", _content(_REAL, [0], b"")), ("OFFSET", _content(_WORD, [0], b""))]
-    return [_words("USED", 0), *empty, _real("GEN_SCALE", 1.0), *none, _real("RATE", 0.0)]
+    count = len(analog.labels)
+    texts = (("LABELS", analog.labels), ("DESCRIPTIONS", analog.descriptions), ("UNITS", analog.units))
+    scale = _content(_REAL, [count], struct.pack(f"<{count}f", *[1.0] * count))
+    offset = _content(_WORD, [count], struct.pack(f"<{count}h", *[0] * count))
+    return [
+        _words("USED", count),
+        *(_text(name, some, is_array=True) for name, some in texts),
+        _real("GEN_SCALE", 1.0),
+        *(("SCALE", scale), ("OFFSET", offset)),
+        _real("RATE", analog.samples * rate_hz),
+    ]
 
 
 def _trial(markers: Markers) -> list[_Parameter]:

@@ -11,14 +11,19 @@ from grabberd.storage.export.points_columns import moments
 
 CHANNEL_COLUMNS = (
     Column("channel", "", "U", "name of the channel"),
-    Column("quantity", "", "U", "what it measures: pulsation, liner, mouthpiece, milk_line"),
+    Column("quantity", "", "U", "what it measures: pulsation, liner, mouthpiece, milk_line, light"),
     Column("time_utc", "", "M8[ms]", "when the reading was taken"),
     Column("time_s", "s", "f8", "the same, from the first field of the capture on", csv_format=".6f"),
     Column(
         "sigma_time_s", "s", "f8", "σ of time_s, without what is common to all readings", csv_format=".3g"
     ),
-    Column("vacuum_kpa", "kPa", "f8", "vacuum below atmosphere: gain · value + offset of the calibration"),
-    Column("sigma_vacuum_kpa", "kPa", "f8", "σ of the calibration, common to all readings"),
+    Column(
+        "vacuum_kpa",
+        "kPa",
+        "f8",
+        "vacuum below atmosphere: gain · value + offset of the calibration; none of a light",
+    ),
+    Column("sigma_vacuum_kpa", "kPa", "f8", "σ of the calibration, common to all readings; none of a light"),
     # All digits, so that CSV reads back bit for bit.
     Column("value", "", "f8", "as measured, in the column `unit`", csv_format=""),
     Column("unit", "", "U", "unit of `value`"),
@@ -37,6 +42,7 @@ def channel_rows(reader: CaptureReader) -> Iterator[Rows]:
 
 def _rows(channel: RecordedChannel, readings: RecordedReadings, reader: CaptureReader, begin_ns: int) -> Rows:
     count, calibration = len(readings.time_ns), channel.calibration
+    is_vacuum = channel.quantity.is_vacuum
 
     def same(value: object) -> np.ndarray:
         return np.full(count, value, object)
@@ -47,8 +53,8 @@ def _rows(channel: RecordedChannel, readings: RecordedReadings, reader: CaptureR
         "time_utc": moments(readings.time_ns, reader.meta),
         "time_s": (readings.time_ns - begin_ns) / 1e9,
         "sigma_time_s": np.full(count, readings.time_sigma_ns / 1e9),
-        "vacuum_kpa": calibration.kpa(readings.value),
-        "sigma_vacuum_kpa": np.full(count, calibration.sigma_kpa),
+        "vacuum_kpa": calibration.kpa(readings.value) if is_vacuum else np.full(count, np.nan),
+        "sigma_vacuum_kpa": np.full(count, calibration.sigma_kpa if is_vacuum else np.nan),
         "value": readings.value,
         "unit": same(calibration.unit),
         "dating": same(str(readings.dating)),

@@ -79,18 +79,21 @@ def _thinned_out(reader: CaptureReader, channel: RecordedChannel, begin_ns: int,
     """Every k-th reading; what is left out is decoded and forgotten group by group."""
     count = reader.channels.count(channel)
     every = max(-(-count // most), 1)
-    passed, time_s, kpa, datings, sigma_ns = 0, [np.empty(0)], [np.empty(0)], {}, 0
+    passed, time_s, values, datings, sigma_ns = 0, [np.empty(0)], [np.empty(0)], {}, 0
     for group in reader.channels.groups(channel):
         taken = slice(-passed % every, None, every)
         passed += len(group.time_ns)
         time_s.append((group.time_ns[taken] - begin_ns) / 1e9)
-        kpa.append(channel.calibration.kpa(group.value[taken]))
+        values.append(channel.calibration.kpa(group.value[taken]))
         datings[group.dating] = True
         sigma_ns = max(sigma_ns, group.time_sigma_ns)
+    shown = np.concatenate(values).round(4).tolist()
+    is_vacuum = channel.quantity.is_vacuum
     return {
         "datings": list(datings),
         "sigma_time_s": sigma_ns / 1e9 if passed else None,
         "readings": count,
         "time_s": np.concatenate(time_s).round(6).tolist(),
-        "kpa": np.concatenate(kpa).round(4).tolist(),
+        "kpa": shown if is_vacuum else [],
+        "level": [] if is_vacuum else shown,
     }

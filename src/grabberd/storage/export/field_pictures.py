@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import InputError
-from grabberd.field import BOTTOM, TOP, PackedField, unpack
+from grabberd.field import BOTTOM, PROGRESSIVE, TOP, PackedField, unpack
 from grabberd.storage.capture.digests import Damage
 from grabberd.storage.capture.reader import CaptureReader, Opened
 from grabberd.storage.capture.rows import RecordedField
@@ -80,15 +80,15 @@ def export_png(
 
 
 def _frames(fields: Iterable[RecordedField]) -> Iterator[tuple[RecordedField, ...]]:
-    """Top fields with the bottom field that follows; all others alone."""
+    """Top fields with the bottom field that follows; all others alone, such as progressive pictures."""
     frame: tuple[RecordedField, ...] = ()
     for field in fields:
         n, parity = field.numbered.n, field.numbered.packed.parity
-        if frame and (parity == TOP or n != frame[0].numbered.n + 1):
+        if frame and (parity != BOTTOM or n != frame[0].numbered.n + 1):
             yield frame
             frame = ()
         frame = (*frame, field)
-        if parity == BOTTOM:
+        if parity != TOP:
             yield frame
             frame = ()
     if frame:
@@ -100,7 +100,8 @@ def _write_picture(
 ) -> Iterator[tuple[object, ...]]:
     name = f"{what}-{picture[0].numbered.n:08d}.png"
     packed = [field.numbered.packed for field in picture]
-    luma = _weave(packed) if what == "frame" else unpack(packed[0]).luma
+    is_whole = what == "field" or packed[0].parity == PROGRESSIVE
+    luma = unpack(packed[0]).luma if is_whole else _weave(packed)
     write_checked(directory / name, [grey_png(luma)], png_check(luma))
     for field in picture:
         n, time_ns, sequence, p = field.numbered

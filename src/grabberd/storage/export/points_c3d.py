@@ -1,7 +1,11 @@
-"""The points of a run as C3D: a frame for each field, lost ones included, and a marker for each target."""
+"""The points of a run as C3D: a frame for each field, lost ones included, and a marker for each target.
+
+The capture's channels are analog channels, which C3D knows only at a multiple of the rate of the frames.
+"""
 
 from collections.abc import Generator, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +13,16 @@ from numpy.typing import NDArray
 from grabberd import __version__
 from grabberd.errors import NotFound
 from grabberd.storage.capture.digests import Damage
-from grabberd.storage.export.c3d_file import Markers, c3d_frames, c3d_head, c3d_padding, c3d_scale_mm
+from grabberd.storage.export.c3d_file import (
+    NO_ANALOG,
+    Analog,
+    Markers,
+    c3d_frames,
+    c3d_head,
+    c3d_padding,
+    c3d_scale_mm,
+)
+from grabberd.storage.export.channel_samples import ChannelSamples, channel_samples
 from grabberd.storage.export.point_grid import GridTargets, PointGrid, position_sigma_mm
 from grabberd.storage.export.points_export import points_about, points_file
 from grabberd.storage.export.read_back import c3d_check
@@ -29,7 +42,7 @@ def points_c3d(
         CaptureFileError, NotFound: No such file or run, or it has no points.
         InputError: It has more fields or targets than the format has room for.
     """
-    return _c3d(*_opened(path, run, left_out))
+    return _c3d(_opened(path, run, left_out))
 
 
 def export_c3d(
@@ -40,18 +53,29 @@ def export_c3d(
     Raises:
         CaptureFileError, NotFound, InputError, StorageError: See `points_c3d` and `export_csv`.
     """
-    grid, markers, head = _opened(path, run, left_out)
-    check = c3d_check(len(markers.labels), markers.frames, grid.points)
+    opened = _opened(path, run, left_out)
+    markers, grid = opened.markers, opened.grid
+    check = c3d_check(len(markers.labels), markers.frames, grid.points, markers.analog.words)
     with grid, points_file(path, directory, "points.c3d", check, left_out) as file:
-        file.writelines(_c3d(grid, markers, head))
+        file.writelines(_c3d(opened))
     return grid.points
 
 
-def _opened(path: Path, run: int | None, left_out: list[Damage] | None) -> tuple[PointGrid, Markers, bytes]:
+class _Opened(NamedTuple):
+    """The parts of a file: points, channels, and its head."""
+
+    grid: PointGrid
+    samples: ChannelSamples | None
+    markers: Markers
+    head: bytes
+
+
+def _opened(path: Path, run: int | None, left_out: list[Damage] | None) -> _Opened:
     grid = PointGrid.open(path, run, left_out)
     try:
-        markers = _markers(grid)
-        return grid, markers, c3d_head(markers)
+        samples = channel_samples(grid.reader, grid.first_n, grid.fields)
+        markers = _markers(grid)._replace(analog=_analog(samples))
+        return _Opened(grid, samples, markers, c3d_head(markers))
     except Exception:
         grid.reader.close()
         raise
@@ -103,11 +127,30 @@ def _description(place: _Place) -> str:
     return f"target {target}" if row is None else f"target {target}, row {row}, column {column}"
 
 
-def _c3d(grid: PointGrid, markers: Markers, head: bytes) -> Generator[bytes, None, None]:
+def _analog(samples: ChannelSamples | None) -> Analog:
+    if samples is None:
+        return NO_ANALOG
+    channels = samples.channels
+    return Analog(
+        labels=[one.name for one in channels],
+        units=["kPa" if one.quantity.is_vacuum else one.calibration.unit for one in channels],
+        descriptions=[f"{one.quantity}, logger {one.logger}" for one in channels],
+        samples=samples.per_field,
+    )
+
+
+def _c3d(opened: _Opened) -> Generator[bytes, None, None]:
+    grid, samples, markers, head = opened
     with grid:
         yield head
+        done = 0
         for xyz_mm, sigma_mm in _frames(grid):
-            yield c3d_frames(xyz_mm, sigma_mm, markers.scale_mm).tobytes()
+            words = c3d_frames(xyz_mm, sigma_mm, markers.scale_mm).reshape(len(xyz_mm), -1)
+            if samples is not None:
+                some = slice(done * samples.per_field, (done + len(words)) * samples.per_field)
+                words = np.hstack([words, samples.values[some].reshape(len(words), -1)])
+            done += len(words)
+            yield words.astype("<f4").tobytes()
         yield c3d_padding(markers)
 
 

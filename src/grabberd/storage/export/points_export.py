@@ -72,12 +72,12 @@ def points_parquet(path: Path, run: int | None, file: IO[bytes], left_out: list[
     check_parquet()
     reader, number = open_run(path, run, left_out)
     with reader:
-        parts = (joined(POINT_COLUMNS, some) for some in _row_groups(rows_by_group(reader, number)))
+        parts = (joined(POINT_COLUMNS, some) for some in row_groups(rows_by_group(reader, number)))
         metadata = {"grabberd": json.dumps(points_about(reader, number), ensure_ascii=False)}
         return write_parquet(file, POINT_COLUMNS, parts, metadata)
 
 
-def _row_groups(parts: Iterable[Rows]) -> Iterator[list[Rows]]:
+def row_groups(parts: Iterable[Rows]) -> Iterator[list[Rows]]:
     """Parts of a table, so many together that they have `POINTS_A_GROUP` rows."""
     some: list[Rows] = []
     for rows in parts:

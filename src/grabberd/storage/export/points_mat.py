@@ -7,6 +7,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.storage.capture.channels.reading_groups import RecordedChannel
 from grabberd.storage.capture.digests import Damage
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.export.ledger_file import LEDGER_COLUMNS, ledger_rows
@@ -79,9 +80,11 @@ def point_variables(grid: PointGrid) -> Mapping[str, Struct]:
     """
     check_size("points", grid.fields * len(grid.targets) * CELL_BYTES, MOST_BYTES, _HINT)
     units, meanings = described(GRID_COLUMNS)
+    channels = _channels(grid.reader)
     return {
         "points": _points(grid),
         "ledger": _ledger(grid.reader),
+        **({"channels": channels} if channels else {}),
         "units": {"points": units},
         "meanings": {"points": meanings},
         "about": {name: mat_value(value) for name, value in _about(grid).items()},
@@ -95,6 +98,42 @@ def _ledger(reader: CaptureReader) -> Struct:
         name: mat_column(np.array([row[k] for row in rows], kind))
         for k, (name, kind) in enumerate(zip(LEDGER_COLUMNS, kinds, strict=True))
     }
+
+
+def _channels(reader: CaptureReader) -> Struct:
+    """The channels as columns of cells, a row for each channel; all of their readings, at their own times.
+
+    Times count from the first field, as those of the points.
+    """
+    rows = [_channel(reader, one) for one in reader.channels.all]
+    return {name: _cells([row[name] for row in rows]) for name in (rows[0] if rows else ())}
+
+
+def _channel(reader: CaptureReader, channel: RecordedChannel) -> dict[str, Any]:
+    groups, calibration = list(reader.channels.groups(channel)), channel.calibration
+    begin_ns = reader.first_time_ns or 0
+    time_s = [(one.time_ns - begin_ns) / 1e9 for one in groups]
+    sigma_s = [np.full(len(one.time_ns), one.time_sigma_ns / 1e9) for one in groups]
+    value = np.concatenate([np.empty(0), *(one.value for one in groups)])
+    return {
+        "name": channel.name,
+        "quantity": str(channel.quantity),
+        "logger": channel.logger,
+        "time_s": mat_column(np.concatenate([np.empty(0), *time_s])),
+        "sigma_time_s": mat_column(np.concatenate([np.empty(0), *sigma_s])),
+        "vacuum_kpa": mat_column(calibration.kpa(value) if channel.quantity.is_vacuum else np.empty(0)),
+        "value": mat_column(value),
+        "unit": calibration.unit,
+        "sigma_vacuum_kpa": calibration.sigma_kpa,
+        "sigma_delay_s": calibration.delay_sigma_ms / 1e3,
+    }
+
+
+def _cells(values: list[Any]) -> NDArray[Any]:
+    cells = np.empty((len(values), 1), object)
+    for row, value in enumerate(values):
+        cells[row, 0] = value
+    return cells
 
 
 def _points(grid: PointGrid) -> Struct:

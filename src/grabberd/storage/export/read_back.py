@@ -90,26 +90,37 @@ def ply_check(vertices: Callable[[], int], triangles: int = 0) -> Check:
     return check
 
 
-def c3d_check(markers: int, frames: int, points: int) -> Check:
-    """C3D with so many markers and frames, and as many valid markers in all frames together as points."""
+def c3d_check(markers: int, frames: int, points: int, analog: int = 0) -> Check:
+    """C3D with so many markers and frames, and as many valid markers in all frames together as points.
+
+    Args:
+        markers: Number of markers.
+        frames: Number of frames.
+        points: Number of points.
+        analog: Number of analog samples of all channels in a frame.
+    """
+    each = 4 * markers + analog
+    at_once = max(_C3D_WORDS // each, 1)
 
     def check(path: Path) -> str | None:
         with path.open("rb") as file:
             head = file.read(_C3D_BLOCK)
             if head[:2] != b"\x02\x50":
                 return "it does not begin as C3D"
-            found, first_block = (int.from_bytes(head[at : at + 2], "little") for at in (2, 16))
+            found, others, first_block = (int.from_bytes(head[at : at + 2], "little") for at in (2, 4, 16))
             if found != markers:
                 return f"it has {found} markers, expected {markers}"
+            if others != analog:
+                return f"it has {others} analog samples to a frame, expected {analog}"
             data = (first_block - 1) * _C3D_BLOCK
-            size = data + -(-frames * markers * 16 // _C3D_BLOCK) * _C3D_BLOCK
+            size = data + -(-frames * each * 4 // _C3D_BLOCK) * _C3D_BLOCK
             if path.stat().st_size != size:
                 return f"it has {path.stat().st_size} bytes, expected {size}"
             file.seek(data)
             valid = 0
-            for first in range(0, frames * markers, _C3D_WORDS):
-                words = np.fromfile(file, "<f4", 4 * min(_C3D_WORDS, frames * markers - first))
-                valid += int((words[3::4] >= 0).sum())
+            for first in range(0, frames, at_once):
+                words = np.fromfile(file, "<f4", each * min(at_once, frames - first)).reshape(-1, each)
+                valid += int((words[:, 3 : 4 * markers : 4] >= 0).sum())
         return _counted(valid, points)
 
     return check

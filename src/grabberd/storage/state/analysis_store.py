@@ -10,43 +10,20 @@ A folder is written under another name and renamed, so it exists whole or not at
 
 import json
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Collection
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from grabberd.errors import NotFound
-from grabberd.storage.disk import clear_scratch, scratch_folder, storage_errors, sync_directory
+from grabberd.storage.disk import storage_errors, sync_directory
+from grabberd.storage.state.result_folders import ResultFolders
 
 RECORD, DOCUMENT, PAGE = "record.json", "report.json", "report.html"
 
 
-class AnalysisStore:
-    """The analyses in a folder; any thread and process may read, one at a time may add."""
-
-    def __init__(self, directory: Path) -> None:
-        self.directory = directory
-
-    def open(self) -> None:
-        """Creates the folder, and removes what a crash left unfinished.
-
-        Raises:
-            StorageError: It cannot be written.
-        """
-        clear_scratch(self.directory)
-
-    @contextmanager
-    def scratch(self) -> Iterator[Path]:
-        """A folder to write an analysis into, removed afterwards unless it was published.
-
-        What a killed program left of another one is removed first.
-
-        Raises:
-            StorageError: It cannot be made.
-        """
-        clear_scratch(self.directory)
-        with scratch_folder(self.directory) as scratch:
-            yield scratch
+class AnalysisStore(ResultFolders):
+    """The analyses in a folder."""
 
     def publish(self, capture_id: str, made: Path) -> int:
         """Gives a finished folder the next number of its capture, and returns the number.
@@ -66,6 +43,12 @@ class AnalysisStore:
     def captures(self) -> list[str]:
         """Ids of the captures that have been analysed, newest first."""
         return sorted((path.name for path in self.directory.glob("[!.]*") if path.is_dir()), reverse=True)
+
+    def among(self, captures: Collection[str] | None) -> set[str]:
+        """Ids of those that have an analysis, of some captures or of all."""
+        if captures is None:
+            return set(self.captures())
+        return {one for one in captures if self.numbers(one)}
 
     def numbers(self, capture_id: str) -> list[int]:
         """Numbers of a capture's analyses, in order."""

@@ -1,8 +1,8 @@
-"""Annotations of captures made after recording: pins, notes and labels, stored apart from the files."""
+"""Annotations of captures made after recording, stored apart from the files: pins, notes, labels, marks."""
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from grabberd.storage.state.state_database import StateDatabase
@@ -16,14 +16,16 @@ class Annotation:
         pinned: True if retention must not remove the capture.
         note: Note in place of the one in the file; None to leave that one.
         labels: Labels in place of those in the file; None to leave those.
+        marks: Names of marked fields by their numbers.
     """
 
     pinned: bool = False
     note: str | None = None
     labels: Mapping[str, str] | None = None
+    marks: Mapping[int, str] = field(default_factory=dict)
 
 
-_QUERY = "SELECT capture, pinned, note, labels FROM annotations"
+_QUERY = "SELECT capture, pinned, note, labels, marks FROM annotations"
 
 
 class AnnotationStore(StateDatabase):
@@ -43,8 +45,9 @@ class AnnotationStore(StateDatabase):
     def put(self, capture_id: str, annotation: Annotation) -> None:
         """Replaces the annotation of a capture."""
         labels = None if annotation.labels is None else json.dumps(dict(annotation.labels))
-        row = (capture_id, annotation.pinned, annotation.note, labels)
-        self.execute("INSERT OR REPLACE INTO annotations VALUES (?, ?, ?, ?)", *row)
+        marks = json.dumps(dict(annotation.marks)) if annotation.marks else None
+        row = (capture_id, annotation.pinned, annotation.note, labels, marks)
+        self.execute("INSERT OR REPLACE INTO annotations VALUES (?, ?, ?, ?, ?)", *row)
 
     def remove(self, capture_id: str) -> None:
         """Removes the annotation of a capture, if there is one."""
@@ -52,5 +55,6 @@ class AnnotationStore(StateDatabase):
 
 
 def _annotation(row: tuple[Any, ...]) -> Annotation:
-    _, pinned, note, labels = row
-    return Annotation(bool(pinned), note, None if labels is None else json.loads(labels))
+    _, pinned, note, labels, marks = row
+    named = {int(n): name for n, name in json.loads(marks or "{}").items()}
+    return Annotation(bool(pinned), note, None if labels is None else json.loads(labels), named)

@@ -30,16 +30,21 @@ from grabberd.storage.state.index_entries import (
 T = TypeVar("T")
 _LAST = "~"
 """Sorts after every time."""
-_INSERT = "INSERT OR REPLACE INTO captures VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+_MARKS = ", ".join("?" for _ in IndexEntry._fields)
+_INSERT = f"INSERT OR REPLACE INTO captures VALUES ({_MARKS})"  # noqa: S608 - marks
 _NOTHING = nullcontext()
+_AT_ONCE = 500
+"""Captures that one statement asks for."""
 
-VERSION = 3
+VERSION = 4
 _TABLE = """
 CREATE TABLE captures (
     id TEXT PRIMARY KEY, file TEXT NOT NULL, device TEXT NOT NULL, created_utc TEXT NOT NULL,
     state TEXT NOT NULL, note TEXT NOT NULL DEFAULT '', labels TEXT NOT NULL DEFAULT '{}',
     reason TEXT NOT NULL DEFAULT '', size_bytes INTEGER NOT NULL DEFAULT -1,
-    changed_ns INTEGER NOT NULL DEFAULT -1) WITHOUT ROWID;
+    changed_ns INTEGER NOT NULL DEFAULT -1, verdict TEXT NOT NULL DEFAULT '',
+    length INTEGER NOT NULL DEFAULT -1, losses INTEGER NOT NULL DEFAULT -1, runs INTEGER NOT NULL DEFAULT 0,
+    calibration TEXT NOT NULL DEFAULT '', widths TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
 CREATE INDEX newest ON captures (created_utc DESC);
 """
 
@@ -61,6 +66,7 @@ class CaptureIndex:
 
     Attributes:
         read: While it is rebuilt, how many captures have been read, and of how many.
+        changed: Called with the id of a capture whose entry has changed, or None for all.
     """
 
     def __init__(
@@ -73,6 +79,7 @@ class CaptureIndex:
         self.directory = directory
         self.path = directory / "index.sqlite"
         self.read = (0, 0)
+        self.changed: Callable[[str | None], None] = lambda _: None
         self._check = check
         self._heal = heal or (lambda _: self.rebuild(anew=True))
         self._read_entries = read_entries
@@ -100,6 +107,7 @@ class CaptureIndex:
                 self._publish([one for one in entries if os.path.lexists(self.directory / one.file)])
         finally:
             self._rebuilding = False
+        self.changed(None)
 
     def add(self, path: Path) -> None:
         """Enters a sealed capture, as damaged if it cannot be read.
@@ -114,6 +122,14 @@ class CaptureIndex:
         """Removes a capture, if it is in the index."""
         self._change(
             lambda connection: connection.execute("DELETE FROM captures WHERE id = ?", (capture_id,))
+        )
+        self.changed(capture_id)
+
+    def keep_widths(self, known: IndexEntry, widths: str) -> None:
+        """Keeps the course of the wall's width, unless the file's entry has been read anew since."""
+        change = "UPDATE captures SET widths = ? WHERE id = ? AND changed_ns = ?"
+        self._change(
+            lambda connection: connection.execute(change, (widths, known.id, known.changed_ns)).fetchall()
         )
 
     def list(self) -> list[IndexEntry]:
@@ -140,6 +156,12 @@ class CaptureIndex:
         if not found:
             raise NotFound(f"no capture {capture_id!r}", "GET /api/v1/captures lists all captures")
         return found[0]
+
+    def some(self, ids: Sequence[str]) -> "builtins.list[IndexEntry]":
+        """Those of some captures that there are, in any order."""
+        parts = (ids[first : first + _AT_ONCE] for first in range(0, len(ids), _AT_ONCE))
+        found = (self._select(f"WHERE id IN ({', '.join('?' * len(part))})", *part) for part in parts)
+        return [entry for entries in found for entry in entries]
 
     def with_prefix(self, text: str) -> "builtins.list[IndexEntry]":
         """Captures whose id begins with `text`, sorted by id."""
@@ -206,8 +228,11 @@ class CaptureIndex:
         if self._rebuilding:
             return
         paths = sorted(self._kept_out)
-        self._write([entry_of(path) for path in paths if os.path.lexists(path)])
+        entries = [entry_of(path) for path in paths if os.path.lexists(path)]
+        self._write(entries)
         self._kept_out.difference_update(paths)
+        for entry in entries:
+            self.changed(entry.id)
 
     def _write(self, entries: "builtins.list[IndexEntry]") -> None:
         self._change(lambda connection: connection.executemany(_INSERT, entries))

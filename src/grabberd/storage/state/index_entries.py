@@ -31,6 +31,12 @@ class IndexEntry(NamedTuple):
         reason: Why it is damaged; empty if it is not.
         size_bytes: Size of the file when it was read, and `changed_ns`, when it, its name or its rights had
             last been changed, which nobody can set; −1 if it is read again each time.
+        verdict: "complete" or "incomplete"; empty if it is damaged.
+        length: Number of fields that should have come, and `losses`, of those that did not; −1 if unknown.
+        runs: Number of runs.
+        calibration: Id of the calibration of the newest run; empty if there is none.
+        widths: Course of the wall's width as a JSON list, see `storage.export.width_course`; empty until
+            somebody has asked for it.
     """
 
     id: str
@@ -43,6 +49,12 @@ class IndexEntry(NamedTuple):
     reason: str = ""
     size_bytes: int = -1
     changed_ns: int = -1
+    verdict: str = ""
+    length: int = -1
+    losses: int = -1
+    runs: int = 0
+    calibration: str = ""
+    widths: str = ""
 
     def still_holds(self, path: Path) -> bool:
         """True if the file need not be read again: same name, size and time of its last change."""
@@ -62,8 +74,10 @@ def check_entry(entry: IndexEntry) -> None:
     Raises:
         ValueError: It is none that this program writes.
     """
-    if not all(isinstance(text, str) for text in entry[:8]):
+    if not all(isinstance(text, str) for text in (*entry[:8], entry.verdict, *entry[-2:])):
         raise ValueError("an entry has what is no text")
+    if not all(isinstance(number, int) for number in (entry.length, entry.losses, entry.runs)):
+        raise ValueError("an entry has what is no number")
     name = entry.file.removeprefix(f"{DAMAGED}/")
     if not is_plain(name) or "/" in name or not name.endswith(CAPTURES):
         raise ValueError(f"it names the file {entry.file!r}")
@@ -74,6 +88,19 @@ def check_entry(entry: IndexEntry) -> None:
     labels = read_json(entry.labels)
     if not all(isinstance(text, str) for text in labels.values()):
         raise ValueError(f"the labels of {name} are {labels!r}")
+    check_widths(entry.widths)
+
+
+def check_widths(text: str) -> list[float | None]:
+    """The course of the wall's width in an entry; none where there is no text.
+
+    Raises:
+        ValueError: It is no list of numbers.
+    """
+    widths = read_json(text) if text else []
+    if not isinstance(widths, list) or not all(isinstance(width, float | int | None) for width in widths):
+        raise ValueError("the widths of an entry are none")
+    return widths
 
 
 def entry_of(path: Path) -> IndexEntry:
@@ -105,6 +132,11 @@ def sealed_entry(path: Path) -> IndexEntry:
             json.dumps(meta.labels, ensure_ascii=False),
             size_bytes=found.st_size,
             changed_ns=found.st_ctime_ns,
+            verdict="complete" if meta.complete else "incomplete",
+            length=reader.length,
+            losses=reader.losses,
+            runs=reader.run_count,
+            calibration=reader.calibration_id,
         )
     # Here, and not where it is read from the index, which would be made again and again because of it.
     try:

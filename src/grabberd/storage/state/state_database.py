@@ -41,6 +41,7 @@ MIGRATIONS: Migrations = (
             kind TEXT NOT NULL, name TEXT NOT NULL, retired_utc TEXT NOT NULL,
             PRIMARY KEY (kind, name)) WITHOUT ROWID""",
     ),
+    ("ALTER TABLE annotations ADD COLUMN marks TEXT",),
 )
 """Entry n leads from version n to n + 1. Released entries never change; new ones are appended."""
 TIMEOUT_S = 10.0

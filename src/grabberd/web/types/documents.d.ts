@@ -6,6 +6,7 @@ import type { Answer, Body } from "./routes.d.ts";
 export type State = Answer<"get", "/state">;
 export type Device = State["devices"][string];
 export type Live = NonNullable<Device["live"]>;
+export type HealthPart = Device["health"]["parts"]["device"];
 export type Rig = NonNullable<Device["rig"]>;
 export type FieldOrder = NonNullable<Device["field_order"]>;
 export type Storage = State["storage"];
@@ -16,9 +17,15 @@ export type Threshold = NonNullable<Body<"put", "/settings">["threshold"]>;
 export type Settings = Answer<"get", "/settings">;
 export type Illumination = Answer<"get", "/devices/{}/light">;
 export type ViewIllumination = Illumination["views"][string];
+export type CurvesMessage = Answer<"get", "/devices/{}/curves">;
 export type Pulsation = Answer<"get", "/devices/{}/pulsation">;
 
 export type Capture = Answer<"get", "/captures/{}">;
+export type CaptureList = Answer<"get", "/captures">;
+export type CaptureFacets = NonNullable<CaptureList["facets"]>;
+export type CapturesPatch = NonNullable<Body<"patch", "/captures">>;
+/** What became of something that was asked for several captures. */
+export type Batch = Answer<"post", "/captures/deletion">;
 type Ledger = Capture["ledger"];
 export type LedgerEntry = Ledger["entries"][number];
 export type LedgerEvent = Ledger["events"][number];
@@ -39,7 +46,8 @@ type JobResult = NonNullable<Job["result"]>;
 export type JobWith<Result> = Omit<Job, "result"> & { result: Result };
 export type AnalysisResult = Extract<JobResult, { analysis: number }>;
 export type MeasurementResult = Extract<JobResult, { run: number; points: number }>;
-export type CheckResult = Extract<JobResult, { verdict: string }>;
+export type CheckResult = Extract<JobResult, { parallax_px: number }>;
+export type LinerTestResult = Extract<JobResult, { test: string }>;
 export type Identification = Extract<JobResult, { picture: unknown }>;
 export type IdentifiedView = Identification["views"][string];
 export type ImagePosition = IdentifiedView["other"][number];
@@ -58,10 +66,23 @@ export type StoredObject = NonNullable<MadeWith["object"]>;
 
 export type Analysis = Answer<"get", "/captures/{}/analyses/{}">;
 export type Table = Analysis["tables"][string];
+export type AnalysisPreparation = Answer<"post", "/captures/{}/analysis/inputs">;
 export type AnalysisRow = Answer<"get", "/captures/{}/analyses">["analyses"][number];
 
 export type Profile = Answer<"get", "/profiles/{}/{}">;
 export type ProfileRow = Answer<"get", "/profiles">["profiles"][number];
+
+export type Logger = NonNullable<State["loggers"]>[string];
+export type Recipe = Answer<"get", "/tests/recipes">["recipes"][number];
+export type RecipeStep = Recipe["steps"][number];
+export type LinerTestRow = Answer<"get", "/tests">["tests"][number];
+export type LinerTest = Answer<"get", "/tests/{}">;
+export type TestCheck = LinerTest["checks"][number];
+export type TestQuantity = LinerTest["quantities"][number];
+export type CheckVerdict = TestCheck["verdict"];
+
+export type Study = Answer<"get", "/study">;
+export type QuantityStudied = Study["quantities"][number];
 
 /** A refusal, as RFC 9457 has it. */
 export type Problem = paths["/api/v1/captures/{capture_id}"]["get"]["responses"][404]["content"]["application/problem+json"];

@@ -21,7 +21,7 @@ export interface AnalysisMap {
 export interface AnalysisInputs {
   reference?: string | Record<string, number>;
   material?: { law?: string; zones?: unknown; [number: string]: unknown };
-  vacuum?: { pulsation?: VacuumSource; liner?: VacuumSource; offset?: Record<string, number>; lag?: Record<string, number> };
+  vacuum?: { pulsation?: VacuumSource; liner?: VacuumSource; offset?: "light" | Record<string, number>; lag?: Record<string, number> };
   sought_kpa?: number;
   flow_stop?: { kpa: number; sigma_kpa: number };
   plane?: string | { point_mm: number[]; normal: number[] };
@@ -29,5 +29,5 @@ export interface AnalysisInputs {
   phases?: number;
 }
 
-/** Numbers of a course over time, or the logger's file. */
-export type VacuumSource = "log" | Record<string, number>;
+/** Numbers of a course over time, the logger's file, or what was recorded with the capture. */
+export type VacuumSource = "log" | "channel" | Record<string, number>;

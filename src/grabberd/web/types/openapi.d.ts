@@ -13,7 +13,8 @@ export interface paths {
         };
         /**
          * List captures
-         * @description Captures, newest first, page by page. Captures that come or go meanwhile do not shift the pages.
+         * @description Captures, newest first unless sorted otherwise, page by page. Captures that come or go meanwhile do not
+         *     shift the pages.
          */
         get: operations["list_captures"];
         put?: never;
@@ -26,7 +27,11 @@ export interface paths {
         delete?: never;
         options?: never;
         head?: never;
-        patch?: never;
+        /**
+         * Pin or annotate several captures
+         * @description Change notes, labels or pins of up to a hundred captures; those that fail are named with the reason.
+         */
+        patch: operations["patch_captures"];
         trace?: never;
     };
     "/api/v1/captures.csv": {
@@ -38,8 +43,8 @@ export interface paths {
         };
         /**
          * List captures as CSV
-         * @description Captures, newest first, a row each: verdicts, labels, and the main quantities of the latest analysis
-         *     with their standard deviations.
+         * @description Captures, newest first unless sorted otherwise, a row each: verdicts, labels, and the main quantities
+         *     of the latest analysis with their standard deviations.
          */
         get: operations["list_captures_as_csv"];
         put?: never;
@@ -73,8 +78,8 @@ export interface paths {
         head?: never;
         /**
          * Pin or annotate a capture
-         * @description Change the note, the labels or the pin. They are stored apart from the file, which stays as it was
-         *     recorded.
+         * @description Change the note, the labels, the marks or the pin. They are stored apart from the file, which stays as
+         *     it was recorded.
          */
         patch: operations["patch_capture"];
         trace?: never;
@@ -136,6 +141,69 @@ export interface paths {
          *     Damaged fields are left out unless they are asked for, fields without a signal always.
          */
         post: operations["measure_capture"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/captures/deletion": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Delete several captures
+         * @description Delete up to a hundred captures and their files permanently. Those that are armed, running, pinned or
+         *     used by a job stay, and are named with the reason.
+         */
+        post: operations["delete_captures"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/captures/analysis": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Analyse several captures
+         * @description Queue an analysis of each of up to a hundred captures, with the inputs that the profiles of its labels
+         *     give.
+         */
+        post: operations["analyse_captures"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/captures.zip": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Download several captures
+         * @description The files of up to a hundred captures in one ZIP file, named by time and labels, with a table of all.
+         *     It is made while it is sent. What could not be sent whole is named in `MISSING.txt` inside.
+         */
+        get: operations["get_captures_zip"];
+        put?: never;
+        post?: never;
         delete?: never;
         options?: never;
         head?: never;
@@ -450,6 +518,86 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/captures/{capture_id}/thumbnail.png": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get a small picture of a capture
+         * @description A small picture of the field in the middle of a sealed capture, which never changes.
+         */
+        get: operations["get_thumbnail"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/captures/{capture_id}/widths": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get the course of the wall's width in few numbers
+         * @description Widths across the middle row in six seconds from the middle of a sealed capture, for a small curve.
+         */
+        get: operations["get_widths"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/captures/{capture_id}/replay/points": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get points of a stretch for replay
+         * @description The points of consecutive fields with their images and residuals, as one binary message.
+         */
+        get: operations["get_replay_points"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/captures/{capture_id}/replay/pictures": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get pictures of a stretch for replay
+         * @description The pictures of consecutive fields as they were recorded, as one binary message.
+         */
+        get: operations["get_replay_pictures"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/captures/{capture_id}/analysis": {
         parameters: {
             query?: never;
@@ -465,6 +613,28 @@ export interface paths {
          *     points: a job, whose result has the number of the analysis. A cancelled job leaves nothing behind.
          */
         post: operations["analyse_capture"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/captures/{capture_id}/analysis/inputs": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Prepare an analysis
+         * @description Tell what an analysis would be made with if it were asked for with this body: its inputs with their
+         *     sources, what they lack and what that costs, and everything for which it would be refused. Nothing is
+         *     computed or kept.
+         */
+        post: operations["prepare_analysis"];
         delete?: never;
         options?: never;
         head?: never;
@@ -835,6 +1005,135 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/study": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Compare captures
+         * @description Compare the quantities of captures by their newest analyses: every value with σ, the means of groups,
+         *     and their differences with a test, as `grabberd study` does. Captures and quantities that cannot take
+         *     part are listed with the reason.
+         */
+        get: operations["study_captures"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/tests": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List guided tests
+         * @description The tests with their verdicts and quantities, newest first, page by page.
+         */
+        get: operations["list_tests"];
+        put?: never;
+        /**
+         * Make a guided test of captures
+         * @description Analyse captures that were taken for a guided test, and judge them by its recipe: a job, whose result
+         *     has the id of the test. A capture whose label `test` names a recipe of one capture is tested by itself
+         *     as soon as it is sealed.
+         */
+        post: operations["make_test"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/tests/recipes": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List the recipes of guided tests
+         * @description The guided tests that there are: what to do for each, and how its captures are taken.
+         */
+        get: operations["list_recipes"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/tests/{test_id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get a guided test
+         * @description The checks of a test with their reasons, its quantities, and what it offers to the liner's profile.
+         */
+        get: operations["get_test"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/tests/{test_id}/report": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get a guided test as a page
+         * @description The report of one page, self-contained: verdict, checks, quantities, figure, what it was made of.
+         */
+        get: operations["get_test_report"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/tests/{test_id}/accept": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Store what a guided test offers
+         * @description Store the values that a test has found as the next version of the liner's profile. 409 if it offers
+         *     nothing, or the profile has been changed since the test; repeated, it answers with the version stored.
+         */
+        post: operations["accept_offer"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/jobs": {
         parameters: {
             query?: never;
@@ -1053,6 +1352,27 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/devices/{name}/curves": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get the last minutes, field by field
+         * @description Targets, points, residual, latency and widths of every measured field of the last minutes, and the
+         *     vacuum; `/curves/stream` goes on with them. Five minutes are kept, whether or not anybody looks.
+         */
+        get: operations["get_curves"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/devices/{name}/object": {
         parameters: {
             query?: never;
@@ -1143,9 +1463,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Check that every device can measure
-         * @description Check that every device streams, has a signal and can measure. 503 lists what is missing. `faults` says
-         *     what is wrong with the daemon itself, which does not keep it from measuring.
+         * Check that every device measures as it should
+         * @description Check that every device measures as it should: that it streams at its rate, loses no fields, has a
+         *     signal, a calibration that fits, and room on the disk. 503 lists what does not. `faults` says what is
+         *     wrong with the daemon itself, which does not keep it from measuring.
          */
         get: operations["get_readiness"];
         put?: never;
@@ -1340,6 +1661,11 @@ export interface components {
              * @description σ of what no parameter describes.
              */
             unmodelled_px: number;
+            /**
+             * Poses
+             * @description Poses of the calibration frame after the first.
+             */
+            poses?: components["schemas"]["PoseRow"][];
         };
         /**
          * AdjustmentSettings
@@ -1434,6 +1760,59 @@ export interface components {
             analyses: components["schemas"]["AnalysisRow"][];
         };
         /**
+         * AnalysisPreparation
+         * @description Inputs that an analysis would be made with if it were asked for now; nothing is computed or kept.
+         */
+        AnalysisPreparation: {
+            /**
+             * Run
+             * @description Run whose points would be analysed.
+             */
+            run: number;
+            /** @description The inputs, completed; the text of a vacuum log is left out. */
+            inputs: components["schemas"]["JsonObject"];
+            /**
+             * Sources
+             * @description Where inputs come from that the request lacks, by name, such as `vacuum.liner`.
+             */
+            sources?: {
+                [key: string]: string;
+            };
+            /**
+             * Profiles
+             * @description Versions of the profiles that inputs come from.
+             */
+            profiles?: components["schemas"]["ProfileUse"][];
+            /**
+             * Obtained
+             * @description How the values of the wall were obtained, by name, as the liner's profile tells.
+             */
+            obtained?: {
+                [key: string]: string;
+            };
+            /**
+             * Recorded
+             * @description Quantities that were recorded with the capture.
+             */
+            recorded?: string[];
+            /**
+             * Lacks
+             * @description Missing inputs and their consequences.
+             */
+            lacks?: string[];
+            /**
+             * Problems
+             * @description Everything for which the analysis would be refused.
+             */
+            problems?: string[];
+            /**
+             * Hint
+             * @description What to do about these.
+             * @default
+             */
+            hint?: string;
+        };
+        /**
          * AnalysisRequest
          * @description An analysis to run; missing inputs are not assumed, but reported as missing.
          * @example {
@@ -1491,6 +1870,12 @@ export interface components {
              * @default false
              */
             profiles?: boolean;
+            /**
+             * Configured
+             * @description Take the inputs that the configuration names for the device, `devices.NAME.analysis.inputs`, where `inputs` has none, as analyses do that follow a capture by themselves.
+             * @default false
+             */
+            configured?: boolean;
         };
         /**
          * AnalysisResult
@@ -1691,6 +2076,36 @@ export interface components {
             /** Xyz */
             xyz: number;
         };
+        /**
+         * BatchDocument
+         * @description Result of what was asked for several captures, each by itself.
+         */
+        BatchDocument: {
+            /**
+             * Done
+             * @description Ids of the captures that it was done with.
+             */
+            done: string[];
+            /** Failed */
+            failed: components["schemas"]["BatchFailure"][];
+            /**
+             * Jobs
+             * @description Ids of the jobs that were queued.
+             */
+            jobs?: string[];
+        };
+        /**
+         * BatchFailure
+         * @description A capture that something could not be done with.
+         */
+        BatchFailure: {
+            /** Capture */
+            capture: string;
+            /** Detail */
+            detail: string;
+            /** Hint */
+            hint: string;
+        };
         /** @enum {integer} */
         Bits: 1 | 2 | 3 | 4 | 5 | 6 | 8;
         /**
@@ -1756,6 +2171,13 @@ export interface components {
             Z0_mm: number;
             /** B */
             b: number[];
+            /**
+             * Polynomial
+             * @description What b1 to b9 give: the distortion, added to the ideal point, or the correction, added to the observed point.
+             * @default distortion
+             * @enum {string}
+             */
+            polynomial?: "distortion" | "correction";
             local_field?: components["schemas"]["LocalFieldDocument"] | null;
         };
         /**
@@ -2108,7 +2530,7 @@ export interface components {
             created_utc?: string | null;
             /**
              * Quantities
-             * @description Its main quantities with their standard deviations, those alone that were found: liner compression, overpressure, teat load, opening and closing time, pulsation rate and ratio; empty for an analysis of an earlier version.
+             * @description Its main quantities with their standard deviations, those alone that were found: liner compression, overpressure, teat load, opening and closing time, rate, ratio and stroke; of a ramp with the empty liner touch point and critical collapsing pressure difference and bending stiffness; empty for an analysis of an earlier version.
              */
             quantities?: components["schemas"]["QuantityDocument"][];
             /** @description Why the analysis came to nothing. */
@@ -2142,6 +2564,7 @@ export interface components {
          *             "name": "liner_compression_mean_kpa",
          *             "reason": "",
          *             "sigma": 1.1,
+         *             "sigma_common": 1,
          *             "unit": "kPa",
          *             "value": 11.8,
          *             "verdict": ""
@@ -2150,6 +2573,7 @@ export interface components {
          *             "name": "rate_per_min",
          *             "reason": "",
          *             "sigma": 0.1,
+         *             "sigma_common": 0,
          *             "unit": "1/min",
          *             "value": 60.2,
          *             "verdict": ""
@@ -2289,6 +2713,11 @@ export interface components {
              * @description Number of fields in the capture with their pictures, damaged ones and those without a signal included.
              */
             fields: number;
+            /**
+             * Length Fields
+             * @description Length that was asked for, in fields, lost ones included, while it is recording; null for one that lasts until it is stopped, and afterwards.
+             */
+            length_fields?: number | null;
             ledger: components["schemas"]["LedgerDocument"];
             /** Runs */
             runs: components["schemas"]["RunDocument"][];
@@ -2304,6 +2733,11 @@ export interface components {
             };
             /** Note */
             note: string;
+            /**
+             * Marks
+             * @description Marked fields, in order.
+             */
+            marks?: components["schemas"]["MarkDocument"][];
             /** Pinned */
             pinned: boolean;
             /** Size Bytes */
@@ -2327,6 +2761,7 @@ export interface components {
          *                 "name": "liner_compression_mean_kpa",
          *                 "reason": "",
          *                 "sigma": 1.1,
+         *                 "sigma_common": 1,
          *                 "unit": "kPa",
          *                 "value": 11.8,
          *                 "verdict": ""
@@ -2335,6 +2770,7 @@ export interface components {
          *                 "name": "rate_per_min",
          *                 "reason": "",
          *                 "sigma": 0.1,
+         *                 "sigma_common": 0,
          *                 "unit": "1/min",
          *                 "value": 60.2,
          *                 "verdict": ""
@@ -2450,6 +2886,7 @@ export interface components {
          *                 "name": "liner_compression_mean_kpa",
          *                 "reason": "",
          *                 "sigma": 1.1,
+         *                 "sigma_common": 1,
          *                 "unit": "kPa",
          *                 "value": 11.8,
          *                 "verdict": ""
@@ -2458,6 +2895,7 @@ export interface components {
          *                 "name": "rate_per_min",
          *                 "reason": "",
          *                 "sigma": 0.1,
+         *                 "sigma_common": 0,
          *                 "unit": "1/min",
          *                 "value": 60.2,
          *                 "verdict": ""
@@ -2597,7 +3035,7 @@ export interface components {
         };
         /**
          * CaptureList
-         * @description A page of captures, newest first.
+         * @description A page of captures.
          */
         CaptureList: {
             /** Captures */
@@ -2607,10 +3045,29 @@ export interface components {
              * @description `cursor` of the next page; null after the last one.
              */
             next?: string | null;
+            /**
+             * Total
+             * @description Number of captures that match, on all pages.
+             */
+            total: number;
+            /**
+             * In All
+             * @description Number of captures there are.
+             */
+            in_all: number;
+            /** @description Null unless asked for. */
+            facets?: components["schemas"]["FacetsDocument"] | null;
+            /**
+             * Widths Mm
+             * @description Course of the wall's width by capture, as from `captures/{capture_id}/widths`; captures for which nobody has asked yet are missing.
+             */
+            widths_mm?: {
+                [key: string]: (number | null)[];
+            };
         };
         /**
          * CapturePatch
-         * @description Changes to a capture's note, labels and pin; whatever is left out stays.
+         * @description Changes to a capture's note, labels, marks and pin; whatever is left out stays.
          * @example {
          *       "labels": {
          *         "cow": "113"
@@ -2628,6 +3085,25 @@ export interface components {
             pinned?: boolean | null;
             /** @description Labels to add to the present ones; null removes a label. */
             labels?: components["schemas"]["LabelChanges"] | null;
+            /** @description Names of fields to mark, by their numbers; a name replaces an earlier one, null removes a mark. */
+            marks?: components["schemas"]["MarkChanges"] | null;
+        };
+        /**
+         * CaptureSelection
+         * @description Several captures.
+         * @example {
+         *       "captures": [
+         *         "20260301T094211003Z",
+         *         "20260301T095502417Z"
+         *       ]
+         *     }
+         */
+        CaptureSelection: {
+            /**
+             * Captures
+             * @description Ids of captures.
+             */
+            captures: string[];
         };
         /** @enum {string} */
         CaptureState: "armed" | "recording" | "sealing" | "sealed" | "unsealed" | "damaged" | "disarmed";
@@ -2648,6 +3124,33 @@ export interface components {
             bits: number;
             /** Lines */
             lines: string;
+        };
+        /**
+         * CapturesPatch
+         * @description Changes to notes, labels and pins of several captures; whatever is left out stays.
+         * @example {
+         *       "captures": [
+         *         "20260301T094211003Z",
+         *         "20260301T095502417Z"
+         *       ],
+         *       "labels": {
+         *         "liner": "B"
+         *       },
+         *       "pinned": true
+         *     }
+         */
+        CapturesPatch: {
+            /**
+             * Captures
+             * @description Ids of captures.
+             */
+            captures: string[];
+            /** Note */
+            note?: string | null;
+            /** Pinned */
+            pinned?: boolean | null;
+            /** @description Labels to add to the present ones; null removes a label. */
+            labels?: components["schemas"]["LabelChanges"] | null;
         };
         /**
          * Cause
@@ -2767,8 +3270,16 @@ export interface components {
              * @description Times of every k-th reading, from the capture's first field on.
              */
             time_s: number[];
-            /** Kpa */
+            /**
+             * Kpa
+             * @description Vacuum below atmosphere; empty for a light.
+             */
             kpa: number[];
+            /**
+             * Level
+             * @description Readings of a light as measured; empty for a vacuum.
+             */
+            level: number[];
         };
         /**
          * ChannelGapDocument
@@ -2806,9 +3317,14 @@ export interface components {
             devices: string[];
             /**
              * Kpa
-             * @description Vacuum in kPa below atmosphere, the mean of the last half second; null while none comes.
+             * @description Vacuum in kPa below atmosphere, the mean of the last half second; null while none comes, and for a light.
              */
             kpa: number | null;
+            /**
+             * Level
+             * @description Newest reading of a light; null for a vacuum.
+             */
+            level?: number | null;
             /**
              * Sigma Kpa
              * @description Standard deviation of its calibration.
@@ -2968,6 +3484,8 @@ export interface components {
             /** @description Pose of the calibration frame relative to its pose at calibration. */
             placed: components["schemas"]["Placement"];
         };
+        /** @enum {string} */
+        CheckVerdict: "passed" | "failed" | "not certain" | "not checked";
         /**
          * ColumnDocument
          * @description A column of a table.
@@ -3225,7 +3743,7 @@ export interface components {
             created_utc?: string | null;
             /**
              * Quantities
-             * @description Its main quantities with their standard deviations, those alone that were found: liner compression, overpressure, teat load, opening and closing time, pulsation rate and ratio; empty for an analysis of an earlier version.
+             * @description Its main quantities with their standard deviations, those alone that were found: liner compression, overpressure, teat load, opening and closing time, rate, ratio and stroke; of a ramp with the empty liner touch point and critical collapsing pressure difference and bending stiffness; empty for an analysis of an earlier version.
              */
             quantities?: components["schemas"]["QuantityDocument"][];
             /** @description Why the analysis came to nothing. */
@@ -3276,6 +3794,7 @@ export interface components {
             losses: {
                 [key: string]: number;
             };
+            last_minute: components["schemas"]["LastMinute"];
             /**
              * Rebases
              * @description Changes of what the numbers and times of fields go by, since the daemon started.
@@ -3311,9 +3830,10 @@ export interface components {
             calibration: components["schemas"]["ActiveCalibration"] | null;
             /**
              * Lacks
-             * @description What keeps the device from measuring, as /readyz reports it.
+             * @description What keeps the device from measuring as it should, as /readyz reports it.
              */
             lacks: components["schemas"]["DeviceLackDocument"][];
+            health: components["schemas"]["DeviceHealth"];
             /**
              * Warnings
              * @description Warnings for people, in sentences.
@@ -3340,14 +3860,43 @@ export interface components {
             field_order: components["schemas"]["FieldOrderDocument"] | null;
             /** @description Null until one has ended; those of the last month are known after a restart. */
             latest_analysis?: components["schemas"]["DeviceAnalysis"] | null;
+            /** @description Null until one has ended; those of the last month are known after a restart. */
+            latest_test?: components["schemas"]["DeviceTest"] | null;
+            /** @description Null unless a field of the last seconds was measured. */
             live: components["schemas"]["LiveDocument"] | null;
+        };
+        /**
+         * DeviceHealth
+         * @description Health of a device and of what it needs: the computer, the disk, the daemon's records.
+         */
+        DeviceHealth: {
+            /** @description The worst of its parts; what is unknown does not count. */
+            level: components["schemas"]["HealthLevel"];
+            /** @description The part that is worst, the first if several are. */
+            part: components["schemas"]["HealthPart"] | null;
+            /**
+             * Message
+             * @description What is wrong with that part; empty if nothing is.
+             */
+            message: string;
+            /**
+             * Hint
+             * @description What to do about it.
+             */
+            hint: string;
+            /** @description Whether a capture may be started: `doubtful` if it would be of little use now, `refused` if there would be none. */
+            start: components["schemas"]["StartAdvice"];
+            /** Parts */
+            parts: {
+                [key: string]: components["schemas"]["HealthPartDocument"];
+            };
         };
         /**
          * DeviceLackDocument
          * @description A reason why a device cannot measure.
          */
         DeviceLackDocument: {
-            lacks: components["schemas"]["LackKind"];
+            lacks: components["schemas"]["HealthPart"];
             /** Message */
             message: string;
             /** Hint */
@@ -3382,6 +3931,78 @@ export interface components {
          * @enum {string}
          */
         DeviceState: "absent" | "opening" | "no_signal" | "ready" | "capturing" | "recovering" | "failed" | "ended";
+        /**
+         * DeviceTest
+         * @description The test that ended last of those of a device's captures.
+         */
+        DeviceTest: {
+            /**
+             * Capture
+             * @description Id of the newest of its captures.
+             */
+            capture: string;
+            /**
+             * State
+             * @enum {string}
+             */
+            state: "done" | "failed" | "cancelled";
+            /** @description Null if it came to nothing. */
+            test?: components["schemas"]["LinerTestRow"] | null;
+            /** @description Why it came to nothing. */
+            problem?: components["schemas"]["JobProblem"] | null;
+        };
+        /**
+         * FacetValue
+         * @description A value, and how many captures have it.
+         */
+        FacetValue: {
+            /** Value */
+            value: string;
+            /** Count */
+            count: number;
+        };
+        /**
+         * FacetsDocument
+         * @description Values of the captures that match, the most frequent first, at most fifty each; days the newest first.
+         *
+         *     Values of what is filtered by are counted without that filter: what another choice would give.
+         */
+        FacetsDocument: {
+            /** Device */
+            device: components["schemas"]["FacetValue"][];
+            /**
+             * Verdict
+             * @description complete, incomplete, damaged.
+             */
+            verdict: components["schemas"]["FacetValue"][];
+            /**
+             * Pinned
+             * @description 1 and 0.
+             */
+            pinned: components["schemas"]["FacetValue"][];
+            /**
+             * Analysed
+             * @description 1: it has an analysis; 0.
+             */
+            analysed: components["schemas"]["FacetValue"][];
+            /**
+             * Calibration
+             * @description Ids of those that the newest runs were made with.
+             */
+            calibration: components["schemas"]["FacetValue"][];
+            /**
+             * Days
+             * @description Such as 2026-03-01, in the time zone that was asked for.
+             */
+            days: components["schemas"]["FacetValue"][];
+            /**
+             * Labels
+             * @description By name.
+             */
+            labels: {
+                [key: string]: components["schemas"]["FacetValue"][];
+            };
+        };
         /**
          * FaultDocument
          * @description A fault of the daemon itself, its captures' folder or its settings.
@@ -3615,6 +4236,41 @@ export interface components {
             /** Version */
             version: string;
         };
+        /** @enum {string} */
+        HealthLevel: "good" | "unknown" | "warning" | "bad";
+        /** @enum {string} */
+        HealthPart: "device" | "signal" | "rate" | "lost" | "ring" | "computer" | "measurement" | "calibration" | "rig" | "order" | "disk" | "records" | "clock";
+        /**
+         * HealthPartDocument
+         * @description One part of the instrument.
+         */
+        HealthPartDocument: {
+            level: components["schemas"]["HealthLevel"];
+            /**
+             * Word
+             * @description Machine-readable word for what it is like, such as `off` or `moved`.
+             */
+            word: string;
+            /**
+             * Message
+             * @description What is wrong, with values; empty if nothing is.
+             * @default
+             */
+            message?: string;
+            /**
+             * Hint
+             * @description What to do about it.
+             * @default
+             */
+            hint?: string;
+            /** @description Machine-readable code of the cause, if it has one. */
+            cause_code?: components["schemas"]["Cause"] | null;
+            /**
+             * Since Utc
+             * @description Since when, if that is known.
+             */
+            since_utc?: string | null;
+        };
         /**
          * HeldOutPoint
          * @description A target that was measured without having taken part: position, error and σ.
@@ -3817,7 +4473,7 @@ export interface components {
              * Result
              * @description Result of a job that is done; its keys follow from `kind`.
              */
-            result?: components["schemas"]["AnalysisResult"] | components["schemas"]["CheckResult"] | components["schemas"]["IdentificationResult"] | components["schemas"]["MeasurementResult"] | components["schemas"]["CalibrationResult"] | null;
+            result?: components["schemas"]["AnalysisResult"] | components["schemas"]["CheckResult"] | components["schemas"]["IdentificationResult"] | components["schemas"]["LinerTestResult"] | components["schemas"]["MeasurementResult"] | components["schemas"]["CalibrationResult"] | null;
             /** @description Message and hint of a failed job. */
             problem?: components["schemas"]["JobProblem"] | null;
         };
@@ -3864,7 +4520,7 @@ export interface components {
          * @description A reason why a device cannot measure, with the device's name.
          */
         LackDocument: {
-            lacks: components["schemas"]["LackKind"];
+            lacks: components["schemas"]["HealthPart"];
             /** Message */
             message: string;
             /** Hint */
@@ -3874,8 +4530,6 @@ export interface components {
             /** Device */
             device: string;
         };
-        /** @enum {string} */
-        LackKind: "device" | "signal" | "calibration";
         /**
          * LagDocument
          * @description Delay from the vacuum's half height to half of the wall's stroke; negative: the wall is first.
@@ -3896,6 +4550,22 @@ export interface components {
              * @description σ of each.
              */
             sigma_s: number;
+        };
+        /**
+         * LastMinute
+         * @description Fields of the last minute.
+         */
+        LastMinute: {
+            /**
+             * Due
+             * @description Fields that should have come.
+             */
+            due: number;
+            /**
+             * Lost
+             * @description Those of them that did not come whole: lost, damaged or overrun.
+             */
+            lost: number;
         };
         Latency: {
             [key: string]: number;
@@ -4011,8 +4681,216 @@ export interface components {
             /** @description How captures of this liner are analysed unless the inputs say otherwise: `reference`, `plane`, `heights_mm`, `phases`, `sought_kpa`, `unseen`. */
             analysis?: components["schemas"]["JsonObject"] | null;
         };
+        /**
+         * LinerTestDocument
+         * @description A test of a liner.
+         */
+        LinerTestDocument: {
+            /**
+             * Schema
+             * @default grabberd/liner-test/1
+             * @constant
+             */
+            schema?: "grabberd/liner-test/1";
+            kind: components["schemas"]["LinerTestKind"];
+            /**
+             * Liner
+             * @description Name of the liner, from the captures' label; null if it has none.
+             */
+            liner: string | null;
+            /**
+             * Captures
+             * @description Captures that were evaluated, the oldest first.
+             */
+            captures: components["schemas"]["TestedCapture"][];
+            /**
+             * Analyses
+             * @description Number of the analysis of each; empty outside a daemon.
+             */
+            analyses?: number[];
+            /** Created Utc */
+            created_utc: string;
+            /**
+             * Version
+             * @description Version of the program.
+             */
+            version: string;
+            /** @description The worst of the checks that could be made. */
+            verdict: components["schemas"]["CheckVerdict"];
+            /** Checks */
+            checks: components["schemas"]["TestCheck"][];
+            /** Quantities */
+            quantities: components["schemas"]["TestQuantity"][];
+            /**
+             * Curves
+             * @description What the figures show.
+             */
+            curves?: components["schemas"]["TestCurve"][];
+            /**
+             * Problems
+             * @description Problems of the analyses in spite of which the test was completed.
+             */
+            problems?: string[];
+            /** @description Null if the test has nothing to offer. */
+            offer?: components["schemas"]["ProfileOffer"] | null;
+        };
+        /** @enum {string} */
+        LinerTestKind: "reference" | "ramp" | "milking" | "artificial-teat" | "wear";
+        /**
+         * LinerTestList
+         * @description A page of the tests, newest first.
+         */
+        LinerTestList: {
+            /** Tests */
+            tests: components["schemas"]["LinerTestRow"][];
+            /**
+             * Next
+             * @description `cursor` of the next page; null after the last one.
+             */
+            next?: string | null;
+        };
+        /**
+         * LinerTestRequest
+         * @description A guided test to make of captures that were taken for it.
+         * @example {
+         *       "captures": [
+         *         "20260301T093000125Z-barn",
+         *         "20260301T093100250Z-barn"
+         *       ],
+         *       "kind": "artificial-teat"
+         *     }
+         */
+        LinerTestRequest: {
+            /** @description The recipe. */
+            kind: components["schemas"]["LinerTestKind"];
+            /**
+             * Captures
+             * @description Ids of the captures, in any order; their labels find the profiles that complete the inputs, and state the known pressures and the milkings.
+             */
+            captures: string[];
+            /** @description Inputs of the analyses that win over profiles and recipe, as in `AnalysisRequest`. */
+            inputs?: components["schemas"]["JsonObject"];
+        };
+        /**
+         * LinerTestResult
+         * @description Result of a job `test`: a guided test of a liner.
+         */
+        LinerTestResult: {
+            /**
+             * Test
+             * @description Id of the test.
+             */
+            test: string;
+            kind: components["schemas"]["LinerTestKind"];
+            verdict: components["schemas"]["CheckVerdict"];
+            /**
+             * Analyses
+             * @description Number of the analysis of each capture, the oldest first.
+             */
+            analyses: number[];
+        };
+        /**
+         * LinerTestRow
+         * @description A test in a list.
+         */
+        LinerTestRow: {
+            /**
+             * Id
+             * @description Id of the test, which is that of the job that made it.
+             */
+            id: string;
+            kind: components["schemas"]["LinerTestKind"] | null;
+            /** Liner */
+            liner: string | null;
+            /**
+             * Captures
+             * @description Ids of its captures, the oldest first.
+             */
+            captures: string[];
+            /** Created Utc */
+            created_utc: string | null;
+            verdict: components["schemas"]["CheckVerdict"] | null;
+            /** Quantities */
+            quantities: components["schemas"]["TestQuantity"][];
+            /**
+             * Offers
+             * @description True if it offers a version of the liner's profile.
+             */
+            offers: boolean;
+            /**
+             * Problem
+             * @description Why it cannot be read; the others are then null or empty.
+             */
+            problem?: string | null;
+        };
         /** @enum {string} */
         LinesKind: "doubled" | "field";
+        /** @enum {string} */
+        ListedVerdict: "complete" | "incomplete" | "damaged";
+        /**
+         * LiveChannel
+         * @description The mean of a channel's readings, every 20 ms; there is no entry for a time without readings.
+         */
+        LiveChannel: {
+            /** Name */
+            name: string;
+            quantity: components["schemas"]["Quantity"];
+            /** Logger */
+            logger: string;
+            /** Time S */
+            time_s: number[];
+            /** Kpa */
+            kpa: number[];
+        };
+        /**
+         * LiveCurves
+         * @description The measured fields of a device, and its channels, over the last seconds.
+         *
+         *     All times are seconds of the monotonic clock of the daemon's computer. Messages overlap, so that one that
+         *     is missed leaves no gap. Every list but those of the channels has a value for each field.
+         */
+        LiveCurves: {
+            /** Device */
+            device: string;
+            /** Now S */
+            now_s: number;
+            /**
+             * Now Utc S
+             * @description The same moment in seconds since 1970 (UTC).
+             */
+            now_utc_s: number;
+            /**
+             * Time S
+             * @description Middle of the exposure of each field; one that was not measured is not there.
+             */
+            time_s: number[];
+            /**
+             * Targets
+             * @description Number of complete targets in each view.
+             */
+            targets: {
+                [key: string]: number[];
+            };
+            /** Points */
+            points: number[];
+            /**
+             * Residual Px
+             * @description Root mean square over the points.
+             */
+            residual_px: (number | null)[];
+            /**
+             * Latency Ms
+             * @description From the arrival of the field to its points.
+             */
+            latency_ms: (number | null)[];
+            /**
+             * Widths
+             * @description Distances between targets that face each other in the middle row, the outermost first.
+             */
+            widths: components["schemas"]["LiveWidths"][];
+            /** Channels */
+            channels: components["schemas"]["LiveChannel"][];
+        };
         /**
          * LiveDocument
          * @description The newest measured field.
@@ -4034,6 +4912,27 @@ export interface components {
              */
             widths: components["schemas"]["WidthDocument"][];
             latency_ms: components["schemas"]["Latency"] | null;
+        };
+        /**
+         * LiveWidths
+         * @description Distance between two facing targets, field by field.
+         */
+        LiveWidths: {
+            /** Targets */
+            targets: [
+                number,
+                number
+            ];
+            /**
+             * Width Mm
+             * @description Null where either target has no point.
+             */
+            width_mm: (number | null)[];
+            /**
+             * Sigma Mm
+             * @description Standard deviation from pointing and line jitter, without the calibration's.
+             */
+            sigma_mm: (number | null)[];
         };
         /**
          * LocalFieldDocument
@@ -4144,6 +5043,11 @@ export interface components {
                 [key: string]: number;
             };
             /**
+             * Lost
+             * @description Number of readings that are missing because of these, where it is known.
+             */
+            lost: number;
+            /**
              * Warnings
              * @description Warnings for people, in sentences.
              */
@@ -4193,6 +5097,22 @@ export interface components {
             columns: {
                 [key: string]: unknown[];
             };
+        };
+        MarkChanges: {
+            [key: string]: string | null;
+        };
+        /**
+         * MarkDocument
+         * @description A field that somebody has marked.
+         */
+        MarkDocument: {
+            /**
+             * N
+             * @description Number of the field.
+             */
+            n: number;
+            /** Name */
+            name: string;
         };
         /**
          * MeasurementRequest
@@ -4752,6 +5672,41 @@ export interface components {
             fields: components["schemas"]["FieldPoints"][];
         };
         /**
+         * PoseRow
+         * @description A pose of the calibration frame, in the coordinates of its first.
+         */
+        PoseRow: {
+            /**
+             * Capture
+             * @description Id of the capture that shows it.
+             */
+            capture?: string | null;
+            /**
+             * Turn Deg
+             * @description Angle of the rotation from the first pose.
+             */
+            turn_deg: number;
+            /** X Mm */
+            x_mm: number;
+            /** Y Mm */
+            y_mm: number;
+            /** Z Mm */
+            z_mm: number;
+            /** Sigma X Mm */
+            sigma_x_mm: number;
+            /** Sigma Y Mm */
+            sigma_y_mm: number;
+            /** Sigma Z Mm */
+            sigma_z_mm: number;
+            /** Image Points */
+            image_points: number;
+            /**
+             * Tau
+             * @description Root mean square of its standardised residuals: 1 where it agrees with the other poses.
+             */
+            tau: number;
+        };
+        /**
          * Problem
          * @description A problem document; `hint` tells what to do.
          * @example {
@@ -4843,6 +5798,27 @@ export interface components {
              * @description `cursor` of the next page; null after the last one.
              */
             next?: string | null;
+        };
+        /**
+         * ProfileOffer
+         * @description A liner's profile with the values that a test has found, not yet stored.
+         */
+        ProfileOffer: {
+            /**
+             * Profile
+             * @description Content of the profile's next version.
+             */
+            profile: components["schemas"]["ProfileContent"];
+            /**
+             * After
+             * @description Version that it was made from, 0 for none.
+             */
+            after: number;
+            /**
+             * Changes
+             * @description What it changes, in sentences.
+             */
+            changes: string[];
         };
         /**
          * ProfileRequest
@@ -5026,10 +6002,10 @@ export interface components {
         };
         /**
          * Quantity
-         * @description Quantity that a channel measures, each in kPa below atmosphere.
+         * @description Quantity that a channel measures: vacuum in kPa below atmosphere, or the light that relates clocks.
          * @enum {string}
          */
-        Quantity: "pulsation" | "liner" | "mouthpiece" | "milk_line";
+        Quantity: "pulsation" | "liner" | "mouthpiece" | "milk_line" | "light";
         /**
          * QuantityDocument
          * @description One of the field's own quantities, as in the table `quantities`, whose rows have its definition.
@@ -5050,6 +6026,11 @@ export interface components {
              */
             sigma: number | null;
             /**
+             * Sigma Common
+             * @description Part of `sigma` that captures analysed with the same liner values, gauges and model share: averaging them does not lessen it. Null in earlier ones.
+             */
+            sigma_common?: number | null;
+            /**
              * Verdict
              * @description By the limit that a standard sets; empty if there is none.
              * @default
@@ -5063,8 +6044,42 @@ export interface components {
             reason?: string;
         };
         /**
+         * QuantityStudied
+         * @description A quantity over the captures.
+         */
+        QuantityStudied: {
+            /** Name */
+            name: string;
+            /** Title */
+            title: string;
+            /** Definition */
+            definition: string;
+            /**
+             * Unit
+             * @description 1 for a ratio.
+             */
+            unit: string;
+            /** @description `differ` if any two groups do; empty without groups. */
+            verdict: components["schemas"]["StudyVerdict"];
+            /** Remarks */
+            remarks: string[];
+            /** Groups */
+            groups: string[];
+            values: components["schemas"]["StudyValues"];
+            /**
+             * Means
+             * @description One for each group.
+             */
+            means: components["schemas"]["StudyResult"][];
+            /** Differences */
+            differences: components["schemas"]["StudyDifference"][];
+            trend: components["schemas"]["StudyTrend"] | null;
+            /** Slopes */
+            slopes: (components["schemas"]["StudyResult"] | null)[] | null;
+        };
+        /**
          * ReadyDocument
-         * @description Every device can measure.
+         * @description Every device measures as it should.
          */
         ReadyDocument: {
             /**
@@ -5085,6 +6100,70 @@ export interface components {
          * @enum {string}
          */
         Rebase: "clock" | "arrivals" | "timestamps" | "begin" | "count" | "phase" | "numbers";
+        /**
+         * RecipeDocument
+         * @description Recipe of a guided test: its steps, and its captures.
+         */
+        RecipeDocument: {
+            /** @description Also the value of the label `test` of its captures. */
+            kind: components["schemas"]["LinerTestKind"];
+            /** Title */
+            title: string;
+            /**
+             * Duration S
+             * @description Length of a capture.
+             */
+            duration_s: number;
+            /**
+             * Bits
+             * @description Bits per pixel of a capture.
+             */
+            bits: number;
+            /**
+             * Several
+             * @description True if it evaluates several captures, on request; a test of one capture is made by itself as soon as the capture is sealed.
+             */
+            several: boolean;
+            /**
+             * Pulsates
+             * @description True if the pulsator runs, false if the wall stands still; null if it may do either.
+             */
+            pulsates: boolean | null;
+            /**
+             * Teat
+             * @description Whether there is a teat in the liner; null if there may be.
+             */
+            teat: boolean | null;
+            /**
+             * Steps
+             * @description What to do, in order.
+             */
+            steps: components["schemas"]["RecipeStep"][];
+        };
+        /**
+         * RecipeList
+         * @description The guided tests that there are.
+         */
+        RecipeList: {
+            /** Recipes */
+            recipes: components["schemas"]["RecipeDocument"][];
+        };
+        /**
+         * RecipeStep
+         * @description A step that the operator takes before a capture of a test is started.
+         */
+        RecipeStep: {
+            /**
+             * Name
+             * @description Name of the step, which never changes.
+             */
+            name: string;
+            /**
+             * Text
+             * @description What to do, in a sentence.
+             */
+            text: string;
+        };
         /**
          * RejectionRequest
          * @description Rejection of a calibration, with its reason.
@@ -5428,6 +6507,8 @@ export interface components {
             /** Dropped */
             dropped: boolean;
         };
+        /** @enum {string} */
+        StartAdvice: "allowed" | "doubtful" | "refused";
         /**
          * StateDocument
          * @description State of the devices, the disk and the daemon at a glance.
@@ -5482,6 +6563,213 @@ export interface components {
             /** Removed Bytes */
             removed_bytes: number;
         };
+        /**
+         * StudyDifference
+         * @description Two groups compared, the second less the first; `p` is adjusted after Holm for all pairs.
+         */
+        StudyDifference: {
+            /** Value */
+            value: number | null;
+            /** Sigma */
+            sigma: number | null;
+            /**
+             * Common
+             * @description Part of `sigma` that no number of captures lessens.
+             */
+            common: number | null;
+            /**
+             * Half Width
+             * @description Half of the 95 % interval.
+             */
+            half_width: number | null;
+            /**
+             * Dof
+             * @description Degrees of freedom of σ; null without scatter to judge by.
+             */
+            dof: number | null;
+            /**
+             * P
+             * @description Probability of a value at least as far from 0 if it were 0.
+             */
+            p: number | null;
+            /**
+             * First
+             * @description Index into the quantity's `groups`.
+             */
+            first: number;
+            /** Second */
+            second: number;
+            verdict: components["schemas"]["StudyVerdict"];
+        };
+        /**
+         * StudyDocument
+         * @description A study, as `grabberd study` writes it.
+         */
+        StudyDocument: {
+            /**
+             * Schema
+             * @constant
+             */
+            schema: "grabberd/study/1";
+            /** Created Utc */
+            created_utc: string;
+            /** Version */
+            version: string;
+            /**
+             * Select
+             * @description Ids of the captures that were asked for.
+             */
+            select: string[];
+            question: components["schemas"]["StudyQuestionDocument"];
+            /** Over Unit */
+            over_unit: string;
+            /** Over Label */
+            over_label: string;
+            /** Groups */
+            groups: string[];
+            /**
+             * Captures
+             * @description Number of captures that take part.
+             */
+            captures: number;
+            /** Remarks */
+            remarks: string[];
+            /** Quantities */
+            quantities: components["schemas"]["QuantityStudied"][];
+            /** Left Out */
+            left_out: components["schemas"]["StudyLeftOut"][];
+            /**
+             * Tables
+             * @description captures, quantities, groups, comparison, trend and left_out.
+             */
+            tables: {
+                [key: string]: components["schemas"]["TableDocument"];
+            };
+        };
+        /**
+         * StudyLeftOut
+         * @description A capture that takes no part, or a quantity that some captures lack, and why.
+         */
+        StudyLeftOut: {
+            /**
+             * Capture
+             * @description Its id; empty where a quantity is counted.
+             */
+            capture: string;
+            /**
+             * Quantity
+             * @description Its name; empty where the whole capture is left out.
+             */
+            quantity: string;
+            /** Reason */
+            reason: string;
+            /** Count */
+            count: number;
+        };
+        /**
+         * StudyQuestionDocument
+         * @description Question of a study: what was compared with what.
+         */
+        StudyQuestionDocument: {
+            /** By */
+            by: string | null;
+            /** Within */
+            within: string | null;
+            /** Unit */
+            unit: string | null;
+            /** Over */
+            over: string | null;
+            /** Quantities */
+            quantities: string[];
+        };
+        /**
+         * StudyResult
+         * @description A mean, or a change, with σ and what judges it; null where that is not known.
+         */
+        StudyResult: {
+            /** Value */
+            value: number | null;
+            /** Sigma */
+            sigma: number | null;
+            /**
+             * Common
+             * @description Part of `sigma` that no number of captures lessens.
+             */
+            common: number | null;
+            /**
+             * Half Width
+             * @description Half of the 95 % interval.
+             */
+            half_width: number | null;
+            /**
+             * Dof
+             * @description Degrees of freedom of σ; null without scatter to judge by.
+             */
+            dof: number | null;
+            /**
+             * P
+             * @description Probability of a value at least as far from 0 if it were 0.
+             */
+            p: number | null;
+        };
+        /**
+         * StudyTrend
+         * @description The slope that all groups share.
+         */
+        StudyTrend: {
+            /** Value */
+            value: number | null;
+            /** Sigma */
+            sigma: number | null;
+            /**
+             * Common
+             * @description Part of `sigma` that no number of captures lessens.
+             */
+            common: number | null;
+            /**
+             * Half Width
+             * @description Half of the 95 % interval.
+             */
+            half_width: number | null;
+            /**
+             * Dof
+             * @description Degrees of freedom of σ; null without scatter to judge by.
+             */
+            dof: number | null;
+            /**
+             * P
+             * @description Probability of a value at least as far from 0 if it were 0.
+             */
+            p: number | null;
+            verdict: components["schemas"]["TrendVerdict"];
+        };
+        /**
+         * StudyValues
+         * @description A quantity in every capture that has it.
+         */
+        StudyValues: {
+            /**
+             * Capture
+             * @description Ids.
+             */
+            capture: string[];
+            /**
+             * Group
+             * @description Indices into the quantity's `groups`.
+             */
+            group: number[];
+            /**
+             * Place
+             * @description On the axis of the trend; null without one.
+             */
+            place: (number | null)[];
+            /** Value */
+            value: number[];
+            /** Sigma */
+            sigma: (number | null)[];
+        };
+        /** @enum {string} */
+        StudyVerdict: "" | "differ" | "no difference shown" | "not tested";
         /**
          * TableDocument
          * @description A table, column by column.
@@ -5580,6 +6868,172 @@ export interface components {
         /** @enum {string} */
         TeatShape: "round" | "blunt" | "pointed" | "funnel" | "pocket" | "plate";
         /**
+         * TestCheck
+         * @description One check of a test: what was found, against its limit.
+         */
+        TestCheck: {
+            /**
+             * Name
+             * @description Name of the check, which never changes, such as `mounted_radius`.
+             */
+            name: string;
+            /**
+             * Title
+             * @description What is checked, in a few words.
+             */
+            title: string;
+            verdict: components["schemas"]["CheckVerdict"];
+            /**
+             * Value
+             * @description What was found; null if the check is no number.
+             */
+            value?: number | null;
+            /**
+             * Sigma
+             * @description Its standard deviation.
+             */
+            sigma?: number | null;
+            /**
+             * Unit
+             * @description Unit of value and σ; empty if there is no number.
+             * @default
+             */
+            unit?: string;
+            /**
+             * Limit
+             * @description Limit in words, such as `at most 0.5 kPa`.
+             * @default
+             */
+            limit?: string;
+            /**
+             * Reason
+             * @description Why it did not pass, with the values that it compared.
+             * @default
+             */
+            reason?: string;
+            /**
+             * Remedy
+             * @description What to do about it.
+             * @default
+             */
+            remedy?: string;
+        };
+        /**
+         * TestCurve
+         * @description Values of a figure of a test, over another quantity.
+         */
+        TestCurve: {
+            /**
+             * Name
+             * @description Name that never changes, such as `distance`.
+             */
+            name: string;
+            /** Title */
+            title: string;
+            /** X Title */
+            x_title: string;
+            /** X Unit */
+            x_unit: string;
+            /** Y Title */
+            y_title: string;
+            /** Y Unit */
+            y_unit: string;
+            /**
+             * Style
+             * @description How it is drawn; a mark is a place on x.
+             * @enum {string}
+             */
+            style: "line" | "points" | "mark";
+            /** X */
+            x: number[];
+            /** Y */
+            y: (number | null)[];
+            /**
+             * Sigma
+             * @description Standard deviation of each `y`.
+             */
+            sigma: (number | null)[];
+        };
+        /**
+         * TestQuantity
+         * @description A quantity that a test found.
+         */
+        TestQuantity: {
+            /** Name */
+            name: string;
+            /** Unit */
+            unit: string;
+            /**
+             * Value
+             * @description Null if nothing was found.
+             */
+            value: number | null;
+            /**
+             * Sigma
+             * @description Its standard deviation, in the same unit.
+             */
+            sigma: number | null;
+            /**
+             * Sigma Common
+             * @description Part of `sigma` that captures analysed with the same liner values, gauges and model share: averaging them does not lessen it. Null in earlier ones.
+             */
+            sigma_common?: number | null;
+            /**
+             * Verdict
+             * @description By the limit that a standard sets; empty if there is none.
+             * @default
+             */
+            verdict?: string;
+            /**
+             * Reason
+             * @description Why nothing was found.
+             * @default
+             */
+            reason?: string;
+            /** Title */
+            title: string;
+            /** Definition */
+            definition: string;
+        };
+        /**
+         * TestedCapture
+         * @description A capture that a test evaluated, and what it was captured and analysed with.
+         */
+        TestedCapture: {
+            /** Id */
+            id: string;
+            /** Captured Utc */
+            captured_utc: string;
+            /** Device */
+            device: string | null;
+            /**
+             * Run
+             * @description Run whose points were analysed.
+             */
+            run: number;
+            /** Bits */
+            bits: number;
+            /**
+             * Calibration
+             * @description Id of the calibration.
+             */
+            calibration: string | null;
+            /**
+             * Object Model
+             * @description Name of the object model.
+             */
+            object_model: string | null;
+            /** Labels */
+            labels: {
+                [key: string]: string;
+            };
+            /**
+             * Profiles
+             * @description Versions of the profiles that inputs came from.
+             */
+            profiles: components["schemas"]["ProfileUse"][];
+        };
+        /**
          * ThresholdConfig
          * @description Choice of the grey value that separates targets from the background.
          */
@@ -5599,6 +7053,8 @@ export interface components {
              */
             map?: boolean;
         };
+        /** @enum {string} */
+        TrendVerdict: "changes" | "no change shown" | "not tested";
         /**
          * Unknowns
          * @description The unknowns of the adjustment and the correlations between them.
@@ -5677,6 +7133,11 @@ export interface components {
              * @description Fraction of the targets' pixels at the camera's white level.
              */
             clipped: number;
+            /**
+             * Sharpness
+             * @description Sharpness of the targets' edges along the lines, whatever their brightness: 1 where only the pixels blur them; null if too few targets can be judged.
+             */
+            sharpness: number | null;
         };
         /**
          * VirtualCamera
@@ -5742,6 +7203,17 @@ export interface components {
             /** @description How well it was measured, target by target; null as in `RunDocument`. */
             coverage?: components["schemas"]["CoverageDocument"] | null;
             made_with: components["schemas"]["MadeWith"];
+        };
+        /**
+         * WidthCourse
+         * @description Course of the wall's width in few numbers.
+         */
+        WidthCourse: {
+            /**
+             * Widths Mm
+             * @description Distance between the outermost facing targets that are seen, ten a second over six seconds in the middle of the capture; null where it was not measured; empty without points.
+             */
+            widths_mm: (number | null)[];
         };
         /**
          * WidthDocument
@@ -5907,16 +7379,32 @@ export interface operations {
                 limit?: number;
                 /** @description `next` of the previous page. */
                 cursor?: string | null;
+                /** @description Count the values of what captures have in common. */
+                facets?: boolean;
+                /** @description Time zone of days and names, as Europe/Oslo. */
+                zone?: string;
+                /** @description Only pinned captures, or only unpinned ones. */
+                pinned?: boolean | null;
+                /** @description Only captures that have an analysis, or only those without. */
+                analysed?: boolean | null;
+                /** @description Only captures that have points, or only those without. */
+                measured?: boolean | null;
+                /** @description Only with one of these verdicts. */
+                verdict?: components["schemas"]["ListedVerdict"][] | null;
+                /** @description Only those whose newest run was made with one of these. */
+                calibration?: string[] | null;
+                /** @description NAME=VALUE: only captures with that label; of several with one name any will do. */
+                label?: string[] | null;
                 /** @description Only captures of this device. */
                 device?: string | null;
                 /** @description Only captures that started then or later. */
                 since?: string | null;
                 /** @description Only captures that started before. */
                 until?: string | null;
-                /** @description Only captures with this text in id, note or labels. */
+                /** @description Only captures with all of these words in note or labels, or as the id's begin. */
                 search?: string | null;
-                /** @description Only pinned captures, or only unpinned ones. */
-                pinned?: boolean | null;
+                /** @description time, length, losses, size or label.NAME; with a minus before it from the greatest down. What is not known of a capture comes last. */
+                sort?: string;
             };
             header?: never;
             path?: never;
@@ -5986,21 +7474,69 @@ export interface operations {
             507: components["responses"]["Problem507"];
         };
     };
+    patch_captures: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["CapturesPatch"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["BatchDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
     list_captures_as_csv: {
         parameters: {
             query?: {
                 /** @description Maximum number of rows. */
                 limit?: number;
+                /** @description Only pinned captures, or only unpinned ones. */
+                pinned?: boolean | null;
+                /** @description Only captures that have an analysis, or only those without. */
+                analysed?: boolean | null;
+                /** @description Only captures that have points, or only those without. */
+                measured?: boolean | null;
+                /** @description Only with one of these verdicts. */
+                verdict?: components["schemas"]["ListedVerdict"][] | null;
+                /** @description Only those whose newest run was made with one of these. */
+                calibration?: string[] | null;
+                /** @description NAME=VALUE: only captures with that label; of several with one name any will do. */
+                label?: string[] | null;
                 /** @description Only captures of this device. */
                 device?: string | null;
                 /** @description Only captures that started then or later. */
                 since?: string | null;
                 /** @description Only captures that started before. */
                 until?: string | null;
-                /** @description Only captures with this text in id, note or labels. */
+                /** @description Only captures with all of these words in note or labels, or as the id's begin. */
                 search?: string | null;
-                /** @description Only pinned captures, or only unpinned ones. */
-                pinned?: boolean | null;
+                /** @description time, length, losses, size or label.NAME; with a minus before it from the greatest down. What is not known of a capture comes last. */
+                sort?: string;
             };
             header?: never;
             path?: never;
@@ -6237,6 +7773,118 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["JobDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    delete_captures: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["CaptureSelection"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["BatchDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    analyse_captures: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description A key chosen by the client, e.g. a UUID. For a day, a request repeated with its key takes effect only once and gets the same response; a refused request can be repeated. */
+                "Idempotency-Key"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["CaptureSelection"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            202: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["BatchDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    get_captures_zip: {
+        parameters: {
+            query: {
+                /** @description Id of a capture; can be given repeatedly. */
+                capture: string[];
+                /** @description Time zone of days and names, as Europe/Oslo. */
+                zone?: string;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/zip": string;
                 };
             };
             401: components["responses"]["Problem401"];
@@ -6872,6 +8520,172 @@ export interface operations {
             507: components["responses"]["Problem507"];
         };
     };
+    get_thumbnail: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description ETag of the client's copy; 304 if it is current. */
+                "if-none-match"?: string | null;
+            };
+            path: {
+                /** @description Id of the capture. */
+                capture_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "image/png": string;
+                };
+            };
+            /** @description The client's copy is current. */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            410: components["responses"]["Problem410"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    get_widths: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Id of the capture. */
+                capture_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["WidthCourse"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            410: components["responses"]["Problem410"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    get_replay_points: {
+        parameters: {
+            query?: {
+                /** @description First field. */
+                first_n?: number;
+                /** @description Number of fields, those without points included. */
+                count?: number;
+                /** @description Number of the run; default: the latest completed one. */
+                run?: number | null;
+            };
+            header?: never;
+            path: {
+                /** @description Id of the capture. */
+                capture_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": string;
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            410: components["responses"]["Problem410"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    get_replay_pictures: {
+        parameters: {
+            query?: {
+                /** @description First field. */
+                first_n?: number;
+                /** @description Number of fields, lost ones included. */
+                count?: number;
+            };
+            header?: never;
+            path: {
+                /** @description Id of the capture. */
+                capture_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": string;
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            410: components["responses"]["Problem410"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
     analyse_capture: {
         parameters: {
             query?: never;
@@ -6898,6 +8712,45 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["JobDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    prepare_analysis: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Id of the capture. */
+                capture_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: {
+            content: {
+                "application/json": components["schemas"]["AnalysisRequest"] | null;
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["AnalysisPreparation"];
                 };
             };
             401: components["responses"]["Problem401"];
@@ -7757,6 +9610,273 @@ export interface operations {
             507: components["responses"]["Problem507"];
         };
     };
+    study_captures: {
+        parameters: {
+            query: {
+                /** @description Ids of captures; repeat the parameter. */
+                captures: string[];
+                /** @description What makes the groups: a label, device, date, or id. */
+                by?: string | null;
+                /** @description Compare the groups within this, such as cow. */
+                within?: string | null;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["StudyDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    list_tests: {
+        parameters: {
+            query?: {
+                /** @description Only tests by this recipe. */
+                kind?: components["schemas"]["LinerTestKind"] | null;
+                /** @description Only tests of the liner of this name. */
+                liner?: string | null;
+                /** @description Maximum number of results. */
+                limit?: number;
+                /** @description `next` of the previous page. */
+                cursor?: string | null;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["LinerTestList"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    make_test: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description A key chosen by the client, e.g. a UUID. For a day, a request repeated with its key takes effect only once and gets the same response; a refused request can be repeated. */
+                "Idempotency-Key"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["LinerTestRequest"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            202: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    list_recipes: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["RecipeList"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    get_test: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description ETag of the client's copy; 304 if it is current. */
+                "if-none-match"?: string | null;
+            };
+            path: {
+                /** @description Id of the test. */
+                test_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["LinerTestDocument"];
+                };
+            };
+            /** @description The client's copy is current. */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    get_test_report: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Id of the test. */
+                test_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/html": string;
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            501: components["responses"]["Problem501"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    accept_offer: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Id of the test. */
+                test_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ProfileDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
     list_jobs: {
         parameters: {
             query?: {
@@ -8206,6 +10326,44 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content?: never;
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    get_curves: {
+        parameters: {
+            query?: {
+                /** @description How far back. */
+                last_s?: number;
+            };
+            header?: never;
+            path: {
+                /** @description Name of the device. */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["LiveCurves"];
+                };
             };
             401: components["responses"]["Problem401"];
             403: components["responses"]["Problem403"];

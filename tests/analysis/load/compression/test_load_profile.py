@@ -1,12 +1,13 @@
 """The load over height: against walls that were solved as solids, with σ of heights and of their sums."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from analysis.load.profiles import DIFFERENCES_KPA, solved_profiles
-from analysis.walls import solved
+from analysis.walls import as_points, solved
 from grabberd.analysis.load.compression.load_profile import profile_heights
 from grabberd.analysis.load.load_fit import Response, posterior
 from grabberd.analysis.load.load_prior import Difference, LoadPrior, TubePrior
@@ -112,6 +113,35 @@ def test_sums_over_points_have_the_covariance_of_the_points():
     value, covariance = found.contact_kpa(basis)
     assert np.allclose(sums.value, weights @ value)
     assert np.allclose(sums.covariance, weights @ covariance @ weights.T)
+
+
+def test_the_noise_of_sums_is_how_far_they_scatter_with_the_noise_of_the_points():
+    liner = solved("reference-round")
+    open_liner = as_points(liner.places_mm(0.0), np.full(3, 0.005))
+    mounting = Mounting.of(liner.grid, liner.zones()[0].material, open_liner)
+    wall = WallModel(mounting.half, mounting.targets, LoadPrior(), TubePrior(0.035, 0.02, 0.1))
+    response = Response.of(wall, wall.start(Difference(5.0, 0.5)))
+    sights = mounting.sights(liner.points(5.0, 0), liner.grid)
+    found = posterior(response, sights, Difference(5.0, 0.5))
+    basis = wall.half.grid.basis(np.linspace(-15.0, 15.0, 40), np.linspace(-60.0, 60.0, 40))
+    weights = np.random.default_rng(0).normal(size=(1, 3, 40))
+    nothing = response.followers(np.zeros((1, wall.count)))
+    parts = found.noise_of_sums(basis, weights, nothing, mounting.shared_mm2)
+    own, of_reference = (one[:-1, :-1] for one in parts)
+    alone = mounting.sights(liner.points(5.0, 0), liner.grid, shared=False)
+    for part, covariance in ((own, alone.covariance), (of_reference, sights.covariance - alone.covariance)):
+        scattered = _scattered(found, basis, weights, covariance)
+        assert np.diagonal(part) == pytest.approx(np.diagonal(scattered), rel=0.35)
+        assert (np.diagonal(part) < np.diagonal(found.contact_sums(basis, weights).covariance)).all()
+
+
+def _scattered(found, basis, weights, covariance, draws=200, share=1e-2):
+    """Covariance of the sums, drawn: of a small part of the noise, since contact is not linear."""
+    root = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(covariance)))
+    noise = np.random.default_rng(1).normal(size=(draws, len(covariance))) @ root.T * share
+    moved = (replace(found.sights, value=found.sights.value + one) for one in noise)
+    sums = [posterior(found.response, one, found.difference).contact_sums(basis, weights) for one in moved]
+    return np.cov(np.array([one.value for one in sums]).T) / share**2
 
 
 def test_the_gap_is_that_of_the_inner_faces(closing):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.ramps import empty, guessed, open_liner, ramp
+from analysis.walls import SolvedLiner, solved_six
 from grabberd.analysis import collapse
 from grabberd.errors import AnalysisError
 from grabberd_fake.wall_quantities import buckling_kpa, touch_kpa
@@ -13,7 +14,12 @@ LEVELS = 120
 
 
 def found(design, last=1.02, seed=0, own_kpa=0.1, common_kpa=0.0, levels=LEVELS, thickness=1.0):
-    liner = empty(design)
+    return found_of(empty(design), last, seed, own_kpa, common_kpa, levels, thickness)
+
+
+def found_of(
+    liner: SolvedLiner, last=1.02, seed=0, own_kpa=0.1, common_kpa=0.0, levels=LEVELS, thickness=1.0
+):
     kpa = np.linspace(0.0, last * touch_kpa(liner.states), levels)
     levels = ramp(liner, kpa, seed, own_kpa, common_kpa)
     return collapse(liner.grid, guessed(liner, thickness=thickness), open_liner(liner), levels, common_kpa)
@@ -34,6 +40,16 @@ def test_the_liner_buckles_where_the_solved_one_does(all_designs):
         assert one.buckling_kpa.value == pytest.approx(buckling_kpa(states), abs=0.25)
 
 
+@pytest.mark.parametrize("design", ["reference", "wide", "stiffening", "thin"])
+@pytest.mark.parametrize("last", [1.02, 1.5])
+def test_targets_beside_the_fold_move_neither_touch_nor_buckling(design, last):
+    """Six columns reach round to where the wall folds."""
+    liner = solved_six(f"{design}-empty")
+    one = found_of(liner, last, own_kpa=0.05)
+    assert one.touch_kpa.value == pytest.approx(touch_kpa(liner.states), abs=0.25)
+    assert one.buckling_kpa.value == pytest.approx(buckling_kpa(liner.states), abs=0.3)
+
+
 def test_sigma_says_how_far_they_are_off():
     states = empty("thin").states
     many = [found("thin", seed=seed) for seed in range(8)]
@@ -44,7 +60,9 @@ def test_sigma_says_how_far_they_are_off():
 
 
 def test_the_gauge_s_own_error_is_not_averaged_out():
-    assert found("thin", common_kpa=0.5).touch_kpa.sigma > 0.5
+    one = found("thin", common_kpa=0.5)
+    assert one.touch_kpa.sigma > one.touch_common_kpa > 0.5  # with the wall's thickness
+    assert one.buckling_kpa.sigma > one.buckling_common_kpa == 0.5
 
 
 def test_a_thicker_wall_touches_earlier():
@@ -65,3 +83,10 @@ def test_a_ramp_that_does_not_come_near_touch_is_refused():
 def test_a_ramp_in_a_few_steps_is_refused():
     with pytest.raises(AnalysisError, match="cannot be read"):
         found("thin", levels=8)
+
+
+def test_a_ramp_that_goes_on_far_beyond_touch_says_the_same():
+    """There other rows come as low as the one that touched first."""
+    liner = empty("thin")
+    true_kpa = touch_kpa(liner.states)
+    assert found("thin", last=1.8, levels=2 * LEVELS).touch_kpa.value == pytest.approx(true_kpa, abs=0.3)

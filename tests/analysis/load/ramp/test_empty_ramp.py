@@ -54,6 +54,15 @@ def test_the_stiffness_is_better_known_than_its_parts(thin):
     assert found.stiffness_n_mm.value == pytest.approx(found.E_mpa * found.wall_mm**3 / 9)
 
 
+def test_the_gauge_and_the_rubber_s_law_are_common_to_ramps(thin):
+    _, _, found = thin
+    assert (found.common_sigma[:3] < found.sigma).all()
+    assert found.common_sigma[0] > 0.03  # that of the law alone
+    own = np.diagonal(found.own)
+    assert (own > 0).all()
+    assert np.hypot(found.common_sigma[:3], np.sqrt(own)) == pytest.approx(found.sigma)
+
+
 def test_each_level_that_is_not_fitted_says_why(thin):
     _, _, found = thin
     assert found.unused[0] == "not buckled enough to tell"

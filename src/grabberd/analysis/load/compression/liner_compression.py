@@ -1,14 +1,16 @@
 """Liner compression, teat load, massage and overpressure of the mean cycle."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate, Joint
+from grabberd.analysis.load.compression.chosen_heights import ChosenHeights
 from grabberd.analysis.load.compression.closed_liner import (
-    CERTAIN,
+    END_SHARE,
+    TEAT_END_MM,
     TeatHeights,
     mean_profile,
     phase_weights,
@@ -21,8 +23,6 @@ from grabberd.errors import AnalysisError
 
 Array = NDArray[np.float64]
 
-TEAT_END_MM = 10.0
-"""Length of tube, up to the teat's end, over which compression there is averaged: shorter patches blur."""
 COMPRESSION_SHARE, LOAD_SHARE = 0.08, 0.04
 """σ of the estimator itself by the value, on walls solved as solids, beyond that of its inputs and noise.
 
@@ -32,7 +32,7 @@ _DRAWS, _SEED = 400, 5
 """Of profiles, to find how far the place of a maximum scatters: its σ to 4 %."""
 
 _ARC = "round the wall from its middle to 10 mm, or to the outermost targets if they are nearer"
-_ON_TEAT = "over the heights at which the closed wall presses the teat"
+_ON_TEAT = "from the first row of targets on the teat to the teat's end"
 _CLOSED = "mean over wall phase d"
 _LITERATURE = "liner compression as in milking research: pressure of the closed liner on the teat's tissue"
 
@@ -72,8 +72,8 @@ QUANTITIES: Mapping[str, Quantity] = {
             "teat_end_x_mm",
             "height of the teat's end",
             "mm",
-            "Height on the mounted tube, x in the object's frame, of the last section, towards where "
-            f"opposite walls meet, that presses by more than {CERTAIN:g} σ with the walls held apart.",
+            "Height on the mounted tube, x in the object's frame, at which liner compression, towards where "
+            f"opposite walls meet, has fallen to {100 * END_SHARE:g} % of its greatest.",
             "found from the wall's load and gap",
         ),
         Quantity(
@@ -140,6 +140,7 @@ def liner_compression(
     profiles: Sequence[LoadProfile | None],
     wall: Phases,
     flow_stop_kpa: Estimate | None,
+    correlation: Array | None = None,
 ) -> LinerCompression:
     """Quantities of the closed liner in the mean cycle.
 
@@ -148,9 +149,10 @@ def liner_compression(
         profiles: (P,) the load over height at each; None where it is unknown.
         wall: the wall's phases.
         flow_stop_kpa: contact pressure at the teat's end at which milk just stops flowing; None if unknown.
+        correlation: (P, P) of the noise of the points at two phases; None if it goes together in full.
     """
     massage = Estimate(wall.durations_s.value[3], wall.durations_s.sigma[3])
-    found: dict[str, Estimate] = {"massage_time_s": massage}
+    found = {"massage_time_s": Finding.of(QUANTITIES["massage_time_s"], massage)}
     share = float(massage.value / wall.durations_s.value.sum())
     weights = phase_weights(phase, 1 - share, 1.0)
     known = [int(k) for k in np.flatnonzero(weights) if profiles[int(k)] is not None]
@@ -162,65 +164,95 @@ def liner_compression(
         )
         return LinerCompression(_findings(found, {}, reason), None, None)
     closing = [profile for k in known if (profile := profiles[k]) is not None]
-    closed = mean_profile(closing, weights[known])
+    alike = np.ones((len(phase),) * 2) if correlation is None else correlation
+    closed = mean_profile(closing, weights[known], alike[np.ix_(known, known)])
     try:
         heights = teat_heights(closed)
     except AnalysisError as error:
         return LinerCompression(_findings(found, {}, error.message), closed, None)
-    found |= _of_closed(closed, heights)
+    choice = ChosenHeights.of(closed, heights)
+    found |= _by_name(_of_closed(closed, heights, choice))
     reasons = dict.fromkeys(_OF_THE_END, heights.reason)
     if heights.end_mm is not None:
-        found |= _of_the_end(closed, closing, heights.teat, heights.end_mm, flow_stop_kpa)
+        found |= _by_name(_of_the_end(closed, closing, heights, choice, flow_stop_kpa))
         reasons["overpressure_kpa"] = (
             "flow_stop was not given: the contact pressure at the teat's end at which milk just stops flowing"
         )
     return LinerCompression(_findings(found, reasons, ""), closed, heights)
 
 
-def _of_closed(closed: LoadProfile, heights: TeatHeights) -> dict[str, Estimate]:
-    over = heights.teat * closed.spans_mm
-    mean = _with_model(closed.compression_kpa.summed(over / over.sum()))
+def _of_closed(closed: LoadProfile, heights: TeatHeights, choice: ChosenHeights) -> Iterator[Finding]:
+    over = closed.spans_within(heights.first_mm, heights.last_mm)
+    mean = _sum("liner_compression_mean_kpa", closed, over / over.sum(), choice.mean_kpa2)
+    yield mean
+    yield mean._replace(quantity=QUANTITIES["massage_pressure_kpa"])
     greatest, greatest_x_mm = _greatest(closed.compression_kpa, heights.teat, closed.x_mm)
+    yield _sum("liner_compression_greatest_kpa", closed, greatest)
+    yield Finding.shared(QUANTITIES["liner_compression_greatest_x_mm"], greatest_x_mm)
     peak, _ = _greatest(closed.load_n_per_mm, heights.teat, closed.x_mm)
-    return {
-        "liner_compression_mean_kpa": mean,
-        "liner_compression_greatest_kpa": _with_model(greatest),
-        "liner_compression_greatest_x_mm": greatest_x_mm,
-        "teat_load_peak_n_per_mm": _with_model(peak, LOAD_SHARE),
-        "teat_load_n": _with_model(closed.load_n_per_mm.summed(over), LOAD_SHARE),
-        "massage_pressure_kpa": mean,
-    }
+    yield _sum("teat_load_peak_n_per_mm", closed, peak)
+    yield _sum("teat_load_n", closed, over, choice.load_n2)
 
 
 def _of_the_end(
     closed: LoadProfile,
     closing: Sequence[LoadProfile],
-    teat: NDArray[np.bool_],
-    end_mm: Estimate,
+    heights: TeatHeights,
+    choice: ChosenHeights,
     flow_stop_kpa: Estimate | None,
-) -> dict[str, Estimate]:
-    found = {"liner_compression_teat_end_kpa": _at_end(closed, teat, end_mm), "teat_end_x_mm": end_mm}
+) -> Iterator[Finding]:
+    assert heights.end_mm is not None
+    last_mm, end_mm = heights.last_of_teat_mm, heights.end_mm
+    yield _at_end("liner_compression_teat_end_kpa", closed, last_mm, end_mm, choice.end_kpa2)
+    yield Finding.shared(QUANTITIES["teat_end_x_mm"], end_mm)
     if flow_stop_kpa is not None:
-        fullest = max(closing, key=lambda one: float(one.load_n_per_mm.value @ (teat * one.spans_mm)))
-        at_end = _at_end(fullest, teat, end_mm)
-        sigma = np.hypot(at_end.sigma, flow_stop_kpa.sigma)
-        found["overpressure_kpa"] = Estimate(at_end.value - flow_stop_kpa.value, sigma)
-    return found
+        teat_mm = (heights.first_mm, heights.last_mm)
+        fullest = max(closing, key=lambda one: float(one.load_n_per_mm.value @ one.spans_within(*teat_mm)))
+        at_end = _at_end("overpressure_kpa", fullest, last_mm, end_mm, choice.end_kpa2)
+        sigma, common = (float(np.hypot(one, flow_stop_kpa.sigma)) for one in (at_end.sigma, at_end.common))
+        yield at_end._replace(value=at_end.value - float(flow_stop_kpa.value), sigma=sigma, common=common)
 
 
-def _at_end(profile: LoadProfile, teat: NDArray[np.bool_], end_mm: Estimate) -> Estimate:
-    """Compression over the last `TEAT_END_MM` of the teat."""
-    from_end_mm = np.abs(profile.x_mm - float(end_mm.value))
-    over = teat * (from_end_mm < TEAT_END_MM) * profile.spans_mm
-    return _with_model(profile.compression_kpa.summed(over / over.sum()))
+def _at_end(
+    name: str, profile: LoadProfile, within_mm: tuple[float, float], end_mm: Estimate, chosen: float
+) -> Finding:
+    """Compression over the last of the teat.
+
+    It falls off steeply there, so σ has the part of the end's σ, which moves both limits.
+    """
+    over = profile.spans_within(*within_mm)
+    found = _sum(name, profile, over / over.sum(), chosen)
+    limits_kpa = np.interp(within_mm, profile.x_mm, profile.compression_kpa.value)
+    by_end_kpa = np.diff(limits_kpa)[0] / TEAT_END_MM * end_mm.sigma
+    sigma, common = (float(np.hypot(one, by_end_kpa)) for one in (found.sigma, found.common))
+    return found._replace(sigma=sigma, common=common)
 
 
-def _with_model(found: Estimate, share: float = COMPRESSION_SHARE) -> Estimate:
-    return Estimate(found.value, np.hypot(found.sigma, share * np.abs(found.value)))
+def _sum(name: str, profile: LoadProfile, weights: Array, chosen: float = 0.0) -> Finding:
+    """Sum over height of the load for a quantity in N, or of the compression for one in kPa.
+
+    Args:
+        name: of the quantity.
+        profile: the load over height.
+        weights: (H,) of the heights.
+        chosen: variance of the sum by the noise in the choice of its heights.
+    """
+    of_load = QUANTITIES[name].unit.startswith("N")
+    found = (profile.load_n_per_mm if of_load else profile.compression_kpa).summed(weights)
+    share = LOAD_SHARE if of_load else COMPRESSION_SHARE
+    variance = float(found.sigma) ** 2 + float(share * found.value) ** 2
+    own = 0.0
+    if profile.noise is not None:
+        count = len(weights)
+        part = slice(count, 2 * count) if of_load else slice(count)
+        own = max(float(weights @ profile.noise.covariance[part, part] @ weights), 0.0)
+    # Whatever is not noise of what was seen is the same in all captures that are given the same.
+    common = np.sqrt(max(variance - own, 0.0))
+    return Finding.of(QUANTITIES[name], Estimate(found.value, np.sqrt(variance + chosen)), float(common))
 
 
-def _greatest(joint: Joint, teat: NDArray[np.bool_], x_mm: Array) -> tuple[Estimate, Estimate]:
-    """Greatest value, and its height; σ of the height from draws of the profile."""
+def _greatest(joint: Joint, teat: NDArray[np.bool_], x_mm: Array) -> tuple[Array, Estimate]:
+    """Weights that pick the greatest value, and its height; σ of that from draws of the profile."""
     value, covariance, at_mm = joint.value[teat], joint.covariance[np.ix_(teat, teat)], x_mm[teat]
     index = int(np.argmax(value))
     root = np.linalg.cholesky(covariance + 1e-9 * np.trace(covariance) * np.eye(len(value)))
@@ -228,15 +260,17 @@ def _greatest(joint: Joint, teat: NDArray[np.bool_], x_mm: Array) -> tuple[Estim
     scatter_mm = np.sqrt(np.mean((at_mm[draws.argmax(axis=1)] - at_mm[index]) ** 2))
     spacing_mm = float(np.diff(x_mm).mean())
     height = Estimate(np.asarray(at_mm[index]), np.hypot(scatter_mm, spacing_mm / np.sqrt(12)))
-    return Estimate(value[index], np.sqrt(covariance[index, index])), height
+    return np.asarray(x_mm == at_mm[index], np.float64), height
+
+
+def _by_name(found: Iterable[Finding]) -> dict[str, Finding]:
+    return {one.quantity.name: one for one in found}
 
 
 def _findings(
-    found: Mapping[str, Estimate], reasons: Mapping[str, str], otherwise: str
+    found: Mapping[str, Finding], reasons: Mapping[str, str], otherwise: str
 ) -> tuple[Finding, ...]:
     return tuple(
-        Finding.of(quantity, found[name])
-        if name in found
-        else Finding.missing(quantity, reasons.get(name, otherwise))
+        found.get(name) or Finding.missing(quantity, reasons.get(name, otherwise))
         for name, quantity in QUANTITIES.items()
     )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate, Joint
 from grabberd.analysis.gauss import gauss_rule
-from grabberd.analysis.load.load_fit import Posterior
+from grabberd.analysis.load.load_fit import Followers, Posterior
 from grabberd.analysis.load.wall_model import WallModel
 from grabberd.analysis.wall.shell import Geometry, inner_area
 
@@ -25,6 +25,27 @@ _SEEN_POINTS, _FLANK_POINTS = 8, 5
 Twice as many change compression and load by less than 1 %.
 """
 _N_PER_KPA_MM2 = 1e-3
+_BY_VALUES, _HEIGHT = (6, 4), 2
+"""Derivatives of a quantity by x, y, z and s and their derivatives along the wall; which is that by z."""
+
+
+class Noise(NamedTuple):
+    """Part of the covariance of a load over H heights that comes from the noise of what was seen.
+
+    Of compression, load and gap, one after the other.
+
+    Attributes:
+        own: (3 H, 3 H) by the state's own points; `reference`: by the reference state's, which all states of
+            a capture share.
+    """
+
+    own: Array
+    reference: Array
+
+    @property
+    def covariance(self) -> Array:
+        """(3 H, 3 H) of both."""
+        return self.own + self.reference
 
 
 class LoadProfile(NamedTuple):
@@ -40,6 +61,7 @@ class LoadProfile(NamedTuple):
         length: (H,) present length of the tube over its mounted one.
         gap_mm: (H,) between the inner faces of opposite walls, on the line that faces the cameras. The
             hidden half is taken for the seen one's mirror image; σ is that of the wall's thickness alone.
+        noise: part of the covariances by the noise of what was seen; None if it was not asked for.
     """
 
     x_mm: Array
@@ -47,12 +69,30 @@ class LoadProfile(NamedTuple):
     load_n_per_mm: Joint
     length: Array
     gap_mm: Estimate
+    noise: Noise | None = None
+
+    @property
+    def borders_mm(self) -> Array:
+        """(H + 1,) on the mounted tube: each height stands for what is up to halfway to its neighbours."""
+        return np.concatenate([self.x_mm[:1], (self.x_mm[1:] + self.x_mm[:-1]) / 2, self.x_mm[-1:]])
 
     @property
     def spans_mm(self) -> Array:
-        """(H,) present length of the tube that each height stands for, up to halfway to its neighbours."""
-        borders = np.concatenate([self.x_mm[:1], (self.x_mm[1:] + self.x_mm[:-1]) / 2, self.x_mm[-1:]])
-        spans: Array = np.diff(borders) * self.length
+        """(H,) present length of the tube that each height stands for."""
+        return self.spans_within(float(self.x_mm[0]), float(self.x_mm[-1]))
+
+    def moved(self, compression_kpa: Array, load_n_per_mm: Array, gap_mm: Array) -> "LoadProfile":
+        """The profile with something added to each height's values."""
+        compression, load, gap = self.compression_kpa, self.load_n_per_mm, self.gap_mm
+        return self._replace(
+            compression_kpa=compression._replace(value=compression.value + compression_kpa),
+            load_n_per_mm=load._replace(value=load.value + load_n_per_mm),
+            gap_mm=gap._replace(value=gap.value + gap_mm),
+        )
+
+    def spans_within(self, first_mm: float, last_mm: float) -> Array:
+        """(H,) the same, of a stretch of the mounted tube; 0 for heights that stand for none of it."""
+        spans: Array = np.diff(np.clip(self.borders_mm, first_mm, last_mm)) * self.length
         return spans
 
 
@@ -78,14 +118,22 @@ class Sections:
         heights, grid = len(x_mm), model.half.grid
         self._x_mm, self._weights_mm, self._seen = x_mm, weights, seen
         self._basis = grid.basis(np.tile(s_mm, heights), np.repeat(x_mm, len(s_mm)))
+        self._crest = grid.basis(np.zeros(heights), x_mm)
+        self._gaps: list[Followers] = []
         # Beside them the crest, where the gap is read: one geometry serves both.
         self._with_crest = grid.basis(
             np.concatenate([np.tile(s_mm, heights), np.zeros(heights)]),
             np.concatenate([np.repeat(x_mm, len(s_mm)), x_mm]),
         )
 
-    def profile(self, found: Posterior) -> LoadProfile:
-        """The load over height in one state of the wall."""
+    def profile(self, found: Posterior, reference_mm2: Array | None = None) -> LoadProfile:
+        """The load over height in one state of the wall.
+
+        Args:
+            found: the wall.
+            reference_mm2: covariance of the targets' places by the reference state, to have the part of the
+                noise told apart; None to save its time.
+        """
         control, count = found.control, len(self._x_mm)
         by_section = (count, len(self._weights_mm))
         geometry = Geometry.of(self._with_crest, control)
@@ -98,13 +146,29 @@ class Sections:
         facing = (geometry.area * inner_area(forms, depth_mm) * geometry.normal[:, 2])[sections]
         force = _N_PER_KPA_MM2 * self._weights_mm * facing.reshape(by_section) / length[:, np.newaxis]
         mean = np.broadcast_to(self._weights_mm * self._seen, by_section) / (self._weights_mm @ self._seen)
-        sums = found.contact_sums(self._basis, np.stack([mean, force], axis=1))
+        weights = np.stack([mean, force], axis=1)
+        sums = found.contact_sums(self._basis, weights)
+        noise = None if reference_mm2 is None else self._noise(found, weights, reference_mm2)
         compression, load = (_part(sums, slice(start, None, 2)) for start in (0, 1))
         inner_mm = self._with_crest.of(control[:, 2]) + depth_mm * geometry.director()[:, 2]
         relative = float(np.sqrt(found.tube_values()[1][1, 1]))
         # The targets are on the outer face, so the inner one is off by the whole error of the thickness.
         gap_mm = Estimate(2 * inner_mm[sections.stop :], np.full(count, 2 * tube.thickness_mm * relative))
-        return LoadProfile(self._x_mm, compression, load, length, gap_mm)
+        return LoadProfile(self._x_mm, compression, load, length, gap_mm, noise)
+
+    def _noise(self, found: Posterior, weights: Array, reference_mm2: Array) -> Noise:
+        """Noise of the sums with these weights, and of the gap."""
+        gap = next((one for one in self._gaps if one.response is found.response), None)
+        if gap is None:
+            by_values = np.zeros((len(self._x_mm), 1, *_BY_VALUES))
+            by_values[:, 0, 0, _HEIGHT] = 2.0
+            by_control = self._crest.by_control(by_values)
+            gap = found.response.followers(found.model.followed(found.linear, by_control))
+        self._gaps = [*[one for one in self._gaps if one is not gap][-1:], gap]
+        count = len(self._x_mm)
+        order = np.r_[0 : 2 * count : 2, 1 : 2 * count : 2, 2 * count : 3 * count]
+        parts = found.noise_of_sums(self._basis, weights, gap, reference_mm2)
+        return Noise(*(one[np.ix_(order, order)] for one in parts))
 
 
 def _rule(borders_mm: tuple[float, ...]) -> tuple[Array, Array, Array]:

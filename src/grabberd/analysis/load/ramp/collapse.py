@@ -31,9 +31,12 @@ difference.
 Liners of radius by thickness 4.8 to 5.8 fall most steeply at .22 to .27. A minimum sought in noisy data is
 too steep.
 """
-_NEAR_TOUCH, _TOUCHING = 0.35, 0.02
-"""Of the radius: height from which the wall is drawn on to the touch, and below which it counts as
-touching."""
+_NEAR_TOUCH, _DRAWN_TO, _TOUCHING = 0.35, 0.07, 0.02
+"""Of the radius: heights from which and down to which the wall is drawn on to the touch, and below which it
+counts as touching.
+
+After the touch a wall comes on slowly, and is a little over the plane if the axis is not where it was said.
+"""
 _LEAST_SIGMA_KPA = 1e-3
 
 
@@ -43,10 +46,14 @@ class Collapse(NamedTuple):
     Attributes:
         touch_kpa: TPPD, at which opposite walls just touch.
         buckling_kpa: CCPD, at which the open wall's line meets the steepest fall of the buckling one.
+        touch_common_kpa, buckling_common_kpa: part of their σ that other ramps share: by the gauge, and for
+            the touch by the wall's thickness.
     """
 
     touch_kpa: Estimate
     buckling_kpa: Estimate
+    touch_common_kpa: float
+    buckling_common_kpa: float
 
 
 def collapse(
@@ -56,7 +63,7 @@ def collapse(
     levels: Sequence[RampLevel],
     common_sigma_kpa: float,
 ) -> Collapse:
-    """The collapse of the liner, at the row of targets where it goes farthest.
+    """The collapse of the liner, at the row of targets where its walls meet first.
 
     Args:
         grid: targets of the object model, on a cylinder.
@@ -73,13 +80,30 @@ def collapse(
     heights = row_heights(mounting, grid, levels)
     kpa = np.array([level.difference.kpa for level in levels])
     own_kpa = np.array([max(level.difference.sigma_kpa, _LEAST_SIGMA_KPA) for level in levels])
-    row = int(np.nan_to_num(heights.value, nan=np.inf).min(axis=0).argmin())
+    row = _first_to_touch(heights.value, kpa, radius_mm)
     seen = np.isfinite(heights.value[:, row])
     curve = _Curve(kpa[seen], own_kpa[seen], heights.value[seen, row], heights.sigma[seen, row])
-    touch = _touch(curve, radius_mm, material.wall_sigma_mm)
+    touch, slope = _touch(curve, radius_mm)
     buckling = _buckling(curve.before_touch(radius_mm), radius_mm)
-    both = [Estimate(one.value, np.hypot(one.sigma, common_sigma_kpa)) for one in (touch, buckling)]
-    return Collapse(*both)
+    common_kpa = float(np.hypot(common_sigma_kpa, slope * material.wall_sigma_mm)), common_sigma_kpa
+    touch, buckling = (
+        Estimate(one.value, np.hypot(one.sigma, shared_kpa))
+        for one, shared_kpa in zip((touch, buckling), common_kpa, strict=True)
+    )
+    return Collapse(touch, buckling, *common_kpa)
+
+
+def _first_to_touch(height_mm: Array, kpa: Array, radius_mm: float) -> int:
+    """The row whose walls meet first.
+
+    It is lowest on the way to the touch. Later others come as low, and noise would choose among them.
+    """
+    rising = np.nan_to_num(height_mm, nan=np.inf)[np.argsort(kpa)]
+    least_mm = rising.min(axis=1)
+    touching = np.flatnonzero(least_mm < _TOUCHING * radius_mm)
+    before = rising[: touching[0] + 1] if len(touching) else rising
+    near = before[before.min(axis=1) < _NEAR_TOUCH * radius_mm]
+    return int((near if len(near) else before[-1:]).mean(axis=0).argmin())
 
 
 class _Curve(NamedTuple):
@@ -113,12 +137,14 @@ class _Curve(NamedTuple):
         return found, covariance * beyond
 
 
-def _touch(curve: _Curve, radius_mm: float, wall_sigma_mm: float) -> Estimate:
+def _touch(curve: _Curve, radius_mm: float) -> tuple[Estimate, float]:
+    """Pressure difference at height 0, and its slope over the height."""
     near = curve.before_touch(radius_mm)
     near = near.only(near.height_mm < _NEAR_TOUCH * radius_mm)
-    if len(near.kpa) < 4:
+    drawn = near.only(near.height_mm > _DRAWN_TO * radius_mm)
+    if len(drawn.kpa) < 4:
         raise AnalysisError(
-            f"the touch of opposite walls cannot be read: {len(near.kpa)} levels have walls that are less "
+            f"the touch of opposite walls cannot be read: {len(drawn.kpa)} levels have walls that are less "
             f"than {2 * _NEAR_TOUCH * radius_mm:.1f} mm apart and do not touch, 4 are needed",
             _HINT,
         )
@@ -128,9 +154,8 @@ def _touch(curve: _Curve, radius_mm: float, wall_sigma_mm: float) -> Estimate:
             f"{2 * near.height_mm.min():.1f} mm apart",
             _HINT,
         )
-    found, covariance = near.polynomial(near.height_mm, 2)
-    wall_kpa = found[1] * wall_sigma_mm
-    return Estimate(np.asarray(found[0]), np.sqrt(covariance[0, 0] + wall_kpa**2))
+    found, covariance = drawn.polynomial(drawn.height_mm, 2)
+    return Estimate(np.asarray(found[0]), np.sqrt(covariance[0, 0])), float(found[1])
 
 
 def _buckling(curve: _Curve, radius_mm: float) -> Estimate:

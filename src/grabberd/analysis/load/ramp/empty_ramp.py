@@ -36,7 +36,7 @@ _PART = 0.5
 _SIGMA_STIFFNESS = 0.1
 """σ of ln E t³ above which the ramp would not help a map of the pressure."""
 _LEAST_SIGMA_KPA = 1e-3
-_LAW = 0.03
+LAW_SIGMA = 0.03
 """σ of ln E for what the rubber's law and the liner's shape may differ from the model's.
 
 Six solved liners: with the model's law and a straight barrel E t³ is right to .01; with a stiffening law
@@ -52,7 +52,7 @@ class LinerValues:
 
     Attributes:
         E_mpa, wall_mm, F0_n: Young's modulus, thickness and pretension of the mounted liner.
-        covariance: (3, 3) of their logarithms.
+        covariance: (3, 3) of their logarithms; `own`: (3, 3) its part by the noise of this ramp.
         used: indices of the levels that were fitted.
         difference_kpa: of those levels, after the fit.
         misfit: of their points, by coordinate; about 1 is usual, above 2 refused.
@@ -63,6 +63,7 @@ class LinerValues:
     wall_mm: float
     F0_n: float
     covariance: Array
+    own: Array
     used: tuple[int, ...]
     difference_kpa: Estimate
     misfit: float
@@ -73,6 +74,13 @@ class LinerValues:
         """(3,) standard deviations of ln E, ln t, ln F0."""
         sigma: Array = np.sqrt(np.diagonal(self.covariance))
         return sigma
+
+    @property
+    def common_sigma(self) -> Array:
+        """(4,) part of σ that other ramps share: of ln E, ln t, ln F0 and ln E t³."""
+        variances = (*np.diagonal(self.covariance), _stiffness_sigma(self.covariance) ** 2)
+        own = (*np.diagonal(self.own), _stiffness_sigma(self.own) ** 2)
+        return np.sqrt(np.maximum(np.subtract(variances, own), 0.0))
 
     @property
     def stiffness_n_mm(self) -> Estimate:
@@ -137,7 +145,7 @@ def liner_values(
     buckled = _BUCKLED * material.radius_mm
     fit = fit_ramp(ramp, [fallen_mm[index] * (fallen_mm[index] > buckled) for index in used])
     misfit, covariance = float(fit.misfit.mean()), fit.covariance[:TUBE_VALUES, :TUBE_VALUES].copy()
-    covariance[0, 0] += _LAW**2
+    covariance[0, 0] += LAW_SIGMA**2
     _check(misfit, covariance, len(used))
     young, thickness, pretension = np.exp(fit.values[:TUBE_VALUES])
     return LinerValues(
@@ -145,6 +153,7 @@ def liner_values(
         wall_mm=float(material.wall_mm * thickness),
         F0_n=float(material.F0_n * pretension),
         covariance=covariance,
+        own=fit.own[:TUBE_VALUES, :TUBE_VALUES],
         used=tuple(used),
         difference_kpa=Estimate(fit.values[TUBE_VALUES:], np.sqrt(np.diagonal(fit.covariance)[TUBE_VALUES:])),
         misfit=misfit,
@@ -222,7 +231,9 @@ def _ramp(
         sights,
         np.concatenate([np.zeros(TUBE_VALUES), kpa]),
         covariance,
-        mounting.shared_mm2 + _model_mm2(mounting),
+        own**2,
+        mounting.shared_mm2,
+        _model_mm2(mounting),
     )
 
 

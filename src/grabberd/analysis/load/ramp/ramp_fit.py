@@ -25,6 +25,7 @@ _LONGEST_MM = 0.6
 _NEAR_MM, _SETTLED_MM = 0.1, 0.01
 """Movement in a step below which a state is near enough to join the others, and below which all have
 settled."""
+_HINT = "check the material, the ends that hold the liner, and that nothing is in it"
 
 
 class Ramp(NamedTuple):
@@ -34,14 +35,23 @@ class Ramp(NamedTuple):
         wall: the empty wall; `sights`: of each state, with the covariance of that state alone.
         mean: (3 + L,) the values before the ramp: the liner's own, and the pressure differences in kPa.
         covariance: (3 + L, 3 + L) of `mean`.
-        common_mm2: (3 T, 3 T) covariance of what errs alike in all states: the open wall, and the model.
+        noise_kpa2: (L,) part of the pressure differences' variances that is each state's alone.
+        reference_mm2: (3 T, 3 T) covariance of what errs alike in all states of this ramp: the open wall.
+        model_mm2: (3 T, 3 T) that of what errs alike in all ramps: the model.
     """
 
     wall: EmptyWall
     sights: Sequence[Sights]
     mean: Array
     covariance: Array
-    common_mm2: Array
+    noise_kpa2: Array
+    reference_mm2: Array
+    model_mm2: Array
+
+    @property
+    def common_mm2(self) -> Array:
+        """(3 T, 3 T) covariance of what errs alike in all states."""
+        return self.reference_mm2 + self.model_mm2
 
     def of_state(self, index: int) -> list[int]:
         """The four values of one state."""
@@ -49,7 +59,7 @@ class Ramp(NamedTuple):
 
     def directions(self, index: int) -> sparse.csr_matrix:
         """(M, 3 T) a state's sights as combinations of all targets' places."""
-        return self.sights[index].directions(len(self.common_mm2) // 3)
+        return self.sights[index].directions(len(self.model_mm2) // 3)
 
     def weight(self, index: int) -> Array:
         """(M, M) weight of a state's sights."""
@@ -63,11 +73,13 @@ class RampFit(NamedTuple):
 
     Attributes:
         values: (3 + L,) as in `Ramp.mean`, with `covariance`.
+        own: (3 + L, 3 + L) part of the covariance by the noise of this ramp: of its points and levels.
         misfit: (L,) of each state's sights, by coordinate; 1 is usual.
     """
 
     values: Array
     covariance: Array
+    own: Array
     misfit: Array
 
 
@@ -96,7 +108,7 @@ def fit_ramp(ramp: Ramp, amplitude_mm: Sequence[float]) -> RampFit:
             normal[np.ix_(at, at)] += by_values.T @ weight @ by_values
             right[at] += by_values.T @ weight @ away
             settlings.append(settling)
-        change = np.asarray(np.linalg.solve(normal, right), np.float64)
+        change = _solved(normal, right)
         moves = [_move(one, change[ramp.of_state(index)]) for index, one in enumerate(settlings)]
         longest_mm = max(float(np.abs(move).max()) for move in moves)
         share = min(1.0, _LONGEST_MM / longest_mm)
@@ -107,23 +119,29 @@ def fit_ramp(ramp: Ramp, amplitude_mm: Sequence[float]) -> RampFit:
                 _misfit(*_seen(ramp.sights[index], one), change[ramp.of_state(index)], weights[index])
                 for index, one in enumerate(settlings)
             ]
-            return RampFit(values, _covariance(ramp, settlings, weights, normal), np.array(misfit))
+            return RampFit(values, *_covariances(ramp, settlings, weights, normal), np.array(misfit))
     raise _unsettled(f"all {len(shapes)} states together", longest_mm)
 
 
-def _covariance(ramp: Ramp, settlings: Sequence[Settling], weights: Sequence[Array], normal: Array) -> Array:
-    """Covariance of the values; what errs alike in all states does not average out over them."""
+def _covariances(
+    ramp: Ramp, settlings: Sequence[Settling], weights: Sequence[Array], normal: Array
+) -> tuple[Array, Array]:
+    """Covariance of the values, and its part by noise; what all states share does not average out."""
     inverse = np.asarray(np.linalg.inv(normal), np.float64)
-    total, alone = np.zeros((len(normal), len(ramp.common_mm2))), np.zeros_like(normal)
+    common_mm2, prior = ramp.common_mm2, np.asarray(np.linalg.inv(ramp.covariance), np.float64)
+    total, alone = np.zeros((len(normal), len(common_mm2))), np.zeros_like(normal)
+    noise = (prior[:, TUBE_VALUES:] * ramp.noise_kpa2) @ prior[TUBE_VALUES:]
     for index, (settling, weight) in enumerate(zip(settlings, weights, strict=True)):
         at = ramp.of_state(index)
         _, by_values = _seen(ramp.sights[index], settling)
-        share = by_values.T @ weight @ ramp.directions(index)
+        pull = by_values.T @ weight
+        share = pull @ ramp.directions(index)
         total[at] += share
-        alone[np.ix_(at, at)] += share @ ramp.common_mm2 @ share.T
-    beyond = total @ ramp.common_mm2 @ total.T - alone
-    covariance: Array = inverse + inverse @ beyond @ inverse
-    return covariance
+        alone[np.ix_(at, at)] += share @ common_mm2 @ share.T
+        noise[np.ix_(at, at)] += pull @ ramp.sights[index].covariance @ pull.T
+    beyond = total @ common_mm2 @ total.T - alone
+    noise += total @ ramp.reference_mm2 @ total.T
+    return inverse + inverse @ beyond @ inverse, inverse @ noise @ inverse
 
 
 def _followed(ramp: Ramp, amplitude_mm: Sequence[float]) -> list[Array]:
@@ -149,9 +167,7 @@ def _near(ramp: Ramp, index: int, shape: Array, values: Array) -> tuple[Array, A
         settling = ramp.wall.settling(shape, values)
         away, by_values = _seen(ramp.sights[index], settling)
         normal = by_values.T @ weight @ by_values + prior
-        change = np.asarray(
-            np.linalg.solve(normal, by_values.T @ weight @ away + prior @ (mean - values)), np.float64
-        )
+        change = _solved(normal, by_values.T @ weight @ away + prior @ (mean - values))
         move = _move(settling, change)
         longest_mm = float(np.abs(move).max())
         share = min(1.0, _LONGEST_MM / longest_mm)
@@ -159,6 +175,20 @@ def _near(ramp: Ramp, index: int, shape: Array, values: Array) -> tuple[Array, A
         if longest_mm < _NEAR_MM:
             return shape, values
     raise _unsettled(f"{mean[-1]:.3g} kPa", longest_mm)
+
+
+def _solved(normal: Array, right: Array) -> Array:
+    """Change of the values.
+
+    Raises:
+        AnalysisError: the wall is nowhere near what was seen, so that nothing determines them.
+    """
+    try:
+        return np.asarray(np.linalg.solve(normal, right), np.float64)
+    except np.linalg.LinAlgError as error:
+        raise AnalysisError(
+            "the empty liner has no equilibrium near what was seen: nothing determines its values", _HINT
+        ) from error
 
 
 def _seen(sights: Sights, settling: Settling) -> tuple[Array, Array]:
@@ -182,5 +212,5 @@ def _unsettled(where: str, longest_mm: float) -> AnalysisError:
     return AnalysisError(
         f"the empty liner has no equilibrium near what was seen at {where}: after {_STEPS} steps the wall "
         f"still moves by {longest_mm:.2g} mm a step",
-        "check the material, the ends that hold the liner, and that nothing is in it",
+        _HINT,
     )

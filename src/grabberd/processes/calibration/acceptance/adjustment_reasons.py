@@ -31,7 +31,7 @@ def adjustment_reasons(
 def _left_out(result: CalibrateResult, explained: set[int]) -> Iterator[Reason]:
     blunders = [one for one in result.blunders if one.target not in explained]
     ids = ", ".join(f"{one.view} {result.frame.target[one.target]}" for one in blunders)
-    share = len(blunders) / (len(blunders) + len(result.adjustment.network))
+    share = len(blunders) / (len(blunders) + result.image_points)
     yield from graded(share, LEFT_OUT_SHARE).reason(
         "left_out",
         f"{len(blunders)} image points contradict the others and were left out: {ids}",

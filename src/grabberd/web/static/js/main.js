@@ -18,7 +18,8 @@ async function catalogue() {
 
 const context = createContext(first, await catalogue(), language);
 const connection = createConnection(context.store, context.api);
-document.body.append(createShell(context));
+// The frame without its panel, which the daemon wrote into the page, was there to be seen at once.
+document.getElementById("waiting")?.replaceWith(createShell(context));
 context.store.subscribe(
   (known) => known.session !== null,
   (isKnown) => (isKnown ? connection.start() : connection.stop()),

@@ -31,16 +31,16 @@ const MOST_LINES = 3;
 /** @type {Over[]} */
 const OVERS = ["time", "phase"];
 
+/** @typedef {{label: string, column: string, values: (number | null)[], sigma: (number | null)[]}} Line */
 
-/** @typedef {{label: string, values: (number | null)[], sigma: (number | null)[]}} Line */
-
-/** @param {Context} context @param {Analysis} document */
-export function createCurves(context, document) {
+/** @param {Context} context @param {Analysis} document @param {string} file begin of the files' names */
+export function createCurves(context, document, file) {
   const { t, format } = context;
   const place = el("div", { class: "plots-grid" });
   const none = el("p", { class: "muted" });
   const over = OVERS.filter((one) => one === "time" || column(document.tables.phases, "phase").length);
-  const choices = el("div", { class: "choices analysis-over", role: "radiogroup", "aria-label": t("analysis.over.title"), hidden: over.length < 2 }, over.map((one) => el("label", {}, el("input", { type: "radio", name: "analysis-over", checked: one === "time", on: { change: () => show(one) } }), t(`analysis.over.${one}`))));
+  const first = over.at(-1) ?? "time"; // the mean cycle, as in the report
+  const choices = el("div", { class: "choices analysis-over", role: "radiogroup", "aria-label": t("analysis.over.title"), hidden: over.length < 2 }, over.map((one) => el("label", {}, el("input", { type: "radio", name: "analysis-over", checked: one === first, on: { change: () => show(one) } }), t(`analysis.over.${one}`))));
   const element = el("section", { class: "stack" }, el("div", { class: "row between" }, el("h2", {}, t("analysis.curves")), choices), place, none);
   /** @type {ReturnType<typeof createChart>[]} */
   let charts = [];
@@ -64,7 +64,7 @@ export function createCurves(context, document) {
   function linesOf(chart, table, over) {
     const key = over === "time" ? "time_s" : "phase";
     if (chart.lines) {
-      const lines = chart.lines.map((name) => ({ label: t(`analysis.line.${name}`), values: column(table, name), sigma: column(table, `sigma_${name}`) }));
+      const lines = chart.lines.map((name) => ({ label: t(`analysis.line.${name}`), column: name, values: column(table, name), sigma: column(table, `sigma_${name}`) }));
       return { x: column(table, key), lines: lines.filter((line) => hasAny(line.values)) };
     }
     return sectionsOf(table, key);
@@ -77,20 +77,25 @@ export function createCurves(context, document) {
     const rows = (/** @type {number | null} */ height) => heights.map((one, i) => (one === height ? i : -1)).filter((i) => i >= 0);
     const each = [...new Set(heights)].slice(0, MOST_LINES).map((height) => ({ height, rows: rows(height) }));
     const pick = (/** @type {string} */ what, /** @type {number[]} */ of) => of.map((i) => column(table, what)[i] ?? null);
-    const lines = each.map((one) => ({ label: t("analysis.line.height", { mm: format.number(one.height, 0) }), values: pick(name, one.rows), sigma: pick(`sigma_${name}`, one.rows) }));
+    const lines = each.map((one) => ({ label: t("analysis.line.height", { mm: format.number(one.height, 0) }), column: `${name.replace("_mm", "")}_at_${one.height}_mm`, values: pick(name, one.rows), sigma: pick(`sigma_${name}`, one.rows) }));
     return { x: each.length ? pick(key, each[0].rows) : [], lines: lines.filter((line) => hasAny(line.values)) };
   }
 
-  /** @param {Chart} chart @param {Over} over @param {(number | null)[]} x @param {Line[]} lines */
-  function chartOf(chart, over, x, lines) {
+  /** @param {Chart} chart @param {Over} over @param {(number | null)[]} places @param {Line[]} lines */
+  function chartOf(chart, over, places, lines) {
     const when = over === "time" ? (/** @type {number} */ s) => `${format.number(s, 1)} s` : (/** @type {number} */ share) => `${format.number(share * 100, 0)} %`;
     const title = t(`analysis.curve.${chart.name}`);
-    const made = createChart(context, { title, unit: chart.unit, digits: chart.digits, when, band: true, together: `analysis-${over}`, lines: lines.map((line, i) => ({ label: line.label, ink: INKS[i] })) });
-    const samples = x.flatMap((time_s, i) => (time_s === null ? [] : [{ time_s, i }]));
-    const edge = (/** @type {number} */ sigmas) => (/** @type {{i: number}} */ { i }) => edgeOf(lines[0], i, sigmas);
-    const columns = columnsOf(samples, [...lines.map((line) => (/** @type {{i: number}} */ { i }) => line.values[i]), edge(1), edge(-1)], over === "time" ? 1.5 * FIELD_S : 1);
+    const inks = lines.map((line, i) => ({ label: line.label, column: line.column, ink: INKS[i] }));
+    const x = { name: over === "time" ? "time_s" : "phase", label: t(`analysis.axis.${over}`) };
+    const made = createChart(context, { title, unit: chart.unit, digits: chart.digits, when, x, band: true, together: `analysis-${over}`, lines: inks, file: `${file}-${chart.name}-${over}` });
+    const samples = places.flatMap((time_s, i) => (time_s === null ? [] : [{ time_s, i }]));
+    /** @typedef {{i: number}} Sample */
+    const edge = (/** @type {number} */ sigmas) => (/** @type {Sample} */ { i }) => edgeOf(lines[0], i, sigmas);
+    const picks = [...lines.map((line) => (/** @type {Sample} */ { i }) => line.values[i]), edge(1), edge(-1), ...lines.map((line) => (/** @type {Sample} */ { i }) => line.sigma[i])];
+    const columns = columnsOf(samples, picks, over === "time" ? 1.5 * FIELD_S : 1);
     const summary = summaryOf(columns[1]);
-    made.set(columns, summary ? t("plots.words", { name: title, last: format.number(summary.last, chart.digits), least: format.number(summary.least, chart.digits), greatest: format.number(summary.greatest, chart.digits) }) : title);
+    const words = summary ? t("plots.words", { name: title, last: format.number(summary.last, chart.digits), least: format.number(summary.least, chart.digits), greatest: format.number(summary.greatest, chart.digits) }) : title;
+    made.set(columns.slice(0, lines.length + 3), words, columns.slice(lines.length + 3));
     return made;
   }
 
@@ -98,7 +103,7 @@ export function createCurves(context, document) {
     charts.forEach((one) => one.end());
     charts = [];
   }
-  show("time");
+  show(first);
   return { element, end };
 }
 

@@ -30,9 +30,9 @@ export const GROUPS = {
   reference: [{ path: "reference", kinds: ["nominal", "field", "phase"], numbers: { nominal: [], field: [number("field", "")], phase: [number("phase", "0…1")] } }],
   material: [{ path: "material", kinds: ["neo_hookean", "linear"], numbers: { neo_hookean: MATERIAL, linear: MATERIAL } }],
   vacuum: [
-    { path: "vacuum.pulsation", kinds: ["constant", "wave", "log"], numbers: { constant: CONSTANT, wave: WAVE, log: [] } },
-    { path: "vacuum.liner", kinds: ["constant", "log"], numbers: { constant: CONSTANT, log: [] } },
-    { path: "vacuum.clock", kinds: ["offset", "lag"], numbers: { offset: [number("s", "s"), number("sigma_s", "s")], lag: [number("opening_s", "s"), number("closing_s", "s"), number("sigma_s", "s"), number("near_s", "s")] } },
+    { path: "vacuum.pulsation", kinds: ["constant", "wave", "channel", "log"], numbers: { constant: CONSTANT, wave: WAVE, channel: [], log: [] } },
+    { path: "vacuum.liner", kinds: ["constant", "channel", "log"], numbers: { constant: CONSTANT, channel: [], log: [] } },
+    { path: "vacuum.clock", kinds: ["light", "offset", "lag"], numbers: { light: [], offset: [number("s", "s"), number("sigma_s", "s")], lag: [number("opening_s", "s"), number("closing_s", "s"), number("sigma_s", "s"), number("near_s", "s")] } },
   ],
   pressure: [{ path: "", numbers: { "": [number("sought_kpa", "kPa", true)] } }],
   sections: [

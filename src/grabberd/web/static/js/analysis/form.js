@@ -1,18 +1,14 @@
 // The questions of an analysis: each with its unit and a word what it is. What is left empty is not computed.
-import { el, fill, symbol } from "../core/dom.js";
+import { el, fill } from "../core/dom.js";
 import { GROUPS, NAMES } from "./fields.js";
-import { ENDS, askedOf, inputsOf, keyOf, lacksOf, missingOf, usesLog } from "./inputs.js";
+import { askedOf, inputsOf, keyOf, missingOf, usesLog } from "./inputs.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { Asked, Part } from "./fields.js" */
 /** @import { Values } from "./inputs.js" */
 
-/**
- * @param {Context} context
- * @param {() => void} changed
- * @param {() => Set<string>} given inputs that come from elsewhere, by the names of what lacks without them
- */
-export function createForm(context, changed, given) {
+/** @param {Context} context @param {() => void} changed */
+export function createForm(context, changed) {
   const { t } = context;
   /** @type {Values} */
   let values = {};
@@ -20,13 +16,11 @@ export function createForm(context, changed, given) {
   const file = el("input", { class: "input", type: "file", accept: ".csv,.txt,text/csv", on: { change: read } });
   const logged = el("label", { class: "field", hidden: true, data: { asked: "log" } }, el("span", { class: "field-label" }, t("analysis.log.label")), file, el("span", { class: "field-hint" }, t("analysis.log.about")));
   const bodies = Object.fromEntries(NAMES.map((name) => [name, el("div", { class: "stack" })]));
-  const lacks = Object.fromEntries(NAMES.map((name) => [name, el("p", { class: "analysis-lack" })]));
   const element = el("div", { class: "stack" }, NAMES.map(group));
 
   /** @param {string} name */
   function group(name) {
-    const about = el("p", { class: "field-hint" }, t(`analysis.group.${name}.about`));
-    return el("fieldset", { class: "analysis-group", data: { group: name } }, el("legend", {}, t(`analysis.group.${name}.title`)), about, lacks[name], bodies[name], name === "vacuum" && logged);
+    return el("fieldset", { class: "analysis-group", data: { group: name } }, el("legend", {}, t(`analysis.group.${name}.title`)), bodies[name], name === "vacuum" && logged);
   }
 
   async function read() {
@@ -63,13 +57,6 @@ export function createForm(context, changed, given) {
 
   function tell() {
     logged.hidden = !usesLog(values);
-    const known = given();
-    const without = lacksOf(values).filter((lack) => !known.has(lack));
-    for (const name of NAMES) {
-      const words = without.filter((lack) => groupOf(lack) === name).map((lack) => t(`analysis.lack.${lack}`));
-      lacks[name].hidden = !words.length;
-      fill(lacks[name], symbol("info"), el("span", {}, [...new Set(words)].join(" ")));
-    }
     changed();
   }
 
@@ -82,12 +69,10 @@ export function createForm(context, changed, given) {
 
   set({});
   return {
-    element, set, tell,
+    element, set,
+    values: () => ({ ...values }),
     request: () => ({ inputs: inputsOf(values), ...(usesLog(values) ? { vacuum_log: log } : {}) }),
     /** Labels of the inputs that are still missing. */
     missing: () => missingOf(values, log).map((key) => (key === "log" ? t("analysis.log.label") : t(`analysis.number.${key.split(".").pop()}.label`))),
   };
 }
-
-/** In which group something is that lacks. @param {string} lack */
-const groupOf = (lack) => ({ [ENDS]: "material", vacuum_pulsation: "vacuum", vacuum_liner: "vacuum", sought_kpa: "pressure", plane: "sections" })[lack] ?? lack;

@@ -5,8 +5,9 @@ import { GROUPS, NAMES } from "./fields.js";
 /** @import { AnalysisInputs, VacuumSource } from "types/open_documents" */
 
 /** @typedef {Record<string, string>} Values what was filled in, by part and name: "material" → "linear", "material.E_mpa" → "3" */
-/** Where the liner is held, as the instrument names it among what lacks. */
-export const ENDS = "material_first_end_mm_material_last_end_mm";
+const LIGHT = "light";
+/** A vacuum that was recorded, and has no numbers here. */
+const RECORDED = ["log", "channel"];
 const HEIGHTS = [".height1", ".height2", ".height3"];
 
 /** @param {Part} part @param {string} name */
@@ -39,9 +40,15 @@ function referenceOf(values) {
 
 /** @param {Values} values */
 function vacuumOf(values) {
-  const source = (/** @type {string} */ path) => (!values[path] ? undefined : values[path] === "log" ? "log" : numbers(path, values));
+  const source = (/** @type {string} */ path) => (!values[path] ? undefined : RECORDED.includes(values[path]) ? values[path] : numbers(path, values));
+  return known({ pulsation: source("vacuum.pulsation"), liner: source("vacuum.liner"), ...clockOf(values) });
+}
+
+/** What relates the clocks of camera and vacuum. @param {Values} values */
+function clockOf(values) {
   const clock = values["vacuum.clock"];
-  return known({ pulsation: source("vacuum.pulsation"), liner: source("vacuum.liner"), ...(clock ? { [clock]: numbers("vacuum.clock", values) } : {}) });
+  if (!clock) return {};
+  return clock === LIGHT ? { offset: LIGHT } : { [clock]: numbers("vacuum.clock", values) };
 }
 
 /** @param {Values} values */
@@ -67,13 +74,6 @@ export function missingOf(values, log) {
 /** True if the logger's file is needed. @param {Values} values */
 export const usesLog = (values) => [values["vacuum.pulsation"], values["vacuum.liner"]].includes("log");
 
-/** Results that cannot be computed for lack of inputs. @param {Values} values @returns {string[]} names of texts */
-export function lacksOf(values) {
-  const held = given(values, "material.first_end_mm") && given(values, "material.last_end_mm");
-  const lacks = { reference: !values.reference, material: !values.material, [ENDS]: Boolean(values.material) && !held, vacuum_pulsation: !values["vacuum.pulsation"], vacuum_liner: !values["vacuum.liner"], sought_kpa: !given(values, ".sought_kpa"), plane: !values.plane };
-  return Object.entries(lacks).filter(([, lack]) => lack).map(([name]) => name);
-}
-
 /** Inputs as they would be filled in; what this form has no place for is named. @param {AnalysisInputs} inputs */
 export function valuesOf(inputs) {
   /** @type {Values} */
@@ -83,9 +83,12 @@ export function valuesOf(inputs) {
   if (material?.law) choose(values, "material", material.law, material);
   for (const side of /** @type {const} */ (["pulsation", "liner"])) {
     const source = vacuum[side];
-    if (source) choose(values, `vacuum.${side}`, kindOf(source), source === "log" ? {} : source);
+    if (source) choose(values, `vacuum.${side}`, kindOf(source), typeof source === "string" ? {} : source);
   }
-  for (const clock of /** @type {const} */ (["offset", "lag"])) if (vacuum[clock]) choose(values, "vacuum.clock", clock, vacuum[clock]);
+  const { offset, lag } = vacuum;
+  if (lag) choose(values, "vacuum.clock", "lag", lag);
+  else if (offset === LIGHT) choose(values, "vacuum.clock", LIGHT, {});
+  else if (offset) choose(values, "vacuum.clock", "offset", offset);
   if (typeof plane === "string") values.plane = plane;
   else if (plane) choose(values, "plane", "own", Object.fromEntries(["x", "y", "z", "nx", "ny", "nz"].map((name, i) => [name, [...plane.point_mm, ...plane.normal][i]])));
   const single = { sought_kpa: inputs.sought_kpa, phases: inputs.phases };
@@ -95,7 +98,7 @@ export function valuesOf(inputs) {
 }
 
 /** @param {VacuumSource} source */
-const kindOf = (source) => (source === "log" ? "log" : "rate_per_min" in source ? "wave" : "constant");
+const kindOf = (source) => (typeof source === "string" ? source : "rate_per_min" in source ? "wave" : "constant");
 
 /** @param {Values} values @param {string} path @param {string} kind @param {Record<string, unknown>} numbers */
 function choose(values, path, kind, numbers) {

@@ -48,8 +48,14 @@ export function createMaps(context, path, document) {
   function begin(one) {
     kind = one;
     slider.max = String(Math.max(0, kinds[kind].length - 1));
-    slider.value = "0";
+    slider.value = String(kind === "phase" ? mostPressed() : 0);
     look();
+  }
+
+  /** The state of the mean cycle that presses most: the report's first page shows it. */
+  function mostPressed() {
+    const pressure = column(document.tables.phases, "mean_contact_kpa");
+    return hasAny(pressure) ? pressure.indexOf(Math.max(...pressure.map((value) => value ?? -Infinity))) : 0;
   }
 
   /** @param {string} name */

@@ -1,16 +1,15 @@
-// Asking for an analysis.
-import { newKey, statusOf } from "../core/api.js";
-import { el, fill, setText, symbol } from "../core/dom.js";
+// Asking for an analysis: what is known is there already, one press is enough; a value may still be changed.
+import { ApiProblem, newKey, statusOf } from "../core/api.js";
+import { el, setText, symbol } from "../core/dom.js";
 import { createJob } from "../jobs/job.js";
-import { createFound } from "../profiles/found.js";
-import { createBursts } from "./bursts.js";
-import { createForm } from "./form.js";
-import { valuesOf } from "./inputs.js";
-import { lastInputs } from "./take_over.js";
+import { createChanges } from "./changes.js";
+import { createPreparation } from "./preparation.js";
+import { keepDraft } from "./draft.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { AnalysisResult, AnalysisRow, Capture, JobWith } from "types/documents" */
-/** @import { AnalysisInputs } from "types/open_documents" */
+/** @import { AnalysisPreparation, AnalysisResult, AnalysisRow, Capture, JobWith } from "types/documents" */
+
+const PAUSE_MS = 500;
 
 /**
  * @param {Context} context
@@ -19,24 +18,52 @@ import { lastInputs } from "./take_over.js";
  * @param {(number: number) => void} made
  */
 export function createRequest(context, capture, own, made) {
-  const { t, api, format } = context;
-  const offer = el("div", { hidden: true });
+  const { t, api } = context;
+  const path = /** @type {const} */ (`/captures/${encodeURIComponent(capture.id)}`);
   const why = el("p", { id: "analysis-why", role: "status" });
-  const start = el("button", { class: "button primary", type: "submit", data: { do: "analyse" }, "aria-describedby": "analysis-why" }, symbol("maps"), t("analysis.start"));
+  const start = el("button", { class: "button primary large wide", type: "submit", data: { do: "analyse" }, "aria-describedby": "analysis-why" }, symbol("maps"), t("analysis.start"));
+  const preparation = createPreparation(context, capture);
+  const changes = createChanges(context, capture, own, soon);
+  const job = createJob(context, { title: t("analysis.running"), busy: setBusy, done: (/** @type {JobWith<AnalysisResult>} */ ended) => end(ended.result.analysis) });
+  const body = el("form", { class: "stack", novalidate: true, on: { submit: submit } }, el("div", { class: "stack" }, start, why), preparation.element, changes.element);
+  const element = el("div", { class: "stack" }, job.element, body);
+  /** @type {AnalysisPreparation | null} */
+  let prepared = null;
   let key = newKey();
   let busy = false;
-  /** @type {ReturnType<typeof createForm> | null} */
-  let asked = null;
-  const profiles = createFound(context, capture, () => asked?.tell());
-  const form = (asked = createForm(context, tell, profiles.given));
-  const bursts = createBursts(context, capture);
-  const job = createJob(context, { title: t("analysis.running"), busy: setBusy, done: (/** @type {JobWith<AnalysisResult>} */ ended) => made(ended.result.analysis) });
-  const body = el("form", { class: "stack", novalidate: true, on: { submit: submit } }, el("p", {}, t("analysis.ask")), offer, profiles.element, form.element, bursts.element, el("div", { class: "row" }, start, why));
-  const element = el("div", { class: "stack" }, job.element, body);
+  let turn = 0;
+  let timer = 0;
+
+  /** Asked again a little after the last key, or when the daemon is back. */
+  function soon() {
+    clearTimeout(timer);
+    prepared = null;
+    tell();
+    timer = setTimeout(prepare, PAUSE_MS);
+  }
+
+  async function prepare() {
+    const mine = ++turn;
+    if (changes.missing().length) return tell();
+    try {
+      const found = await api.post(`${path}/analysis/inputs`, { body: changes.request() });
+      if (mine !== turn) return;
+      prepared = found;
+      preparation.show(found);
+      changes.show(found);
+    } catch (problem) {
+      if (mine !== turn) return;
+      const { message, hint } = problem instanceof ApiProblem && problem.status ? problem : { message: t("core.noAnswer"), hint: t("core.noAnswerHint") };
+      preparation.fail(message, hint);
+    }
+    tell();
+  }
 
   function tell() {
-    const missing = asked?.missing() ?? [];
-    start.disabled = busy || missing.length > 0;
+    const missing = changes.missing();
+    const refused = Boolean(prepared?.problems?.length);
+    // What has been changed is looked at by the daemon first; what is known it looks up itself.
+    start.disabled = busy || refused || missing.length > 0 || (!prepared && changes.isChanged());
     setText(why, missing.length ? t("analysis.missing", { names: missing.join(", ") }) : "");
   }
 
@@ -47,40 +74,46 @@ export function createRequest(context, capture, own, made) {
     tell();
   }
 
+  /** @param {number} number */
+  function end(number) {
+    keepDraft(capture.id, null);
+    made(number);
+  }
+
   /** @param {Event} event */
   async function submit(event) {
     event.preventDefault();
-    if (busy) return;
+    if (busy || start.disabled) return;
     start.disabled = true;
     try {
-      const queued = await api.post(`/captures/${encodeURIComponent(capture.id)}/analysis`, { body: { ...form.request(), bursts: bursts.chosen(), profiles: profiles.wanted() }, key });
+      const queued = await api.post(`${path}/analysis`, { body: changes.request(), key });
       key = newKey();
       job.follow(queued);
-      element.scrollIntoView({ block: "start" });
+      element.scrollIntoView({ block: "nearest" });
     } catch (problem) {
-      if (statusOf(problem)) key = newKey();
+      if (statusOf(problem)) key = newKey(); // without an answer it is the same intention
       context.refused(problem);
-      tell();
     }
+    tell();
   }
 
-  /** Inputs that were given before are taken over by a press, and seen before they are used. */
-  async function offerLast() {
-    const last = await lastInputs(api, capture, own);
-    if (!last) return;
-    const { values, dropped } = valuesOf(/** @type {AnalysisInputs} */ (last.analysis.inputs ?? {}));
-    const name = t(last.of.id === capture.id ? "analysis.take.own" : "analysis.take.other", { n: last.analysis.analysis, when: format.moment(last.of.created_utc) });
-    const left = el("p", { class: "field-hint", hidden: true }, dropped.map((what) => t(`analysis.take.dropped.${what}`)).join(" "));
-    const take = () => {
-      form.set(values);
-      left.hidden = !dropped.length;
-    };
-    fill(offer, el("button", { class: "button", type: "button", data: { do: "take-over" }, on: { click: take } }, symbol("down"), name), left);
-    offer.hidden = false;
+  /** The job that waits or runs, as after the page was loaded anew. */
+  async function resume() {
+    const id = capture.analysis?.job;
+    const found = id ? await api.get(`/jobs/${id}`).catch(() => null) : null;
+    if (found && turn >= 0 && !busy) job.follow(found);
   }
 
-  tell();
-  offerLast();
-  job.resume("analyse", capture.id);
-  return { element, unmount: job.unmount };
+  prepare();
+  resume();
+  const endOnline = context.store.subscribe((known) => known.connection.online, (online) => online && !prepared && !busy && turn > 0 && prepare());
+  return {
+    element,
+    unmount() {
+      turn = -Infinity;
+      clearTimeout(timer);
+      endOnline();
+      job.unmount();
+    },
+  };
 }

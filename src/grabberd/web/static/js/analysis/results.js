@@ -2,10 +2,10 @@
 import { el, fill, symbol } from "../core/dom.js";
 import { addressOf } from "../profiles/words.js";
 import { createCurves } from "./curves.js";
-import { createFiles } from "./files.js";
+import { createFiles, createReportLink } from "./files.js";
+import { createFound } from "./found.js";
 import { createMaps } from "./maps.js";
 import { outdatedNote } from "./outdated.js";
-import { createSummary } from "./summary.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { AnalysisRow, Capture } from "types/documents" */
@@ -14,7 +14,7 @@ import { createSummary } from "./summary.js";
 export function createResults(context, capture, record) {
   const { t, api } = context;
   const path = /** @type {const} */ (`/captures/${encodeURIComponent(capture.id)}/analyses/${record.analysis}`);
-  const element = el("div", { class: "stack", data: { analysis: record.analysis } }, el("p", { class: "muted", role: "status" }, t("analysis.loading")));
+  const element = el("div", { class: "stack", data: { analysis: record.analysis } }, el("div", { class: "card awaited", role: "status", "aria-label": t("analysis.loading") }, el("span"), el("span"), el("span")));
   /** @type {{end: () => void}[]} */
   let parts = [];
   let ended = false;
@@ -23,11 +23,11 @@ export function createResults(context, capture, record) {
     if (record.problem) return fill(element, el("div", { class: "note is-bad" }, symbol("bad"), el("p", {}, record.problem)));
     const document = await api.get(path).catch(context.refused);
     if (ended || !document) return;
-    const curves = createCurves(context, document);
+    const curves = createCurves(context, document, `${capture.id}-analysis-${record.analysis}`);
     const maps = createMaps(context, path, document);
     parts = [curves, maps];
-    const found = el("section", { class: "card stack" }, el("h2", {}, t("analysis.found")), createSummary(context, document, record), inputs());
-    fill(element, outdatedNote(context, record), found, maps.element, curves.element, createFiles(context, path, record));
+    const found = el("section", { class: "card stack" }, el("div", { class: "row between" }, el("h2", {}, t("analysis.found")), createReportLink(context, path, record)), createFound(context, capture, document, record), inputs());
+    fill(element, outdatedNote(context, record), el("div", { class: "analysis-page" }, found, maps.element), curves.element, createFiles(context, path));
   }
 
   /** The inputs exactly as they were given. */

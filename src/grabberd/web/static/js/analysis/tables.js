@@ -9,6 +9,11 @@ export function column(table, name) {
   return /** @type {Column} */ (table?.columns.find((one) => one.name === name)?.values ?? []);
 }
 
+/** The texts of a column; none where there is no such column. @param {Table | undefined} table @param {string} name */
+export function words(table, name) {
+  return /** @type {string[]} */ (table?.columns.find((one) => one.name === name)?.values ?? []);
+}
+
 /** The value of the only row of a table, with its σ. @param {Table | undefined} table @param {string} name */
 export function single(table, name) {
   return { value: column(table, name)[0] ?? null, sigma: column(table, `sigma_${name}`)[0] ?? null };

@@ -1,6 +1,7 @@
 // Step 4: both virtual cameras are adjusted: a job that can be watched and cancelled.
 import { newKey } from "../core/api.js";
 import { el, fill } from "../core/dom.js";
+import { draftOf, keepDraft } from "../core/drafts.js";
 import { createJob } from "../jobs/job.js";
 import { latestJob } from "./latest_job.js";
 import { addressOf, note, way } from "./steps.js";
@@ -10,9 +11,10 @@ import { addressOf, note, way } from "./steps.js";
 /** @param {Context} context @param {string} id of the capture */
 export function createAdjust(context, id) {
   const { t, api, may, go } = context;
+  const draft = `calibration.${id}`;
   const job = createJob(context, { title: t("calibration.adjust.running"), done, busy: (on) => (form.hidden = on) });
   const made = el("div");
-  const words = el("input", { class: "input", id: "calibration-note", maxlength: 2000, autocomplete: "off" });
+  const words = el("input", { class: "input", id: "calibration-note", maxlength: 2000, autocomplete: "off", value: draftOf(draft)?.note ?? "", on: { input: () => keepDraft(draft, { note: words.value }) } });
   const start = el("button", { class: "button primary", type: "button", data: { do: "adjust" }, on: { click: submit } }, t("calibration.adjust.start"));
   const form = el("div", { class: "stack" },
     el("div", { class: "field" }, el("label", { class: "field-label", for: "calibration-note" }, t("calibration.adjust.note")), words, el("p", { class: "field-hint" }, t("calibration.adjust.noteHint"))),
@@ -50,6 +52,7 @@ export function createAdjust(context, id) {
       const { labels } = await api.get(`/captures/${encodeURIComponent(id)}`);
       const body = { capture: id, calibration_frame: labels.calibration_frame, note: words.value.trim() };
       const made = await api.post("/calibrations", { body, key: newKey() });
+      keepDraft(draft, null);
       if ("progress" in made) job.follow(made); // a calibration itself answers only the import of one
     } catch (problem) {
       context.refused(problem);

@@ -1,15 +1,16 @@
 // Head of a capture: its name, its outcome, and links to its views.
-import { badge, channelsBadge, endIn, findingIn, labelsIn, ledgerIn, lengthIn, measuredBadge } from "../captures/words.js";
+import { badge, channelsBadge, endIn, findingIn, labelsIn, ledgerIn, lengthIn, measuredBadge, totalOf } from "../captures/words.js";
 import { el, fill, symbol } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { Capture } from "types/documents" */
 
-const WAYS = [["shape", "shape"], ["plots", "analysis"], ["analysis", "maps"], ["compare", "compare"]];
+const WAYS = [["replay", "play"], ["analysis", "maps"], ["compare", "compare"]];
 /** @typedef {"stop" | "trigger"} Action */
 /** @type {Partial<Record<Capture["state"], Action[]>>} */
 const ACTIONS = { recording: ["stop"], armed: ["trigger", "stop"] };
-const OF_ALL = new Set(["shape", "plots"]);
+/** What needs no points, and no end of the capture. */
+const OF_ALL = new Set(["replay"]);
 
 /** @param {Context} context */
 export function createHead(context) {
@@ -29,15 +30,16 @@ export function createHead(context) {
     fill(title, format.moment(capture.created_utc), labels && ` · ${labels}`);
     const words = capture.state === "armed" || capture.ledger.complete ? null : el("strong", { class: "capture-ledger" }, ledgerIn(context, capture));
     fill(said, badge(context, capture), words, measuredBadge(context, capture.coverage), capture.coverage && el("span", { class: "capture-measured" }, findingIn(context, capture.coverage.findings[0])), channelsBadge(context, capture.channels), capture.channels?.verdict === "with gaps" && el("span", { class: "capture-measured" }, capture.channels.in_words), capture.pinned && el("span", { class: "badge is-idle" }, symbol("pin"), t("captures.pinned")));
-    fill(ways, capture.runs.length ? WAYS.filter(([way]) => capture.state === "sealed" || OF_ALL.has(way)).map(([way, sign]) => wayTo(way, sign, capture)) : null);
-    ways.hidden = !capture.runs.length;
+    const open = WAYS.filter(([way]) => (OF_ALL.has(way) ? totalOf(capture) > 0 : capture.state === "sealed" && capture.runs.length > 0));
+    fill(ways, open.map(([way, sign]) => wayTo(way, sign, capture)));
+    ways.hidden = !open.length;
     showLive(capture);
     showFacts(capture);
   }
 
   /** @param {string} way @param {string} sign @param {Capture} capture */
   function wayTo(way, sign, capture) {
-    return el("a", { class: "button", href: `#${way}/${encodeURIComponent(capture.id)}` }, symbol(sign), t(`capture.way.${way}`));
+    return el("a", { class: `button ${way === "replay" ? "primary" : ""}`, href: `#${way}/${encodeURIComponent(capture.id)}` }, symbol(sign), t(`capture.way.${way}`));
   }
 
   /** Stop, or start and cancel of an armed one: the buttons stay the same as long as the state does. @param {Capture} capture */

@@ -1,4 +1,5 @@
 // Labels and note of a capture. Operators change them; the file stays as it was recorded.
+import { draftOf, keepDraft, resumedNote } from "../core/drafts.js";
 import { el, fill } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */
@@ -40,6 +41,8 @@ export function createLabels(context, changed) {
     const newName = el("input", { class: "input", maxlength: 80, autocomplete: "off" });
     const newValue = el("input", { class: "input", maxlength: 200, autocomplete: "off" });
     const note = el("textarea", { class: "input", maxlength: 2000, value: capture.note });
+    const draft = `labels.${capture.id}`;
+    const typed = { ...Object.fromEntries(names.map((name) => [`label ${name}`, inputs[name]])), newName, newValue, note };
     const save = el("button", { class: "button primary", type: "submit", disabled: true, data: { do: "save" } }, t("capture.said.save"));
 
     /** @param {Event} event */
@@ -51,6 +54,7 @@ export function createLabels(context, changed) {
       try {
         const now = await api.patch(`/captures/${encodeURIComponent(capture.id)}`, { body: { note: note.value.trim(), labels } });
         dirty = false;
+        keepDraft(draft, null);
         context.announce(t("capture.said.saved"), { kind: "good" });
         changed(now);
       } catch (problem) {
@@ -62,8 +66,22 @@ export function createLabels(context, changed) {
     const touched = () => {
       dirty = true;
       save.disabled = false;
+      keepDraft(draft, Object.fromEntries(Object.entries(typed).map(([name, input]) => [name, input.value])));
     };
-    return el("form", { class: "stack", on: { submit: send, input: touched } },
+
+    /** Goes on with what was typed before. */
+    function resume() {
+      const before = draftOf(draft);
+      if (!before) return null;
+      for (const [name, input] of Object.entries(typed)) input.value = before[name] ?? input.value;
+      touched();
+      return resumedNote(context, draft, () => {
+        dirty = false;
+        fill(body, form(capture));
+      });
+    }
+
+    return el("form", { class: "stack", on: { submit: send, input: touched } }, resume(),
       el("div", { class: "capture-labels" }, names.map((name) => field(wordFor(name), inputs[name]))),
       el("details", {}, el("summary", { class: "capture-summary" }, t("capture.said.another")), el("div", { class: "capture-labels" }, field(t("capture.said.newName"), newName), field(t("capture.said.newValue"), newValue))),
       field(t("operate.labels.note"), note),

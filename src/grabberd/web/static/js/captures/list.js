@@ -1,109 +1,172 @@
-// The captures, newest first, page by page; those that run or wait stand on top and are kept up to date.
+// The captures that were asked for, part by part as the list is scrolled; those in the making are kept up to date.
 import { el, fill, setText, symbol } from "../core/dom.js";
-import { createRow } from "./row.js";
+import { createBlock } from "./block.js";
+import { followKeys } from "./keys.js";
+import { ZONE } from "./question.js";
+import { take } from "./sparkline.js";
 import { atRest } from "./words.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { Known } from "../core/store.js" */
-/** @import { Capture } from "types/documents" */
+/** @import { Block } from "./block.js" */
+/** @import { Question } from "./question.js" */
+/** @import { Selection } from "./selection.js" */
+/** @import { Capture, CaptureFacets, CaptureList } from "types/documents" */
 
-const PAGE = 25;
+const PART = 25;
 const EVERY_MS = 1000;
+/** Rows so far beyond the screen are in the document. */
+const NEAR = "1500px";
+/** As many as the daemon lists at once. */
+const MOST = 500;
+/** Where the list was left: who comes back goes on from there. */
+let left = { asked: "", rows: 0, y: 0 };
 
 /**
  * @param {Context} context
- * @param {{query: () => URLSearchParams, isNarrow: () => boolean}} search
+ * @param {Question} question
+ * @param {Selection} selection
+ * @param {{counted: (facets: CaptureFacets) => void, search: () => void}} hooks
  */
-export function createList(context, search) {
+export function createList(context, question, selection, hooks) {
   const { t, tn, api, store } = context;
   const count = el("p", { class: "muted", role: "status" });
-  const list = el("ul", { class: "capture-list", "aria-label": t("captures.title") });
-  const more = el("button", { class: "button wide", type: "button", hidden: true, on: { click: () => load(next) } }, symbol("down"), t("captures.older"));
+  const blocks = el("div", { class: "stack capture-blocks" });
+  const more = el("button", { class: "button wide", type: "button", hidden: true, on: { click: further } }, symbol("down"), t("captures.older"));
+  const fresh = el("button", { class: "button primary capture-fresh", type: "button", hidden: true, on: { click: () => begin(true) } }, t("captures.fresh"));
   const empty = el("div", { class: "card stack", hidden: true });
-  const element = el("div", { class: "stack" }, count, list, empty, more);
-  /** @type {Capture[]} */
-  let captures = [];
-  /** @type {Map<string, ReturnType<typeof createRow>>} */
-  const rows = new Map();
+  const element = el("div", { class: "stack" }, count, fresh, blocks, empty, more);
+  /** @type {Block[]} */
+  let parts = [];
   /** @type {string | null} */
   let next = null;
   let turn = 0;
   let timer = 0;
+  let loading = false;
 
-  /** The first page, or the one after those that are shown. @param {string | null} [cursor] */
-  async function load(cursor = null) {
+  const sight = new IntersectionObserver((seen) => seen.forEach((one) => parts.find((part) => part.element === one.target)?.near(one.isIntersecting)), { rootMargin: NEAR });
+  const end = new IntersectionObserver((seen) => seen.some((one) => one.isIntersecting) && further(), { rootMargin: "400px" });
+
+  /** @param {string} [cursor] @param {number} [limit] @returns {Promise<CaptureList | null>} */
+  async function ask(cursor, limit = PART) {
     const mine = ++turn;
     clearTimeout(timer);
-    const query = search.query();
-    query.set("limit", String(cursor ? PAGE : Math.max(PAGE, captures.length)));
+    const query = question.query();
+    query.set("limit", String(limit));
     if (cursor) query.set("cursor", cursor);
+    else for (const [name, value] of [["facets", "true"], ["zone", ZONE]]) query.set(name, value);
     const page = await api.get(`/captures?${query}`).catch(context.refused);
-    if (mine !== turn || !page) return; // a later question has been asked meanwhile
-    captures = cursor ? [...captures, ...page.captures] : page.captures;
+    if (mine !== turn) return null; // a later question has been asked meanwhile
+    if (page) for (const one of page.captures) if (page.widths_mm?.[one.id]) take(one, page.widths_mm[one.id]);
+    return page;
+  }
+
+  /** Shows the first part anew. What was loaded after it stays where it still follows, or where somebody reads it. @param {boolean} [top] scrolls to it */
+  async function begin(top = false) {
+    const back = !top && !parts.length && left.asked === question.query().toString();
+    const page = await ask(undefined, back ? Math.min(MOST, Math.max(PART, left.rows)) : PART);
+    if (!page) return;
+    blocks.classList.remove("is-stale");
+    const same = parts[0]?.captures().map((one) => one.id).join() === page.captures.map((one) => one.id).join();
+    const reads = !top && !same && parts.length > 1 && element.getBoundingClientRect().top < -innerHeight;
+    fresh.hidden = !reads;
+    if (same && !top) parts[0].show(page.captures);
+    else if (!reads) {
+      sight.disconnect();
+      parts = [];
+      next = page.next ?? null;
+      fill(blocks);
+      for (let first = 0; first < page.captures.length; first += PART) append(page.captures.slice(first, first + PART));
+      if (top || back) window.scrollTo(0, back ? left.y : 0);
+    }
+    if (page.facets) hooks.counted(page.facets);
+    show(page);
+  }
+
+  async function further() {
+    if (!next || loading) return;
+    loading = true;
+    const page = await ask(next);
+    loading = false;
+    if (!page) return;
     next = page.next ?? null;
-    show();
+    append(page.captures);
+    show(page);
   }
 
-  function show() {
-    const sorted = [...captures.filter((one) => !atRest(one)), ...captures.filter(atRest)];
-    fill(list, ...sorted.map((one) => rowOf(one).element));
+  /** @param {Capture[]} captures */
+  function append(captures) {
+    const block = createBlock(context, selection, captures);
+    parts.push(block);
+    blocks.append(block.element);
+    sight.observe(block.element);
+  }
+
+  /** @param {CaptureList} page */
+  function show({ total, in_all }) {
     more.hidden = next === null;
-    empty.hidden = captures.length > 0;
-    if (!captures.length) fill(empty, search.isNarrow() ? el("p", {}, t("captures.nothing")) : howTo(t));
-    setText(count, captures.length ? tn("captures.shown", captures.length) : "");
-    clearTimeout(timer);
-    if (captures.some((one) => !atRest(one))) timer = setTimeout(look, EVERY_MS);
+    empty.hidden = total > 0;
+    if (!total) fill(empty, question.isNarrow() ? el("p", {}, t("captures.nothing")) : howTo(t));
+    setText(count, total === in_all ? tn("captures.shown", total) : tn("captures.found", total, { all: context.format.number(in_all) }));
+    wait();
+    // Anew, because it tells of changes alone: the end may have stayed in sight.
+    end.unobserve(more);
+    end.observe(more);
   }
 
-  /** @param {Capture} capture */
-  function rowOf(capture) {
-    const row = rows.get(capture.id) ?? createRow(context, capture);
-    rows.set(capture.id, row);
-    row.show(capture);
-    return row;
+  function wait() {
+    clearTimeout(timer);
+    if (parts.some((part) => !part.captures().every(atRest))) timer = setTimeout(look, EVERY_MS);
   }
 
   /** Asks for those that are not at rest. */
   async function look() {
     const mine = turn;
-    const asked = captures.filter((one) => !atRest(one));
+    const asked = parts.flatMap((part) => part.captures().filter((one) => !atRest(one)));
     const found = await Promise.all(asked.map((one) => api.get(`/captures/${one.id}`).catch(() => null)));
     if (mine !== turn) return;
-    if (found.includes(null)) return load();
-    captures = captures.map((one) => found.find((other) => other?.id === one.id) ?? one);
-    show();
+    if (found.some((one) => !one || atRest(one))) return begin();
+    for (const part of parts) part.show(part.captures().map((one) => found.find((other) => other?.id === one.id) ?? one));
+    wait();
   }
 
   const ends = [
-    store.subscribe((known) => currentOf(known), () => load()),
-    store.subscribe((known) => analysedOf(known), () => load()),
-    store.subscribe((known) => known.connection.online, (online) => online && load()),
+    store.subscribe((known) => known.connection.online && changesOf(known), (changes) => changes !== false && begin()),
+    followKeys(blocks, { search: hooks.search, toggle: (id) => toggle(id), none: selection.clear }),
   ];
+
+  /** @param {string} id */
+  function toggle(id) {
+    const found = all().find((one) => one.id === id);
+    if (found) selection.set(found, !selection.has(id));
+  }
+
+  const all = () => parts.flatMap((part) => part.captures());
   return {
     element,
-    /** Something else is searched for. */
+    shown: all,
+    /** Something else is asked for: what is shown is seen to be of before, until the answer is there. */
     search() {
-      captures = [];
-      load();
+      blocks.classList.add("is-stale");
+      begin(true);
     },
+    reload: () => begin(),
+    mark: () => parts.forEach((part) => part.mark()),
     unmount() {
+      left = { asked: question.query().toString(), rows: all().length, y: window.scrollY };
       turn = -1;
       clearTimeout(timer);
-      ends.forEach((end) => end());
+      sight.disconnect();
+      end.disconnect();
+      ends.forEach((one) => one());
     },
   };
 }
 
-/** The captures that run or wait, as one text. @param {Known} known */
-function currentOf(known) {
+/** The captures that run or wait, and the analyses that have ended last, as one text. @param {Known} known */
+function changesOf(known) {
   const devices = Object.values(known.state?.devices ?? {});
-  return devices.map((device) => `${device.capture_id} ${device.armed_capture_id}`).join();
-}
-
-/** The analyses that have ended last, as one text. @param {Known} known */
-function analysedOf(known) {
-  const devices = Object.values(known.state?.devices ?? {});
-  return devices.map(({ latest_analysis: one }) => `${one?.capture} ${one?.state} ${one?.analysis}`).join();
+  return devices.map(({ capture_id, armed_capture_id, latest_analysis: one }) => `${capture_id} ${armed_capture_id} ${one?.capture} ${one?.state} ${one?.analysis}`).join();
 }
 
 /** @param {(key: string) => string} t */

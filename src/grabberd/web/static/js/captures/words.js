@@ -12,6 +12,7 @@ const LOOKS = {
   armed: ["busy", "armed"], recording: ["busy", "capturing"], sealing: ["idle", "wait"],
 };
 const FIRST = ["name", "cow", "teat", "liner"];
+const NAMED = [...FIRST, "note"];
 
 /** The verdict of a sealed capture; of any other its state. @param {Capture} capture */
 export function verdictOf(capture) {
@@ -65,10 +66,12 @@ export function analysisIn(context, analysis) {
 }
 
 /** @param {Context} context @param {Quantity} quantity */
-function quantityIn({ t, format }, { name, value, sigma }) {
+const quantityIn = (context, quantity) => context.t(`captures.analysis.${quantity.name}`, { value: spreadIn(context, quantity) });
+
+/** Value with its σ, to two digits of that: "4.652 ± 0.018". @param {Context} context @param {Pick<Quantity, "value" | "sigma">} quantity */
+export function spreadIn({ format }, { value, sigma }) {
   const digits = sigma ? Math.max(0, 1 - Math.floor(Math.log10(sigma))) : 2;
-  const measured = `${format.number(value ?? null, digits)}${sigma ? ` ± ${format.number(sigma, digits)}` : ""}`;
-  return t(`captures.analysis.${name}`, { value: measured });
+  return `${format.number(value ?? null, digits)}${sigma ? ` ± ${format.number(sigma, digits)}` : ""}`;
 }
 
 /** A finding as a sentence. @param {Context} context @param {Coverage["findings"][number]} finding */
@@ -94,11 +97,28 @@ export function labelsIn(context, capture) {
 }
 
 /** @param {Context} context @param {string} name @param {string} value */
-function labelIn({ t, texts }, name, value) {
-  if (name === "name") return value;
-  if (name === "teat") return texts.has(`operate.teats.${value}`) ? t(`operate.teats.${value}`) : value;
-  const label = texts.has(`operate.labels.${name}`) ? t(`operate.labels.${name}`) : name;
-  return `${label} ${value}`;
+function labelIn(context, name, value) {
+  const said = labelValueIn(context, name, value);
+  return name === "name" || name === "teat" ? said : `${labelNameIn(context, name)} ${said}`;
+}
+
+/** A label's name: "Cow". @param {Context} context @param {string} name @returns {string} */
+export const labelNameIn = ({ t }, name) => (NAMED.includes(name) ? t(`operate.labels.${name}`) : name);
+
+/** A label's value: teats have words. @param {Context} context @param {string} name @param {string} value */
+export const labelValueIn = ({ t, texts }, name, value) => (name === "teat" && texts.has(`operate.teats.${value}`) ? t(`operate.teats.${value}`) : value);
+
+/** A capture in a line: "Cow 112 · Front left · today 14:05, slipped". @param {Context} context @param {Pick<Capture, "labels" | "note" | "created_utc">} capture */
+export function lineOf(context, capture) {
+  return [labelsIn(context, capture), context.format.when(capture.created_utc), capture.note].filter(Boolean).join(" · ");
+}
+
+/** The time that an id such as 20260301T093000125Z-barn begins with, in words; an id of another kind as it is. @param {string} id @param {(utc: string) => string} words */
+export function instantOf(id, words) {
+  const found = /^(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)/.exec(id);
+  if (!found) return id;
+  const [, year, month, day, hour, minute, second] = found;
+  return words(`${year}-${month}-${day}T${hour}:${minute}:${second}Z`);
 }
 
 /** Number of fields that should have come so far. @param {Capture} capture */

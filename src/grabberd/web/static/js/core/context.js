@@ -4,7 +4,6 @@ import { createAnnouncer } from "./announce.js";
 import { createApi } from "./api.js";
 import { createConfirm } from "./confirm.js";
 import { createFormat } from "./format.js";
-import { createHistory } from "./history.js";
 import { go } from "./router.js";
 import { createStore, deviceOf } from "./store.js";
 import { createTexts } from "./texts.js";
@@ -14,7 +13,6 @@ import { keptText } from "./kept.js";
 /** @import { Announcement } from "./announce.js" */
 /** @import { Question } from "./confirm.js" */
 /** @import { Format } from "./format.js" */
-/** @import { History } from "./history.js" */
 /** @import { Store } from "./store.js" */
 /** @import { Catalogue } from "./texts.js" */
 /** @import { Device, Role, Session, State } from "types/documents" */
@@ -39,7 +37,6 @@ const RANKS = ["viewer", "operator", "admin"];
  * @property {(question: Question) => Promise<boolean>} confirm
  * @property {(...parts: string[]) => void} go to a panel: go("captures", id)
  * @property {() => number} now_ms the daemon's time, by this tablet's clock
- * @property {History} history what events told in the last minutes
  * @property {HTMLElement} toasts
  */
 
@@ -73,7 +70,6 @@ export function createContext(first, catalogue, language) {
     refused: announcer.refused,
     confirm: createConfirm(texts.t),
     now_ms,
-    history: createHistory(store, now_ms),
     toasts: el("div", {}, announcer.region),
   };
 }

@@ -13,13 +13,18 @@ export function createFormat(language, t) {
   const moment = new Intl.DateTimeFormat(region, {
     day: "numeric", month: "short", hour: "2-digit", minute: "2-digit", hourCycle: "h23",
   });
+  const hour = new Intl.DateTimeFormat(region, { hour: "2-digit", minute: "2-digit", hourCycle: "h23" });
+  const near = new Intl.RelativeTimeFormat(region, { numeric: "auto" });
+
+  /** By digits: to make one takes far longer than to use it. @type {Map<number, Intl.NumberFormat>} */
+  const numbers = new Map();
 
   /** @param {number | null | undefined} value @param {number} [digits] after the point */
   function number(value, digits = 0) {
     if (value === null || value === undefined || !Number.isFinite(value)) return "–";
-    return new Intl.NumberFormat(region, {
-      minimumFractionDigits: digits, maximumFractionDigits: digits,
-    }).format(value);
+    const known = numbers.get(digits) ?? new Intl.NumberFormat(region, { minimumFractionDigits: digits, maximumFractionDigits: digits });
+    numbers.set(digits, known);
+    return known.format(value);
   }
 
   /** A duration in its two largest units: "12 s", "3 min 20 s", "2 h 5 min", "4 d 3 h". @param {number} seconds */
@@ -37,6 +42,12 @@ export function createFormat(language, t) {
     return bytes >= 1e6 ? `${number(bytes / 1e6, 1)} MB` : `${number(bytes / 1e3)} kB`;
   }
 
+  /** A day in words: "today", "yesterday", else its date. @param {Time} utc */
+  function dayIn(utc) {
+    const ago = Math.round((midnight(date(Date.now())) - midnight(date(utc))) / 86_400_000);
+    return ago === 0 || ago === 1 ? near.format(-ago, "day") : day.format(date(utc));
+  }
+
   /** @param {Time} time */
   const date = (time) => new Date(time);
   return {
@@ -47,5 +58,11 @@ export function createFormat(language, t) {
     day: (utc) => day.format(date(utc)),
     /** Day and time. @param {Time} utc */
     moment: (utc) => moment.format(date(utc)),
+    dayIn,
+    /** Day and time in words: "today 14:05". @param {Time} utc */
+    when: (utc) => `${dayIn(utc)} ${hour.format(date(utc))}`,
   };
 }
+
+/** @param {Date} time */
+const midnight = (time) => new Date(time.getFullYear(), time.getMonth(), time.getDate()).getTime();

@@ -1,4 +1,4 @@
-// The panel that the address asks for: #captures/ID.
+// The panel that the address asks for: #captures/ID. What follows a question mark is the panel's own affair.
 
 /** @import { Entry } from "../panels/index.js" */
 
@@ -10,7 +10,7 @@
 
 /** @param {Entry[]} entries @param {string} hash @returns {Route} the first panel's where none fits */
 export function routeOf(entries, hash) {
-  const parts = hash.replace(/^#\/?/, "").split("/").filter(Boolean).map(decodeURIComponent);
+  const parts = hash.replace(/^#\/?/, "").split("?")[0].split("/").filter(Boolean).map(decodeURIComponent);
   for (const entry of entries) {
     const parameters = match(entry.route.split("/"), parts);
     if (parameters) return { entry, parameters };

@@ -1,7 +1,6 @@
 // The lights with words: what is well, what is not, why that may be, and what to try.
 import { el, fill, setSymbol, setText, symbol } from "../core/dom.js";
 import { deviceOf } from "../core/store.js";
-import { createHistory } from "./history.js";
 import { createAlerts } from "./alerts.js";
 import { judge } from "./judge.js";
 import { isKnown, wordsOf } from "./words.js";
@@ -15,7 +14,6 @@ const EVERY_MS = 1000;
 /** @param {Context} context */
 export function createLights(context) {
   const { t, store } = context;
-  const history = createHistory();
   /** @type {Map<string, ReturnType<typeof createLight>>} */
   const lights = new Map();
   const list = el("div", { class: "lights" });
@@ -24,7 +22,7 @@ export function createLights(context) {
   const alerts = createAlerts(context, (id) => lights.get(id)?.open());
 
   function show() {
-    const judged = judge(store.get(), history);
+    const judged = judge(store.get());
     alerts.show(judged);
     for (const light of judged) {
       const one = lights.get(light.id) ?? createLight(context, light.id);
@@ -34,15 +32,13 @@ export function createLights(context) {
     }
   }
 
-  const count = store.subscribe((known) => deviceOf(known)?.fields, (fields) => fields && history.enter(fields, Date.now()));
   const away = store.subscribe((known) => known.connection, show);
-  const state = store.subscribe((known) => deviceOf(known)?.state, show);
+  const state = store.subscribe((known) => deviceOf(known)?.health.level, show);
   const ticking = setInterval(show, EVERY_MS);
   return {
     element,
     alerts: alerts.element,
     unmount() {
-      count();
       away();
       state();
       clearInterval(ticking);
@@ -72,7 +68,7 @@ function createLight(context, id) {
       setSymbol(sign, SYMBOLS[light.level]);
     }
     setText(word, wordsOf(context, light));
-    const about = JSON.stringify([light.cause, light.code, light.said, light.since]);
+    const about = JSON.stringify([light.word, light.code, light.said, light.since]);
     if (about === shown) return;
     shown = about;
     fill(help, helpOf(context, light, light.since ? Date.parse(light.since) : began));
@@ -93,7 +89,8 @@ function helpOf(context, light, since) {
   const about = el("p", {}, t(`lights.${light.id}.about`));
   const begun = el("p", { class: "light-since" }, t("lights.since", { time: format.time(since) }));
   if (isKnown(context, light.code)) return [about, begun, el("p", {}, t(`causes.${light.code}.what`)), advice(context, tl(`causes.${light.code}.why`), tl(`causes.${light.code}.try`))];
-  if (light.cause) return [about, begun, advice(context, tl(`lights.${light.id}.causes.${light.cause}.why`), tl(`lights.${light.id}.causes.${light.cause}.try`))];
+  const reasons = tl(`lights.${light.id}.causes.${light.word}.why`);
+  if (reasons.length) return [about, begun, advice(context, reasons, tl(`lights.${light.id}.causes.${light.word}.try`))];
   if (light.said?.length) return [about, begun, el("p", {}, el("strong", {}, t("lights.said")), " ", light.said.join(" – "))];
   return [about];
 }

@@ -25,11 +25,12 @@ export function wordsOf({ t, tn, format }, light) {
 
 /** @param {LightValues} values @param {Format} format */
 function shown(values, format) {
-  const { hz, wanted, minutes, seconds } = values;
+  const { hz, wanted, minutes, seconds, points } = values;
   return {
     ...values,
     hz: format.number(hz, 1),
     wanted: format.number(wanted),
+    points: format.number(points),
     left: minutes === undefined ? "" : format.duration(minutes * 60),
     off: seconds === undefined ? "" : format.duration(seconds),
   };

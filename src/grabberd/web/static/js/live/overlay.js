@@ -16,19 +16,21 @@ const FAIR_PX = 0.3;
  * @property {boolean} residuals
  */
 
+/** @typedef {Pick<Preview, "frame" | "centroids" | "points">} Found */
+
 /**
- * @param {CanvasRenderingContext2D} to scaled to frame pixels
- * @param {Preview} preview
+ * @param {CanvasRenderingContext2D} to scaled to frame pixels, from the frame's corner
+ * @param {Found} found
  * @param {Views} views
  * @param {Choices} choices
  * @param {number} unit how many frame pixels one pixel of the page is
  */
-export function drawOverlay(to, preview, views, choices, unit) {
-  const lines = 2 * Math.ceil((preview.rows * preview.yStep) / 2);
-  for (const [name, view] of Object.entries(views)) outline(to, view, lines, colourOf(name), unit);
-  if (choices.residuals) for (const point of preview.points) ringPoint(to, point, unit);
-  else ringAll(to, preview.centroids, views, unit);
-  if (choices.ids) for (const point of preview.points) label(to, point, unit);
+export function drawOverlay(to, found, views, choices, unit) {
+  for (const [name, view] of Object.entries(views)) outline(to, view, found.frame.lines, colourOf(name), unit);
+  to.translate(0.5, 0.5); // places count from the middle of the first pixel
+  if (choices.residuals) for (const point of found.points) ringPoint(to, point, unit);
+  else ringAll(to, found.centroids, views, unit);
+  if (choices.ids) for (const point of found.points) label(to, point, unit);
 }
 
 /** @param {string} name */

@@ -1,30 +1,28 @@
-// The picture with its buttons and numbers.
-import { el, setText, symbol } from "../core/dom.js";
-import { deviceOf } from "../core/store.js";
+// The picture with its numbers.
+import { el, setText } from "../core/dom.js";
+import { deviceOf, streams } from "../core/store.js";
 import { createPicture } from "./picture.js";
 
 /** @import { Context } from "../core/context.js" */
+/** @import { Told } from "./picture.js" */
 /** @import { Live } from "types/documents" */
 
-/** @param {Context} context @param {{buttons: boolean}} options */
-export function createViewfinder(context, { buttons }) {
+/** @param {Context} context @param {Told} [told] */
+export function createViewfinder(context, told) {
   const { t, store, format } = context;
   const counts = el("p", { class: "viewfinder-counts number" });
-  const picture = createPicture(context);
-  const bar = buttons && el("div", { class: "row viewfinder-bar" },
-    toggle(t("live.freeze"), "freeze", "pause", (on) => picture.freeze(on)),
-    toggle(t("live.ids"), "ids", null, (on) => picture.choose("ids", on)),
-    toggle(t("live.residuals"), "residuals", null, (on) => {
-      picture.choose("residuals", on);
-      legend.hidden = !on;
-    }),
-  );
-  const legend = el("p", { class: "legend small", hidden: true },
-    el("span", { class: "legend-good" }, t("live.residual.good")), el("span", { class: "legend-fair" }, t("live.residual.fair")), el("span", { class: "legend-poor" }, t("live.residual.poor")));
+  const why = el("p", { class: "note is-warn", hidden: true });
+  const picture = createPicture(context, told);
   const element = el("section", { class: "card viewfinder", "aria-labelledby": "viewfinder-title" },
-    el("div", { class: "row between" }, el("h2", { id: "viewfinder-title" }, t("live.picture")), counts), picture.element, legend, bar);
+    el("div", { class: "row between" }, el("h2", { id: "viewfinder-title" }, t("live.picture")), counts), picture.element, why);
 
-  const end = store.subscribe((known) => deviceOf(known)?.live, (live) => setText(counts, countsOf(live)));
+  const end = store.subscribe(deviceOf, (device) => {
+    setText(counts, countsOf(device?.live));
+    // Such as a calibration for pictures of another standard: the picture itself shows nothing wrong.
+    const lack = device && streams(device) && !device.live ? device.lacks.at(0) : undefined;
+    why.hidden = !lack;
+    setText(why, lack ? `${lack.message} – ${lack.hint}` : "");
+  });
 
   /** @param {Live | null | undefined} live */
   function countsOf(live) {
@@ -36,21 +34,10 @@ export function createViewfinder(context, { buttons }) {
   }
 
   return {
-    element,
+    element, picture,
     unmount() {
       end();
       picture.unmount();
     },
   };
-}
-
-/** @param {string} words @param {string} name @param {string | null} sign @param {(on: boolean) => void} pressed */
-function toggle(words, name, sign, pressed) {
-  const button = el("button", { class: "button", type: "button", "aria-pressed": "false", data: { toggle: name } }, sign && symbol(sign), words);
-  button.addEventListener("click", () => {
-    const on = button.getAttribute("aria-pressed") !== "true";
-    button.setAttribute("aria-pressed", String(on));
-    pressed(on);
-  });
-  return button;
 }

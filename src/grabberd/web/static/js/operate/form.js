@@ -2,7 +2,8 @@
 import { el, setText } from "../core/dom.js";
 import { keep, kept } from "../core/kept.js";
 import { deviceOf, rateOf } from "../core/store.js";
-import { KINDS, USUAL, isSound, lengthOf, requestOf, wishFrom } from "./wish.js";
+import { KINDS, USUAL, isSound, lengthOf, namesSubject, nextOf, requestOf, wishFrom } from "./wish.js";
+import { createLabelling } from "./labelling.js";
 import { createLabels } from "./labels.js";
 import { createRate } from "./rate.js";
 
@@ -10,10 +11,14 @@ import { createRate } from "./rate.js";
 /** @import { Known } from "../core/store.js" */
 /** @import { Change, Wish } from "./wish.js" */
 
+const LATEST_MS = 3000; // a capture of a few fields may end before any state shows that it ran
 const STEPS = { seconds: 5, cycles: 5, fields: 50 };
 
-/** @param {Context} context @param {() => void} changed */
-export function createForm(context, changed) {
+/**
+ * @param {Context} context
+ * @param {{changed: () => void, labelled: () => void}} told of another wish, and of labels that a capture has now
+ */
+export function createForm(context, { changed, labelled }) {
   const { t, store, format } = context;
   /** @type {Wish} */
   const wish = { ...USUAL, ...wishFrom(kept("wish")) };
@@ -34,12 +39,56 @@ export function createForm(context, changed) {
   const all = el("input", { type: "checkbox", checked: wish.all, data: { wish: "all" }, on: { change: () => set("all", all.checked) } });
   const allField = el("label", { class: "check", hidden: true }, all, t("operate.all"));
   const isForAll = () => wish.all && isSeveral(store.get());
-  const labels = createLabels(context, wish, set);
+  const labels = createLabels(context, wish, typed);
+  const labelling = createLabelling(context, wish, { gone: () => set("of", ""), sent });
+  /** A capture that was requested and is not seen to run yet: it is not over. @type {string | null} */
+  let requested = null;
+  /** All that was typed is with its capture. */
+  let stored = false;
+  const running = () => deviceOf(store.get())?.capture_id ?? null;
 
   /** @type {Change} */
   function set(name, given) {
     wish[name] = given;
-    keep("wish", { ...wish, note: "" });
+    keep("wish", wish);
+    show();
+    changed();
+  }
+
+  /** What is typed belongs to the capture that runs, whoever started it, or to the last one. @type {Change} */
+  function typed(name, given) {
+    const before = wish.labels;
+    stored = false;
+    wish.of = running() ?? wish.of;
+    set(name, given);
+    if (name !== "labels") return labelling.changed(null);
+    relabel(before);
+  }
+
+  /** Has the labels sent that are no longer as they were. @param {Wish["labels"]} before */
+  function relabel(before) {
+    for (const label of Object.keys(wish.labels)) if (wish.labels[label] !== before[label]) labelling.changed(label);
+  }
+
+  function sent() {
+    stored = true;
+    show();
+    labelled();
+  }
+
+  /** Takes note that a capture runs, or has come and gone. @param {string | null} id */
+  function began(id) {
+    if (id === null || id !== requested) return;
+    requested = null;
+    changed();
+  }
+
+  /** @param {Partial<Wish>} changes */
+  function take(changes) {
+    Object.assign(wish, changes);
+    stored = false;
+    labels.fill();
+    keep("wish", wish);
     show();
     changed();
   }
@@ -63,6 +112,8 @@ export function createForm(context, changed) {
     const length = lengthOf(wish, rate());
     is.hidden = length === null || !isSound(wish, rate());
     if (length !== null) setText(is, t("operate.length.is", { seconds: format.number(length / rate(), 2), fields: format.number(length) }));
+    labels.tell(running() ? "running" : wish.of ? "last" : "next", stored);
+    element.classList.toggle("is-capturing", running() !== null);
     showBefore();
   }
 
@@ -83,8 +134,9 @@ export function createForm(context, changed) {
     el("div", { class: "field" }, el("label", { class: "field-label", for: "before" }, t("operate.before.title")), before, beforeWords),
     el("label", { class: "check" }, wait, t("operate.wait")),
     allField,
-    labels,
+    labels.element,
   );
+  labels.fill();
 
   /** @param {Wish["kind"]} kind */
   function choice(kind) {
@@ -92,22 +144,44 @@ export function createForm(context, changed) {
     return el("label", {}, input, el("span", {}, t(`operate.length.${kind}`)));
   }
 
-  const stop = store.subscribe((known) => rateOf(deviceOf(known)), show);
+  const stop = store.subscribe((known) => `${rateOf(deviceOf(known))} ${deviceOf(known)?.capture_id}`, show);
+  const runs = store.subscribe((known) => deviceOf(known)?.capture_id ?? deviceOf(known)?.armed_capture_id ?? null, began);
   const count = store.subscribe(isSeveral, (several) => (allField.hidden = !several));
   const follow = store.subscribe((known) => known.session?.role, () => (element.hidden = !context.may("operator")));
   return {
     element,
-    /** Requests the capture, or one of each device. @param {string} key Idempotency-Key */
-    submit: (key) => (isForAll()
-      ? context.api.post("/capture-groups", { body: requestOf(wish, { devices: "all" }, rate()), key })
-      : context.api.post("/captures", { body: requestOf(wish, { device: context.device()?.name }, rate()), key })),
+    /** Requests the capture, or one of each device; what is labelled is that one from now on. @param {string} key Idempotency-Key */
+    async submit(key) {
+      await labelling.send();
+      const { labels: before, note } = wish; // what is typed until the answer is there is not in the request
+      const begun = isForAll()
+        ? (await context.api.post("/capture-groups", { body: requestOf(wish, { devices: "all" }, rate()), key })).captures[0]
+        : await context.api.post("/captures", { body: requestOf(wish, { device: context.device()?.name }, rate()), key });
+      requested = begun.id;
+      setTimeout(() => began(begun.id), LATEST_MS);
+      take({ of: begun.id });
+      relabel(before);
+      if (wish.note !== note) labelling.changed(null);
+    },
+    /** True while a capture that was requested is not seen to run. */
+    isRequested: () => requested !== null,
+    /** True if the labels are those of a cow whose capture is over. */
+    isOver: () => wish.of !== "" && namesSubject(wish),
+    /** Empties what says whose the last capture was. */
+    async next() {
+      await labelling.send();
+      take(nextOf(wish));
+      labels.focus();
+    },
     isSound: () => isSound(wish, rate()),
     waits: () => wish.wait,
     unmount() {
       stop();
+      runs();
       count();
       follow();
       perMinute.unmount();
+      labelling.unmount();
     },
   };
 }

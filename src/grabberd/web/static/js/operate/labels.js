@@ -1,5 +1,5 @@
-// Labels of the next capture: name, cow, teat, liner, note.
-import { el } from "../core/dom.js";
+// Labels of the next capture, or of the one that runs or has just ended: name, cow, teat, liner, note.
+import { el, setText } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { Change, Wish } from "./wish.js" */
@@ -17,21 +17,35 @@ export function createLabels({ t }, wish, set) {
 
   /** @param {string} name */
   function text(name) {
-    const input = el("input", { class: "input", maxlength: 80, autocomplete: "off", value: wish.labels[name] ?? "", data: { label: name }, on: { input: () => given(name, input.value) } });
-    return field(t(`operate.labels.${name}`), input);
+    const input = el("input", { class: "input", maxlength: 80, autocomplete: "off", data: { label: name }, on: { input: () => given(name, input.value) } });
+    return input;
   }
 
-  const options = TEATS.map((teat) =>
-    el("option", { value: teat, selected: teat === (wish.labels.teat ?? "") }, t(`operate.teats.${teat || "none"}`)),
-  );
+  const [name, cow, liner] = ["name", "cow", "liner"].map(text);
+  const options = TEATS.map((teat) => el("option", { value: teat }, t(`operate.teats.${teat || "none"}`)));
   const teat = el("select", { class: "input", data: { label: "teat" }, on: { change: () => given("teat", teat.value) } }, options);
   const note = el("textarea", { class: "input", maxlength: 2000, on: { input: () => set("note", note.value) } });
-  return el("details", { class: "labels", open: true },
-    el("summary", {}, t("operate.labels.title")),
-    el("p", { class: "field-hint" }, t("operate.labels.hint")),
-    el("div", { class: "labels-grid" }, text("name"), text("cow"), field(t("operate.labels.teat"), teat), text("liner")),
-    field(t("operate.labels.note"), note),
-  );
+  const title = el("summary", {});
+  const hint = el("p", { class: "field-hint", role: "status" });
+  const labelled = (/** @type {string} */ key, /** @type {HTMLElement} */ input) => field(t(`operate.labels.${key}`), input);
+  const element = el("details", { class: "labels", open: true }, title, hint,
+    el("div", { class: "labels-grid" }, labelled("name", name), labelled("cow", cow), labelled("teat", teat), labelled("liner", liner)),
+    labelled("note", note));
+
+  return {
+    element,
+    /** Puts in what the wish holds. */
+    fill() {
+      for (const input of [name, cow, teat, liner]) input.value = wish.labels[input.dataset.label ?? ""] ?? "";
+      note.value = wish.note;
+    },
+    /** Says which capture they are of, or that it has them. @param {"next" | "running" | "last"} whose @param {boolean} stored */
+    tell(whose, stored) {
+      setText(title, t(`operate.labels.${whose}.title`));
+      setText(hint, t(stored ? "operate.labels.stored" : `operate.labels.${whose}.hint`));
+    },
+    focus: () => cow.focus(),
+  };
 }
 
 /** @param {string} label @param {HTMLElement} input */

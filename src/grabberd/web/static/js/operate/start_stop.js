@@ -1,13 +1,15 @@
 // Start and Stop. Start requests one capture however often it is pressed; Stop is always there.
 import { newKey, statusOf } from "../core/api.js";
 import { el, fill, setText, symbol } from "../core/dom.js";
+import { wordsOf } from "../lights/words.js";
 import { situationOf } from "./situation.js";
 
 /** @import { Context } from "../core/context.js" */
+/** @import { Situation } from "./situation.js" */
 
 /**
  * @param {Context} context
- * @param {{submit: (key: string) => Promise<unknown>, isSound: () => boolean, waits: () => boolean}} form
+ * @param {{submit: (key: string) => Promise<unknown>, isSound: () => boolean, waits: () => boolean, isRequested: () => boolean, isOver: () => boolean, next: () => Promise<void>}} form
  */
 export function createStartStop(context, form) {
   const { t, store, may } = context;
@@ -19,6 +21,8 @@ export function createStartStop(context, form) {
   let shown = "";
 
   const start = el("button", { class: "button good large grow", type: "button", data: { do: "start" }, "aria-describedby": "start-why", on: { click: submit } });
+  const next = el("button", { class: "button primary large grow", type: "button", data: { do: "next" }, on: { click: () => form.next() } }, symbol("next"), t("operate.next"));
+  const again = el("button", { class: "button", type: "button", data: { do: "again" }, on: { click: submit } });
   const trigger = el("button", { class: "button good large grow", type: "button", data: { do: "trigger" }, on: { click: () => act("trigger") } }, symbol("trigger"), t("operate.trigger"));
   const disarm = el("button", { class: "button large", type: "button", data: { do: "disarm" }, on: { click: () => act("stop") } }, t("operate.disarm"));
   const stopWords = el("span");
@@ -64,24 +68,28 @@ export function createStartStop(context, form) {
   function show() {
     const situation = situationOf(store.get(), may("operator"));
     const reason = situation.why ?? (form.isSound() ? null : "form");
-    const wanted = situation.running ? "running" : situation.armed ? "armed" : "idle";
+    const wanted = situation.running ? "running" : situation.armed ? "armed" : form.isOver() && !form.isRequested() ? "over" : "idle";
     if (wanted !== shown) {
-      fill(buttons, { running: [stop], armed: [trigger, disarm], idle: [start] }[wanted]);
+      fill(buttons, { running: [stop], armed: [trigger, disarm], over: [next, again], idle: [start] }[wanted]);
       shown = wanted;
     }
-    const name = form.waits() ? "operate.arm" : "operate.start";
+    const name = form.waits() ? "operate.arm" : situation.doubtful ? "operate.startAnyway" : "operate.start";
     fill(start, symbol(form.waits() ? "armed" : "start"), t(busy === "start" ? "operate.starting" : name));
+    fill(again, t(busy === "start" ? "operate.starting" : "operate.again"));
+    again.disabled = reason !== null || busy === "start";
     setText(stopWords, t(busy === "stop" ? "operate.stopping" : "operate.stop"));
-    start.disabled = reason !== null || busy === "start";
+    start.disabled = reason !== null || busy === "start" || form.isRequested();
     buttons.hidden = !may("operator");
-    setText(why, whyWords(wanted, reason));
+    setText(why, whyWords(wanted, reason, situation));
     why.hidden = why.textContent === "";
   }
 
-  /** @param {string} wanted @param {string | null} reason */
-  function whyWords(wanted, reason) {
-    if (reason !== null && (wanted === "idle" || reason === "viewer")) return t(`operate.why.${reason}`);
-    return context.device()?.state === "no_signal" ? t("operate.noPictureNote") : "";
+  /** @param {string} wanted @param {string | null} reason @param {Situation} situation */
+  function whyWords(wanted, reason, { doubtful, worst }) {
+    const isIdle = wanted === "idle" || wanted === "over";
+    if (reason !== null && (isIdle || reason === "viewer")) return t(`operate.why.${reason}`);
+    if (!doubtful || !worst || !isIdle) return "";
+    return t("operate.doubtful", { reason: `${t(`lights.${worst.id}.title`)}: ${wordsOf(context, worst)}` });
   }
 
   const end = store.subscribe((known) => known, show);

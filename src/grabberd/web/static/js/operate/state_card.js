@@ -1,5 +1,6 @@
 // The state: one word, its colour, its symbol, and since when.
 import { el, setSymbol, setText, symbol } from "../core/dom.js";
+import { wordsOf } from "../lights/words.js";
 import { situationOf } from "./situation.js";
 
 /** @import { Context } from "../core/context.js" */
@@ -12,9 +13,10 @@ export function createStateCard(context) {
   const word = el("span", { class: "state-word" });
   const since = el("p", { class: "state-since" });
   const name = el("p", { class: "state-device" });
+  const reason = el("p", { class: "state-reason" });
   const spoken = el("p", { class: "visually-hidden", "aria-live": "polite" });
   const card = el("section", { class: "state", "aria-labelledby": "state-word" }, picture,
-    el("div", { class: "state-words" }, name, el("h1", { id: "state-word" }, word), since), spoken);
+    el("div", { class: "state-words" }, name, el("h1", { id: "state-word" }, word), reason, since), spoken);
 
   function show() {
     const situation = situationOf(store.get(), may("operator"));
@@ -23,6 +25,9 @@ export function createStateCard(context) {
     card.dataset.state = situation.word;
     setSymbol(picture, situation.symbol);
     setText(word, words);
+    const why = situation.worst ? `${t(`lights.${situation.worst.id}.title`)}: ${wordsOf(context, situation.worst)}` : "";
+    setText(reason, why);
+    reason.hidden = why === "";
     setText(spoken, words);
     setText(name, context.device()?.name ?? "");
     setText(since, sinceWords(situation.since));

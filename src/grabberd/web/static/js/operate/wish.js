@@ -13,6 +13,7 @@
  * @property {boolean} all of all grabbers together
  * @property {Record<string, string>} labels
  * @property {string} note
+ * @property {string} of id of the capture that labels and note belong to; empty: the next one
  */
 
 /**
@@ -25,7 +26,7 @@ export const KINDS = ["stop", "seconds", "cycles", "fields"];
 
 /** @type {Wish} */
 export const USUAL = {
-  kind: "seconds", seconds: 10, cycles: 10, fields: 500, perMinute: 60, ownPerMinute: null, before: 0, wait: false, all: false, labels: {}, note: "",
+  kind: "seconds", seconds: 10, cycles: 10, fields: 500, perMinute: 60, ownPerMinute: null, before: 0, wait: false, all: false, labels: {}, note: "", of: "",
 };
 
 /** An earlier wish as it was kept; entries of the wrong type, which an older edition of the page may have kept, are left out. @param {unknown} kept @returns {Partial<Wish>} */
@@ -40,6 +41,20 @@ function isUsual(name, value) {
   if (name === "ownPerMinute") return value === null || typeof value === "number";
   const usual = Object.entries(USUAL).find(([one]) => one === name);
   return usual !== undefined && value !== null && typeof value === typeof usual[1];
+}
+
+/** Labels of what differs from one capture to the next; the others stay. */
+const SUBJECT = ["cow", "teat"];
+
+/** True if labels or note say of which cow a capture is. @param {Wish} wish */
+export function namesSubject(wish) {
+  return [...SUBJECT.map((name) => wish.labels[name] ?? ""), wish.note].some((text) => text.trim() !== "");
+}
+
+/** The wish for the next cow: whose she is, and the note, are empty. @param {Wish} wish @returns {Pick<Wish, "labels" | "note" | "of">} */
+export function nextOf(wish) {
+  const kept = Object.entries(wish.labels).filter(([name]) => !SUBJECT.includes(name));
+  return { labels: Object.fromEntries(kept), note: "", of: "" };
 }
 
 /** The length in fields, those before the start left out; null: until it is stopped. @param {Wish} wish @param {number} rate_hz */

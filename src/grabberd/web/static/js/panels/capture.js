@@ -4,7 +4,6 @@ import { createDownloads } from "../capture/downloads.js";
 import { createHead } from "../capture/head.js";
 import { createKeep } from "../capture/keep.js";
 import { createLabels } from "../capture/labels.js";
-import { createPictures } from "../capture/pictures.js";
 import { createRuns } from "../capture/runs.js";
 import { sampleOf } from "../capture/sample.js";
 import { createStrip } from "../capture/strip.js";
@@ -27,14 +26,13 @@ export const panel = {
     const { id = "" } = context.parameters;
     const path = /** @type {const} */ (`/captures/${encodeURIComponent(id)}`);
     const head = createHead(context);
-    const pictures = createPictures(context);
-    const strip = createStrip(context, pictures.go);
+    const strip = createStrip(context, (n) => context.go("replay", id, String(n)));
     const runs = createRuns(context, load);
     const labels = createLabels(context, show);
     const keep = createKeep(context, show);
     const downloads = createDownloads(context);
     const analyses = createAnalyses(context);
-    const fields = el("section", { class: "card stack" }, el("h2", {}, t("capture.fields")), strip.element, pictures.element);
+    const fields = el("section", { class: "card stack" }, el("h2", {}, t("capture.fields")), el("p", { class: "muted" }, t("capture.fieldsHint")), strip.element);
     /** @type {PointSample | null} */
     let sample = null;
     let timer = 0;
@@ -43,7 +41,7 @@ export const panel = {
     /** @param {Capture} capture */
     function show(capture) {
       clearTimeout(timer);
-      for (const part of [head, strip, pictures, labels, keep]) part.show(capture);
+      for (const part of [head, strip, labels, keep]) part.show(capture);
       runs.show(capture, sample);
       if (capture.state === "sealed") downloads.show(capture, sample);
       downloads.element.hidden = capture.state !== "sealed";
@@ -79,7 +77,6 @@ export const panel = {
       unmount() {
         turn = NaN;
         clearTimeout(timer);
-        pictures.unmount();
         runs.unmount();
       },
     };

@@ -1,6 +1,10 @@
 // The captures there are.
+import { createFacets } from "../captures/facets.js";
 import { createList } from "../captures/list.js";
+import { createQuestion } from "../captures/question.js";
 import { createSearch } from "../captures/search.js";
+import { createSelection } from "../captures/selection.js";
+import { createSelectionBar } from "../captures/selection_bar.js";
 import { el, symbol } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */
@@ -10,11 +14,34 @@ export const panel = {
 
   /** @param {HTMLElement} element @param {Context} context */
   mount(element, context) {
-    const search = createSearch(context, () => list.search());
-    const list = createList(context, search);
-    const compare = el("a", { class: "button", href: "#compare" }, symbol("compare"), context.t("captures.compare"));
-    const profiles = el("a", { class: "button", href: "#profiles" }, context.t("profiles.title"));
-    element.append(el("div", { class: "row between" }, el("h1", {}, context.t("captures.title")), el("div", { class: "row" }, profiles, compare)), search.element, list.element);
-    return { unmount: list.unmount };
+    const { t } = context;
+    const question = createQuestion(() => {
+      search.show();
+      facets.show();
+      list.search();
+    });
+    const selection = createSelection(() => {
+      list.mark();
+      bar.show();
+    });
+    const search = createSearch(context, question);
+    const facets = createFacets(context, question);
+    const list = createList(context, question, selection, { counted: facets.show, search: search.focus });
+    const bar = createSelectionBar(context, selection, list);
+    const compare = el("a", { class: "button", href: "#compare" }, symbol("compare"), t("captures.compare"));
+    const profiles = el("a", { class: "button", href: "#profiles" }, t("profiles.title"));
+    element.append(
+      el("div", { class: "row between" }, el("h1", {}, t("captures.title")), el("div", { class: "row" }, profiles, compare)),
+      search.element,
+      el("div", { class: "captures-two" }, facets.element, el("div", { class: "stack" }, bar.report, list.element)),
+      bar.element,
+    );
+    return {
+      unmount() {
+        search.unmount();
+        facets.unmount();
+        list.unmount();
+      },
+    };
   },
 };

@@ -1,6 +1,8 @@
 // The live picture in full, and the aid for lamp and lens.
 import { el } from "../core/dom.js";
-import { createAid } from "../live/aid.js";
+import { createAid } from "../adjust/aid.js";
+import { createTools } from "../adjust/tools.js";
+import { createCurves } from "../live/curves.js";
 import { createViewfinder } from "../live/viewfinder.js";
 
 /** @import { Context } from "../core/context.js" */
@@ -10,14 +12,13 @@ export const panel = {
 
   /** @param {HTMLElement} element @param {Context} context */
   mount(element, context) {
-    const viewfinder = createViewfinder(context, { buttons: true });
     const aid = createAid(context);
-    element.append(el("h1", { class: "visually-hidden" }, context.t("live.title")), viewfinder.element, aid.element);
-    return {
-      unmount() {
-        viewfinder.unmount();
-        aid.unmount();
-      },
-    };
+    const viewfinder = createViewfinder(context, { seen: (preview) => tools.seen(preview), lit: aid.lit });
+    const tools = createTools(context, viewfinder.picture);
+    const curves = createCurves(context);
+    viewfinder.element.append(tools.element);
+    element.append(el("h1", { class: "visually-hidden" }, context.t("live.title")), viewfinder.element, aid.element, curves.element);
+    const parts = [viewfinder, tools, aid, curves];
+    return { unmount: () => parts.forEach((part) => part.unmount()) };
   },
 };

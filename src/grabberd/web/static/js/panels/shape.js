@@ -1,6 +1,5 @@
-// The liner in space: as it is now, or in a capture.
+// The liner in space, as it is now.
 import { el } from "../core/dom.js";
-import { createCaptureView } from "../scene/capture_view.js";
 import { createLiveView } from "../scene/live_view.js";
 import { createSubjectBar } from "../scene/subject_bar.js";
 
@@ -11,11 +10,10 @@ export const panel = {
 
   /** @param {HTMLElement} element @param {PanelContext} context */
   mount(element, context) {
-    const id = context.parameters.id;
     const body = el("div", { class: "stack" });
     element.classList.add("subject-panel");
-    element.append(createSubjectBar(context, "shape", id), body);
-    const view = id ? createCaptureView(context, body, id) : createLiveView(context, body);
+    element.append(createSubjectBar(context, "shape"), body);
+    const view = createLiveView(context, body);
     return { unmount: view.end };
   },
 };

@@ -1,20 +1,30 @@
-// One chart over time: lines, a band of σ round one of them, a legend with the values under the pointer.
+// One chart: lines, a band of σ round one of them, a legend with the values under the cursor; zoomed, moved and read by
+// touch, mouse and keys, together with its neighbours; taken home as a picture or a table.
 import uPlot from "../../vendor/uplot/uPlot.esm.js";
-import { el, setText } from "../core/dom.js";
-import { css } from "../scene/colours.js";
-import { digitsOf } from "../scene/scale.js";
-import { coloursOf, onTheme } from "../scene/theme.js";
+import { el } from "../core/dom.js";
+import { onTheme } from "../scene/theme.js";
+import { createButtons } from "./chart_buttons.js";
+import { gesturesOf } from "./chart_gestures.js";
+import { createLegend } from "./chart_legend.js";
+import { aligned, coloursAt, drawingOf } from "./drawing.js";
+import { listenToGestures } from "./gestures.js";
+import { createLink, linkOf } from "./link.js";
+import { partOf } from "./range.js";
 
 /** @import { Context } from "../core/context.js" */
+/** @import { Ink } from "./drawing.js" */
+/** @import { Shared } from "./link.js" */
+/** @import { Range } from "./range.js" */
 /** @import { Column } from "./series.js" */
 
-/** @typedef {"1" | "2" | "3"} Ink */
+export { INKS } from "./drawing.js";
 
 /**
  * @typedef {object} Line
  * @property {string} label
  * @property {Ink} ink one of the plots' colours
  * @property {number[]} [dash]
+ * @property {string} [column] its name in the table, with the unit; made of label and unit by default
  */
 
 /**
@@ -25,114 +35,153 @@ import { coloursOf, onTheme } from "../scene/theme.js";
  * @property {Line[]} lines
  * @property {boolean} [band] the last two columns are the band round the first line
  * @property {(x: number) => string} when a time in words
- * @property {string} [together] charts of this name have one pointer and one range
- * @property {(range: [number, number] | null) => void} [zoomed] null: all of it
+ * @property {{name: string, label: string}} [x] its column in the table, its words on paper
+ * @property {string} [together] charts of this name have one cursor, one range and one playhead: see link.js
+ * @property {(range: Range | null) => void} [zoomed] null: all of it
+ * @property {(x: number) => void} [pressed] it was tapped there
+ * @property {boolean} [joined] lines go on over what is missing: each has values at places of its own
  * @property {[number, number]} [least] the least range of values
+ * @property {[number, number]} [over] the range of times; all of them by default
+ * @property {number} [height] of the drawing, in pixels
+ * @property {string} [file] begin of a file's name; without it the chart is not taken home
  */
 
-/** @type {Ink[]} */
-export const INKS = ["1", "2", "3"];
 const HEIGHT = 190;
-const TOKENS = { muted: "muted", line: "line", 1: "plot-1", 2: "plot-2", 3: "plot-3" };
+const TOLD_MS = 250;
+/** No closer than so many samples. */
+const FEWEST = 4;
 
 /** @param {Context} context @param {Options} options */
-export function createChart({ format }, options) {
-  const values = options.lines.map(() => el("span", { class: "number" }, "–"));
-  const legend = el("ul", { class: "chart-legend" }, options.lines.map((line, i) => el("li", {}, swatch(line), line.label, " ", el("b", {}, values[i]))));
-  const place = el("div", { class: "chart-place", role: "img", "aria-label": options.title });
+export function createChart(context, options) {
+  const { t, format } = context;
+  const link = options.together ? linkOf(options.together) : createLink();
+  const legend = createLegend(context, options, choose);
+  const place = el("div", { class: "chart-place", role: "img", tabindex: 0, "aria-label": options.title, "aria-description": t("plots.keys") });
+  const playhead = el("div", { class: "chart-mark", hidden: true });
   const heading = el("h2", {}, options.title, options.unit ? el("span", { class: "muted" }, ` ${options.unit}`) : null);
-  const element = el("section", { class: "card chart" }, el("div", { class: "chart-head" }, heading, legend), place);
+  const height = options.height ?? HEIGHT;
+  const state = () => ({ columns: data, sigmas: options.lines.map((_, i) => sigmaOf(i)), shown: legend.shown(), range: link.get().range });
+  const buttons = createButtons(context, options, () => zoom(null), state);
+  const element = el("section", { class: "card chart" }, el("div", { class: "chart-head" }, heading, legend.element), place, buttons.element);
   /** @type {Column[]} */
   let data = [[], ...options.lines.map(() => []), ...(options.band ? [[], []] : [])];
+  /** @type {Column[]} */
+  let sigmas = [];
   /** @type {uPlot | null} */
   let plot = null;
+  let following = false;
+  let timer = 0;
 
   function build() {
     const width = place.clientWidth;
     if (!width) return;
-    const scale = plot?.scales.x;
     plot?.destroy();
-    plot = new uPlot(optionsOf(width), aligned(data), place);
-    if (options.zoomed && scale?.min != null && scale.max != null) plot.setScale("x", { min: scale.min, max: scale.max });
+    const drawing = drawingOf(options, format, coloursAt(element), { width, height, range: () => link.get().range });
+    plot = new uPlot({ ...drawing, hooks: { setCursor: [point], ready: [(one) => one.over.append(playhead)], draw: [showMark] } }, aligned(data), place);
+    legend.shown().forEach((isShown, i) => isShown || choose(i, false));
+    tell();
   }
 
-  /** @param {number} width @returns {uPlot.Options} */
-  function optionsOf(width) {
-    const colours = Object.fromEntries(Object.entries(coloursOf(element, TOKENS)).map(([name, rgb]) => [name, css(rgb)]));
-    const line = (/** @type {Line} */ one) => ({ label: one.label, stroke: colours[one.ink], width: 2, dash: one.dash, spanGaps: false, points: { size: 5 } });
-    const edge = { label: "", stroke: "transparent", width: 0, points: { show: false }, spanGaps: false };
-    const count = options.lines.length;
-    /** @type {uPlot.Band} */
-    const band = { series: [count + 1, count + 2], fill: faint(colours[options.lines[0].ink]) };
-    const axis = { stroke: colours.muted, grid: { stroke: colours.line, width: 1 }, ticks: { stroke: colours.line, width: 1 }, font: "13px system-ui, sans-serif" };
-    return {
-      width, height: HEIGHT, legend: { show: false },
-      cursor: { drag: { x: Boolean(options.zoomed), y: false }, sync: options.together ? { key: options.together } : undefined, points: { size: 9 } },
-      scales: { x: { time: false }, y: { range: (_, low, high) => rangeOf(low, high, options.least) } },
-      series: [{}, ...options.lines.map(line), ...(options.band ? [edge, edge] : [])],
-      bands: options.band ? [band] : [],
-      axes: [
-        { ...axis, space: 90, size: 34, values: (_, marks) => marks.map(options.when) },
-        { ...axis, size: 58, values: (_, marks) => marks.map((mark) => format.number(mark, digitsOf(marks))) },
-      ],
-      hooks: { setCursor: [tell], setSelect: [choose], setScale: [(_, key) => key === "x" && watchZoom()] },
-    };
+  /** @param {number} line @param {boolean} isShown */
+  function choose(line, isShown) {
+    plot?.setSeries(line + 1, { show: isShown });
+    if (options.band && line === 0) for (const edge of [1, 2]) plot?.setSeries(options.lines.length + edge, { show: isShown });
   }
 
-  /** The values under the pointer, or the last. @param {uPlot} now */
-  function tell(now) {
-    const index = now.cursor.idx ?? data[0].length - 1;
-    values.forEach((one, i) => setText(one, format.number(data[i + 1][index], options.digits)));
+  /** @param {uPlot} now whose cursor has been moved */
+  function point(now) {
+    if (following) return;
+    const at = now.cursor.idx;
+    link.set({ cursor: at === null || at === undefined ? null : data[0][at] });
   }
 
-  /** @param {uPlot} now */
-  function choose(now) {
-    if (now.select.width > 0) options.zoomed?.([now.posToVal(now.select.left, "x"), now.posToVal(now.select.left + now.select.width, "x")]);
+  /** σ of a line as given, or as the band shows it. @param {number} line @returns {Column} */
+  function sigmaOf(line) {
+    if (sigmas[line] || line > 0 || !options.band) return sigmas[line] ?? [];
+    return data[1].map((value, i) => (value === null ? null : Math.abs(/** @type {number} */ (data[options.lines.length + 1][i] ?? value) - value)));
   }
 
-  function watchZoom() {
-    const { min = NaN, max = NaN } = plot?.scales.x ?? {};
-    const whole = data[0].length > 1 && min <= (data[0][0] ?? NaN) && max >= (data[0].at(-1) ?? NaN);
-    if (whole) options.zoomed?.(null);
+  /** The values under the cursor, or at the playhead, or the last. */
+  function tell() {
+    const { cursor, mark } = link.get();
+    const at = cursor ?? mark;
+    const index = at === null || !plot ? data[0].length - 1 : plot.valToIdx(at);
+    const x = data[0][index];
+    legend.tell(at === null || x === null || x === undefined ? "" : options.when(x), options.lines.map((_, i) => data[i + 1][index]), options.lines.map((_, i) => sigmaOf(i)[index]));
   }
+
+  /** @param {Shared} now @param {Shared} before */
+  function follow(now, before) {
+    if (now.range !== before.range) {
+      buttons.tell(now.range === null);
+      const [min, max] = now.range ?? whole();
+      plot?.setScale("x", { min, max });
+      clearTimeout(timer);
+      timer = setTimeout(() => options.zoomed?.(now.range), TOLD_MS);
+    }
+    if (now.cursor !== before.cursor && plot) {
+      following = true;
+      const left = now.cursor === null ? -10 : plot.valToPos(now.cursor, "x");
+      plot.setCursor({ left, top: left < 0 ? -10 : 0 });
+      following = false;
+    }
+    if (now.mark !== before.mark) showMark();
+    tell();
+  }
+
+  function showMark() {
+    const { mark } = link.get();
+    const left = mark === null || !plot ? NaN : plot.valToPos(mark, "x");
+    playhead.hidden = !(left >= 0 && left <= (plot?.over.clientWidth ?? 0));
+    playhead.style.insetInlineStart = `${left}px`;
+  }
+
+  /** @returns {Range} */
+  const whole = () => options.over ?? [data[0][0] ?? 0, data[0].at(-1) ?? 1];
+  const shown = () => link.get().range ?? whole();
+
+  /** Shows a part, or all of it, here and in the charts beside it. @param {Range | null} wanted */
+  function zoom(wanted) {
+    const [low, high] = whole();
+    const least = ((high - low) * FEWEST) / Math.max(FEWEST, data[0].length - 1);
+    const range = wanted && partOf([low, high], wanted, least);
+    if (range !== link.get().range) link.set({ range });
+  }
+
+  const endGestures = listenToGestures(place, () => plot?.over.getBoundingClientRect() ?? null, gesturesOf({
+    link, shown, zoom,
+    plot: () => plot,
+    places: () => data[0],
+    pressed: (x) => options.pressed?.(x),
+  }));
 
   const sizes = new ResizeObserver(([entry]) => {
     if (!plot) build();
-    else if (Math.abs(plot.width - entry.contentRect.width) > 1 && entry.contentRect.width) plot.setSize({ width: entry.contentRect.width, height: HEIGHT });
+    else if (Math.abs(plot.width - entry.contentRect.width) > 1 && entry.contentRect.width) plot.setSize({ width: entry.contentRect.width, height });
   });
   sizes.observe(place);
   const endTheme = onTheme(build);
+  const endLink = link.watch(follow);
 
   return {
     element,
-    /** @param {Column[]} columns times first @param {string} words what they show */
-    set(columns, words) {
+    zoom,
+    /** @param {Column[]} columns times first @param {string} words what they show @param {Column[]} [spread] σ of each line, where they are known */
+    set(columns, words, spread = []) {
       data = columns;
+      sigmas = spread;
       place.setAttribute("aria-label", words);
       if (plot) plot.setData(aligned(columns));
       else build();
-      if (plot) tell(plot);
+      tell();
     },
     end() {
+      clearTimeout(timer);
       sizes.disconnect();
       endTheme();
+      endGestures();
+      endLink();
       plot?.destroy();
     },
   };
 }
-
-/** Columns as uPlot takes them: every time is known, values may be missing. @param {Column[]} columns */
-const aligned = (columns) => /** @type {uPlot.AlignedData} */ (columns);
-
-/** Room above and below, and never less than a least range. @param {number | null} low @param {number | null} high @param {[number, number]} [least] @returns {[number, number]} */
-export function rangeOf(low, high, least) {
-  const [a, b] = [low ?? 0, high ?? 1];
-  const room = Math.max((b - a) * 0.08, 1e-3 * Math.abs(b), 1e-6);
-  return [Math.min(a - room, least?.[0] ?? Infinity), Math.max(b + room, least?.[1] ?? -Infinity)];
-}
-
-/** @param {string} colour "rgb(1 2 3)" */
-const faint = (colour) => colour.replace(")", " / 28%)");
-
-/** @param {Line} line */
-const swatch = (line) => el("span", { class: `chart-swatch plot-${line.ink} ${line.dash ? "is-dashed" : ""}`, "aria-hidden": "true" });

@@ -1,10 +1,8 @@
 // Of which two targets the width is drawn.
 
-/** @import { Sample } from "../core/history.js" */
-
 /**
  * The pair of facing targets that shows the width best: the outermost that is seen nearly as often as any.
- * @param {Sample[]} samples
+ * @param {{widths: {width_mm: number | null}[]}[]} samples
  * @returns {number} its place in `widths`; −1 where there is none
  */
 export function pairOf(samples) {

@@ -33,7 +33,12 @@ export function createTargetPicker({ t }, grid, first, choose) {
     el("label", { class: "field-label", for: "target" }, t("plots.whichTarget")),
     el("div", { class: "row plots-picker" }, button(-1, "before"), select, button(1, "after")),
   );
-  return { element, chosen: () => Number(select.value) };
+  return {
+    element,
+    chosen: () => Number(select.value),
+    /** Shows another as the chosen one. @param {number} target */
+    choose: (target) => void (select.value = String(target)),
+  };
 }
 
 /** The target in the middle: it moves most, and both cameras see it. @param {Grid} grid */

@@ -1,6 +1,7 @@
 // One profile as text: looked at, changed into a next version, retired; and its earlier versions.
 import { ApiProblem } from "../core/api.js";
 import { el, fill, symbol } from "../core/dom.js";
+import { draftOf, keepDraft, resumedNote } from "../core/drafts.js";
 import { BEGINNINGS, addressOf, saidOf } from "./words.js";
 
 /** @import { PanelContext } from "../panels/index.js" */
@@ -21,15 +22,21 @@ export function createProfile(context, kind, name) {
   const editing = may("operator") ? el("div", { class: "row" }, store, retire) : el("p", { class: "muted" }, t("profiles.viewer"));
   const element = el("div", { class: "stack" }, head,
     el("section", { class: "card stack" }, el("label", { class: "field-label", for: "profile-text" }, t("profiles.text")), el("p", { class: "field-hint", id: "profile-about" }, t("profiles.textAbout")), text, said, editing), history);
+  const draft = `profile.${kind}.${name}`;
   let newest = 0;
   let ended = false;
+  text.addEventListener("input", () => keepDraft(draft, { text: text.value, after: String(newest) }));
 
   async function open() {
-    if (!name) return void (text.value = BEGINNINGS[kind]);
+    if (!name) {
+      text.value = BEGINNINGS[kind];
+      return resume();
+    }
     const [profile, listed] = await Promise.all([api.get(path), api.get(`${path}/versions`)]);
     if (ended) return;
     newest = profile.newest;
     show(profile);
+    resume();
     fill(versions, ...listed.versions.map(item));
   }
 
@@ -40,6 +47,20 @@ export function createProfile(context, kind, name) {
     // Not before: what somebody wrote meanwhile would be overwritten.
     text.disabled = store.disabled = false;
     retire.hidden = profile.retired_utc !== null;
+  }
+
+  /** Goes on with what was typed; it still follows the version that it was begun with. */
+  function resume() {
+    const typed = draftOf(draft);
+    if (!typed) return;
+    text.value = typed.text;
+    newest = Number(typed.after);
+    fill(said, resumedNote(context, draft, again));
+  }
+
+  function again() {
+    fill(said);
+    open().catch(tell);
   }
 
   /** @param {ProfileRow} row */
@@ -57,6 +78,7 @@ export function createProfile(context, kind, name) {
     try {
       const body = { yaml: text.value, after: newest };
       const profile = name ? await api.put(path, { body }) : await api.post("/profiles", { body });
+      keepDraft(draft, null);
       const words = t(profile.version === newest ? "profiles.same" : "profiles.stored", { n: profile.version });
       if (!name) return void (location.hash = addressOf(profile.kind, profile.name));
       context.announce(words);

@@ -13,25 +13,21 @@ const AXES = ["X", "Y", "Z"];
  * @param {Grid} grid
  * @param {string[]} quantities
  * @param {(target: number | null) => void} choose
- * @param {((target: number) => string) | null} addressOf where it is shown over time
  */
-export function createInspector({ t, format }, grid, quantities, choose, addressOf) {
+export function createInspector({ t, format }, grid, quantities, choose) {
   const options = grid.target.map((id) => el("option", { value: id }, String(id)));
   const chosen = () => choose(select.value ? Number(select.value) : null);
   const select = el("select", { class: "input", id: "scene-target", on: { change: chosen } }, el("option", { value: "" }, t("shape.noTarget")), options);
   const facts = el("dl", { class: "facts number" });
-  const link = el("a", { class: "button", hidden: true }, t("shape.overTime"));
   const element = el(
     "section", { class: "scene-inspector", "aria-label": t("shape.target") },
     el("div", { class: "field" }, el("label", { class: "field-label", for: "scene-target" }, t("shape.target")), select),
-    facts, link,
+    facts,
   );
 
   /** @param {number | null} target @param {Moment} moment */
   function show(target, moment) {
     select.value = target === null ? "" : String(target);
-    link.hidden = target === null || !addressOf;
-    if (target !== null && addressOf) link.href = addressOf(target);
     fill(facts, target === null ? null : factsOf(/** @type {number} */ (grid.index.get(target)), moment));
   }
 

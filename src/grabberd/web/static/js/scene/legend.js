@@ -28,8 +28,13 @@ export function createLegend(number) {
   const marks = el("div", { class: "scene-legend-marks number" });
   const element = el("div", { class: "scene-legend", "aria-hidden": "true", hidden: true }, title, bar, marks);
 
+  let shown = "";
+
   /** @param {string} words quantity and unit @param {Scale | null} scale null: no colours */
   function show(words, scale) {
+    const now = JSON.stringify([words, scale]);
+    if (now === shown) return; // fifty times a second, while a capture is played
+    shown = now;
     element.hidden = scale === null;
     if (!scale) return;
     fill(title, words);

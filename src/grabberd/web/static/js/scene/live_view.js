@@ -31,7 +31,7 @@ export function createLiveView(context, body) {
   function show(live) {
     const badge = createBadge(context);
     const viewer = createViewer(context, {
-      grid: live.grid, frusta: live.frusta, quantities: MEASURED, moments: null, file: "live", addressOf: null,
+      grid: live.grid, frusta: live.frusta, quantities: MEASURED, file: "live",
       when: (moment) => t("shape.whenLive", { time: format.time(moment.utc ?? 0) }),
     });
     const calm = calmly(viewer.show);

@@ -43,8 +43,8 @@ function drawFoot(pen, caption, width, top) {
   if (caption.scale) drawLegend(pen, caption, caption.scale, width, top);
 }
 
-/** @param {CanvasRenderingContext2D} pen @param {Caption} caption @param {Scale} scale @param {number} width @param {number} top */
-function drawLegend(pen, caption, scale, width, top) {
+/** @param {CanvasRenderingContext2D} pen @param {Omit<Caption, "words" | "scale">} caption @param {Scale} scale @param {number} width @param {number} top */
+export function drawLegend(pen, caption, scale, width, top) {
   const long = Math.min(420, width - 2 * EDGE);
   const colours = stepsOf(scale.map);
   const ramp = pen.createLinearGradient(EDGE, 0, EDGE + long, 0);

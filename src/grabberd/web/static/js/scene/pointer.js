@@ -1,4 +1,5 @@
 // Turning, shifting and zooming by mouse, fingers, wheel and keys.
+import { listen } from "../core/listen.js";
 import { shifted, turned, zoomed } from "./orbit.js";
 
 /** @import { Orbit } from "./orbit.js" */
@@ -88,14 +89,6 @@ export function listenToPointers(element, change, tap) {
     change(by);
   }
 
-  const heard = new AbortController();
-  const { signal } = heard;
-  element.addEventListener("pointerdown", press, { signal });
-  element.addEventListener("pointermove", move, { signal });
-  element.addEventListener("pointerup", release, { signal });
-  element.addEventListener("pointercancel", release, { signal });
-  element.addEventListener("wheel", turnWheel, { signal, passive: false }); // the page must not scroll with it
-  element.addEventListener("keydown", type, { signal });
-  element.addEventListener("contextmenu", (event) => event.preventDefault(), { signal });
-  return () => heard.abort();
+  const contextmenu = (/** @type {Event} */ event) => event.preventDefault();
+  return listen(element, { pointerdown: press, pointermove: move, pointerup: release, pointercancel: release, wheel: turnWheel, keydown: type, contextmenu });
 }

@@ -29,10 +29,11 @@ const SUMMARY_ID = "scene-summary";
  * @property {Grid} grid
  * @property {Frustum[]} frusta
  * @property {string[]} quantities that there are values of
- * @property {Moment[] | null} moments all there are; null where they come one by one
  * @property {(moment: Moment) => string} when a moment in words
  * @property {string} file what a picture is called
- * @property {((target: number) => string) | null} addressOf where a target is shown over time
+ * @property {(quantity: string) => Scale | null} [scaleOf] the scale of a quantity of which all values are known
+ * @property {(target: number | null) => void} [chosen] told of the target that is touched or chosen
+ * @property {boolean} [compact] the controls are folded up below the drawing
  */
 
 /** @param {Context} context @param {Subject} subject */
@@ -69,9 +70,10 @@ export function createViewer(context, subject) {
     turn,
     picture: takePicture,
   });
-  const inspector = createInspector(context, grid, quantities, inspect, subject.addressOf);
+  const inspector = createInspector(context, grid, quantities, inspect);
   const figure = el("div", { class: "scene-figure" }, canvas.element, legend.element, summary);
-  const element = el("div", { class: "scene" }, figure, el("div", { class: "stack" }, controls.element, inspector.element));
+  const side = [controls.element, inspector.element];
+  const element = el("div", { class: `scene ${subject.compact ? "is-compact" : ""}` }, figure, subject.compact ? el("details", { class: "scene-more" }, el("summary", { class: "capture-summary" }, t("shape.more")), el("div", { class: "stack" }, side)) : el("div", { class: "stack" }, side));
 
   /** @param {(orbit: Orbit) => Orbit} change */
   function turn(change) {
@@ -89,6 +91,7 @@ export function createViewer(context, subject) {
   /** @param {number | null} chosen */
   function inspect(chosen) {
     target = chosen;
+    subject.chosen?.(target);
     draw();
   }
 
@@ -102,18 +105,14 @@ export function createViewer(context, subject) {
   function choose(change) {
     Object.assign(look, change);
     keep(KEPT, { parts: look.parts, quantity: look.quantity });
-    rescale();
+    scale = null;
     if (moment) show(moment);
-  }
-
-  function rescale() {
-    scale = subject.moments ? scaleOf(look.quantity, subject.moments) : null;
   }
 
   /** @param {Moment} now */
   function show(now) {
     moment = now;
-    if (!subject.moments) scale = together(scale, scaleOf(look.quantity, [now]));
+    scale = subject.scaleOf?.(look.quantity) ?? together(scale, scaleOf(look.quantity, [now]));
     draw();
   }
 
@@ -155,8 +154,9 @@ export function createViewer(context, subject) {
     if (blob) save(blob, `${subject.file}-${moment.n ?? "phase"}.png`);
   }
 
-  rescale();
-  return { element, show, end: canvas.end };
+  /** The drawing as it is now, and its legend; null where nothing is drawn. */
+  const picture = () => (canvas.now() ? { canvas: canvas.canvas, legend: coloured(), scale } : null);
+  return { element, show, picture, end: canvas.end };
 }
 
 /** An earlier look as it was kept. @param {unknown} kept @returns {{parts?: Partial<Parts>, quantity?: string}} */
@@ -175,5 +175,5 @@ function unable({ t }, subject) {
   /** @param {Moment} now */
   const show = (now) =>
     setText(summary, `${t("shape.summary", { seen: now.seen, all: subject.grid.target.length, name: subject.grid.name })} ${subject.when(now)}`);
-  return { element, show, end: () => {} };
+  return { element, show, picture: () => null, end: () => {} };
 }

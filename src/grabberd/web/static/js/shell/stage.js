@@ -34,6 +34,8 @@ export function createStage(context, entries, main, mark) {
   async function mount(entry, parameters) {
     clear();
     const mine = turn;
+    // At once: under a tab that is lit already, the panel before must not be read as this one.
+    fill(main, el("div", { class: "panel skeleton", "aria-busy": true }, el("span", { class: "visually-hidden" }, context.t("core.loading"))));
     const panel = await load(entry);
     if (mine !== turn || !panel) return;
     const element = el("div", { class: `panel panel-${entry.id}`, data: { panel: entry.id } });

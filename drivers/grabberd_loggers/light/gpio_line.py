@@ -1,0 +1,196 @@
+"""A line of a GPIO chip that a light hangs on (driver `gpio`), through the kernel's character device."""
+
+import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from grabberd.acquisition.clock import Clock
+from grabberd.errors import Cause, DeviceAbsent, DeviceError, DeviceLost, DeviceRefused, StreamFailed
+from grabberd_loggers.light.gpio_abi import USED, ChipInfo, GpioKernel
+from grabberd_loggers.light.switched_light import Found, SwitchedLight
+from grabberd_loggers.options import Options, read_options
+
+_DELAY_SIGMA_NS = 20_000
+_CONSUMER = "grabberd light"
+_LOOK = "list the chips and their lines with gpioinfo (package gpiod)"
+_DEV = Path("/dev")
+_SHOWN = 12
+
+
+class GpioLightOptions(Options):
+    """All options.
+
+    Attributes:
+        chip: path of the chip, as /dev/gpiochip0, or its label, which stays the same.
+        line: number of the line on the chip, or its name.
+        inverted: true if the light is on while the line is low.
+    """
+
+    chip: str = Field(min_length=1)
+    line: int | str
+    inverted: bool = False
+
+
+class GpioLight(SwitchedLight):
+    """A light on a line of a GPIO chip; `GpioLightOptions` lists its options."""
+
+    def __init__(self, *, clock: Clock | None = None, **options: Any) -> None:
+        """Checks the options; nothing is opened.
+
+        Args:
+            clock: clock that it is switched by; by default the machine's.
+            options: see `GpioLightOptions`.
+
+        Raises:
+            ValueError: an option is unknown or not allowed; the message has a line for each.
+        """
+        super().__init__(GpioLine(read_options(GpioLightOptions, options)), clock)
+
+
+class GpioLine:
+    """The line.
+
+    Args:
+        options: See `GpioLightOptions`.
+        kernel: Takes the requests.
+        dev: Folder of the devices.
+    """
+
+    driver = "gpio"
+
+    def __init__(self, options: GpioLightOptions, kernel: GpioKernel | None = None, dev: Path = _DEV) -> None:
+        self._options = options
+        self._kernel = kernel or GpioKernel()
+        self._dev = dev
+        self._line: int | None = None
+
+    def open(self) -> Found:
+        """Takes the line as an output that is off.
+
+        Raises:
+            DeviceAbsent: There is no such chip.
+            DeviceRefused: It may not be opened, has no such line, or another program has it.
+        """
+        if self._line is not None:
+            raise DeviceRefused("the GPIO line is open already", "close it first")
+        path, chip = self._chip()
+        try:
+            info = self._told(path, chip)
+            number = self._number(path, chip, info)
+            self._line = self._taken(path, chip, number)
+        finally:
+            self._kernel.close(chip)
+        details = {"chip": f"{path.name} ({info.label})", "line": f"{self._options.line}"}
+        return Found(f"line {self._options.line} of {info.label or path.name}", details, _DELAY_SIGMA_NS)
+
+    def switch(self, on: bool) -> None:
+        """Switches it."""
+        with self._failures() as line:
+            self._kernel.set_value(line, on)
+
+    def is_on(self) -> bool:
+        """The state that the chip says."""
+        with self._failures() as line:
+            return self._kernel.value(line)
+
+    def close(self) -> None:
+        """Switches the light off, if that is still possible, and gives the line back."""
+        line = self._line
+        if line is None:
+            return
+        try:
+            self.switch(False)
+        except (DeviceLost, StreamFailed):
+            pass  # the chip is gone, and the light with it
+        finally:
+            self._line = None
+            self._kernel.close(line)
+
+    def _chip(self) -> tuple[Path, int]:
+        """Path and descriptor of the chip, by its path or its label."""
+        wanted = self._options.chip
+        if "/" in wanted:
+            return Path(wanted), self._opened(Path(wanted))
+        refused: list[DeviceError] = []
+        for path in sorted(self._dev.glob("gpiochip*")):
+            try:
+                chip = self._opened(path)
+            except DeviceRefused as error:
+                refused.append(error)
+                continue
+            if wanted in (path.name, self._label(path, chip)):
+                return path, chip
+            self._kernel.close(chip)
+        if refused:
+            raise refused[0]
+        raise DeviceAbsent(f"there is no GPIO chip {wanted!r}", _LOOK)
+
+    def _opened(self, path: Path) -> int:
+        try:
+            return self._kernel.open(str(path))
+        except OSError as error:
+            if error.errno in (errno.EACCES, errno.EPERM):
+                hint = (
+                    "let grabberd's user open it: light.conf under systemd, a group or a udev rule elsewhere"
+                )
+                raise DeviceRefused(f"{path} may not be opened", hint, Cause.NO_RIGHTS) from error
+            raise DeviceAbsent(f"there is no GPIO chip {path}: {error.strerror}", _LOOK) from error
+
+    def _told(self, path: Path, chip: int) -> ChipInfo:
+        try:
+            return self._kernel.chip_info(chip)
+        except OSError as error:
+            raise DeviceRefused(f"{path} is no GPIO chip: {error.strerror}", _LOOK) from error
+
+    def _label(self, path: Path, chip: int) -> str | None:
+        """Label of a chip among others; None if it does not say."""
+        try:
+            return self._told(path, chip).label
+        except DeviceRefused:
+            return None
+
+    def _number(self, path: Path, chip: int, info: ChipInfo) -> int:
+        wanted = self._options.line
+        if isinstance(wanted, int):
+            if 0 <= wanted < info.lines:
+                return wanted
+            raise DeviceRefused(f"{path} has no line {wanted}: its lines are 0 to {info.lines - 1}", _LOOK)
+        names = [self._kernel.line_info(chip, number).name for number in range(info.lines)]
+        if wanted in names:
+            return names.index(wanted)
+        known = [name for name in names if name]
+        shown = ", ".join(known[:_SHOWN]) + (", …" if len(known) > _SHOWN else "")
+        raise DeviceRefused(f"{path} has no line {wanted!r}; named are: {shown or 'none'}", _LOOK)
+
+    def _taken(self, path: Path, chip: int, number: int) -> int:
+        try:
+            return self._kernel.take_output(chip, number, _CONSUMER, self._options.inverted)
+        except OSError as error:
+            about = self._kernel.line_info(chip, number)
+            if error.errno == errno.EBUSY or about.flags & USED:
+                who = about.consumer or "the kernel"
+                raise DeviceRefused(
+                    f"line {self._options.line} of {path} is used by {who}",
+                    "end that, or use another line",
+                    Cause.DEVICE_BUSY,
+                ) from error
+            what = f"line {self._options.line} of {path} cannot be an output: {error.strerror}"
+            raise DeviceRefused(what, _LOOK) from error
+
+    @contextmanager
+    def _failures(self) -> Iterator[int]:
+        """The line's descriptor, for a request that may fail."""
+        if self._line is None:
+            raise DeviceLost("the GPIO line is not open", "open it first")
+        try:
+            yield self._line
+        except OSError as error:
+            what = f"line {self._options.line} of {self._options.chip}"
+            if error.errno in (errno.ENODEV, errno.ENXIO, errno.EBADF, errno.EIO):
+                hint = "plug its chip in again; grabberd retries automatically"
+                raise DeviceLost(f"{what} is gone", hint) from error
+            raise StreamFailed(f"{what} does not answer: {error.strerror}", _LOOK) from error

@@ -1,0 +1,189 @@
+"""Tell what an inspection found: in words, and as a configuration."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from grabberd.acquisition import FieldOrder, StreamInfo, standard_rate_hz
+from grabberd.errors import GrabberdError
+from grabberd.processes.inspection import Inspection, Interlacing, Split, Targets
+
+FEWEST_PX = 3.0
+"""Diameter of targets below which a place is uncertain whatever the method."""
+LEAST_CONTRAST = 40.0
+MOST_CLIPPED = 0.3
+_IN_WORDS = {
+    Interlacing.PROGRESSIVE: "progressive: every line is of the same moment",
+    Interlacing.TOP_FIRST: "interlaced, the top field first",
+    Interlacing.BOTTOM_FIRST: "interlaced, the bottom field first",
+    Interlacing.UNKNOWN: "not clear from what the pictures show",
+}
+_PICTURES = {
+    Interlacing.PROGRESSIVE: "progressive",
+    Interlacing.TOP_FIRST: "frames",
+    Interlacing.BOTTOM_FIRST: "frames",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Inspected:
+    """An inspection with all that its configuration needs.
+
+    Attributes:
+        found: What the pictures told.
+        driver, options: The source of the pictures.
+        rate_hz: Fields a second, or progressive pictures; None if nothing tells.
+        of_pictures: True if the source gives whole pictures without a word on their lines.
+        problems: What a user has to know or to do, in sentences.
+    """
+
+    found: Inspection
+    driver: str
+    options: dict[str, Any]
+    rate_hz: float | None
+    of_pictures: bool
+    problems: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls,
+        found: Inspection,
+        info: StreamInfo,
+        driver: str,
+        options: dict[str, Any],
+        rate_hz: float | None,
+        problem: GrabberdError | None,
+    ) -> "Inspected":
+        """Put together what was found and where."""
+        of_pictures = driver == "replay" and info.field_order is FieldOrder.PROGRESSIVE
+        is_folder = of_pictures and Path(options["path"]).is_dir()
+        told_hz = rate_hz or (None if is_folder else info.rate_hz)
+        rate_hz = _rate_hz(found, told_hz, of_pictures)
+        own = [*_problems(found, rate_hz, of_pictures), *info.remarks]
+        if found.targets and info.details.get("bits", "8") == "8":  # with fewer, grey values tell nothing
+            own += _of_light(found.targets)
+        if problem is not None:
+            own.append(f"{problem.message}: only what comes before it was looked at ({problem.hint})")
+        return cls(found, driver, options, rate_hz, of_pictures, tuple(own))
+
+
+def _rate_hz(found: Inspection, told_hz: float | None, of_pictures: bool) -> float | None:
+    interlaced = found.interlacing in (Interlacing.TOP_FIRST, Interlacing.BOTTOM_FIRST)
+    if told_hz is not None:
+        return 2 * told_hz if of_pictures and interlaced else told_hz
+    if interlaced:
+        return standard_rate_hz(found.lines)
+    return None
+
+
+def _problems(found: Inspection, rate_hz: float | None, of_pictures: bool) -> Iterator[str]:
+    if found.interlacing is Interlacing.UNKNOWN and of_pictures:
+        yield (
+            "How lines belong together shows only where something moves: give pictures of a moving "
+            "object, or state 'pictures' yourself (frames or progressive)."
+        )
+    elif found.interlacing is Interlacing.UNKNOWN:
+        yield "Whether fields come in their right order shows only where something moves."
+    if rate_hz is None:
+        yield "Nothing tells how many pictures there are a second: give --rate-hz."
+    if found.lines % 2:
+        yield f"{found.lines} lines are an odd number: the rig needs an even one, so cut a line off."
+    if found.targets is None:
+        yield "No targets are to be seen: bright discs on a dark ground are looked for."
+    elif found.targets.diameter_px < FEWEST_PX:
+        size = found.targets.diameter_px
+        yield f"Targets of {size:.1f} px are small: {FEWEST_PX:g} px or more are reliable."
+    if found.split is not None and not found.split.sure:
+        yield (
+            "Where the views meet is not clear from the targets, so the middle was taken: look at a picture "
+            "and correct rig.views."
+        )
+
+
+def _of_light(targets: Targets) -> Iterator[str]:
+    if targets.contrast < LEAST_CONTRAST:
+        yield f"Targets are only {targets.contrast:.0f} grey levels above the ground: give more light."
+    if targets.clipped > MOST_CLIPPED:
+        yield f"{targets.clipped:.0%} of the targets' pixels are white: give less light or exposure."
+
+
+def words(seen: Inspected, out: Path | None) -> str:
+    """The findings as lines of text."""
+    found = seen.found
+    rate = "unknown" if seen.rate_hz is None else f"{seen.rate_hz:.6g}"
+    what = "pictures" if found.interlacing is Interlacing.PROGRESSIVE else "fields"
+    rows = [
+        f"size      {found.columns} x {found.lines} pixels",
+        f"lines     {_IN_WORDS[found.interlacing]}" + (f" ({found.order.evidence})" if found.order else ""),
+        f"rate      {rate} {what} a second",
+        *_rows_of(found.targets, found.split),
+        *(f"note      {problem}" for problem in seen.problems),
+    ]
+    if out is not None:
+        rows.append(f"written   {out}: complete it where it says so, then: grabberd check-config {out}")
+    return "\n".join(rows)
+
+
+def _rows_of(targets: Targets | None, split: Split | None) -> Iterator[str]:
+    if targets is not None:
+        yield (
+            f"targets   {targets.count:.0f} in a picture, {targets.diameter_px:.1f} px wide, "
+            f"{targets.contrast:.0f} grey levels above a ground of {targets.background:.0f}"
+        )
+    if split is not None:
+        how = "the views meet" if split.sure else "the middle; where the views meet is not clear"
+        yield f"split     column {split.column}: {how} ({split.left:.0%} of the targets left of it)"
+
+
+def configuration(seen: Inspected) -> str:
+    """A configuration that fits the pictures, with a comment at each line that a person has to look at."""
+    found, split = seen.found, seen.found.split
+    column = split.column if split else found.columns // 2
+    sure = "" if split and split.sure else "   # the middle: look at a picture and correct it"
+    lines = found.lines + found.lines % 2
+    options = [f"      {key}: {value}" for key, value in seen.options.items()]
+    options += [f"      {line}" for line in _picture_options(seen)] if seen.of_pictures else []
+    size = f"{found.targets.diameter_px:.1f} px" if found.targets else "of unknown size"
+    return "\n".join(
+        [
+            f"# By grabberd inspect, for pictures of {found.columns} x {found.lines} pixels; targets {size}.",
+            "devices:",
+            "  camera:",
+            f"    driver: {seen.driver}",
+            "    options:",
+            *(options or ["      {}"]),
+            "    rig:",
+            f"      columns: {found.columns}",
+            f"      lines: {lines}",
+            "      views:",
+            f"        left: {{first_column: 0, end_column: {column}}}{sure}",
+            f"        right: {{first_column: {column}, end_column: {found.columns}}}",
+            "      # Measure these on your rig, to ten per cent; a calibration finds them exactly. Here",
+            "      # are those of the reference rig.",
+            "      distance_mm: 240        # from the lens, along the mirrors' path, to the object",
+            "      base_mm: 128            # between the two virtual cameras",
+            "      convergence_deg: 30     # between their axes",
+            "      focal_length_mm: 8",
+            "      pixel_x_mm: 0.0086      # of the sensor: its width by the number of columns",
+            "      pixel_y_mm: 0.0083      # its height by the number of lines",
+            "      exposure_ms: 1",
+            "    # calibration: rig.calibration.json    # once there is one: grabberd calibrate",
+            "    # object: object.yaml                  # what is measured: docs/reference/object-files.md",
+            "",
+        ]
+    )
+
+
+def _picture_options(seen: Inspected) -> Iterator[str]:
+    pictures = _PICTURES.get(seen.found.interlacing)
+    if pictures is None:
+        yield "pictures: progressive   # or frames, if they are interlaced: nothing that moves shows which"
+    else:
+        yield f"pictures: {pictures}"
+    if seen.found.interlacing is Interlacing.BOTTOM_FIRST:
+        yield "field_order: bottom_first"
+    if seen.rate_hz is None:
+        yield "# rate_hz: 60            # required: how many pictures a second?"
+    elif Path(seen.options["path"]).is_dir():
+        yield f"rate_hz: {seen.rate_hz:.6g}"

@@ -1,0 +1,1 @@
+"""A study of many analysed captures: their quantities side by side, groups compared, trends."""

@@ -1,0 +1,1 @@
+"""Finds the captures of a study, with their analyses: in folders of results, or in an archive."""
