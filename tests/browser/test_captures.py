@@ -106,6 +106,24 @@ def test_a_capture_is_pinned_and_deleted_after_a_question(daemon: Daemon, open_p
     assert one not in [capture["id"] for capture in daemon.ask("/captures")["captures"]]
 
 
+def test_an_answer_from_before_a_change_does_not_undo_it(daemon: Daemon, open_page: Open) -> None:
+    one = daemon.capture(5)
+    page = open_page(daemon.url).page
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        held.append(route)
+
+    page.route("**/points?*", hold)
+    with page.expect_request("**/points?*"):
+        page.goto(f"{daemon.url}/#captures/{one}")
+    page.get_by_role("button", name="Pin").click()
+    expect(page.locator("#delete-why")).to_contain_text("Unpin it first")
+    held[0].continue_()
+    expect(page.get_by_text("targets in a field on average")).to_be_visible()
+    expect(page.locator("#delete-why")).to_contain_text("Unpin it first")
+
+
 def test_a_capture_is_measured_again(daemon: Daemon, open_page: Open) -> None:
     one = daemon.capture(5)
     page = open_page(f"{daemon.url}/#captures/{one}").page

@@ -107,3 +107,14 @@ def test_a_part_whose_modules_do_not_come_says_so_and_leaves_the_rest_usable(
     page.reload()
     expect(page.locator(".viewfinder").get_by_role("button", name="Load the page anew")).to_be_visible()
     expect(page.get_by_role("button", name="Start")).to_be_enabled()
+
+
+def test_the_other_panels_are_fetched_before_anybody_asks_for_them(daemon: Daemon, open_page: Open) -> None:
+    page = open_page(daemon.url).page
+    with page.expect_response("**/panels/calibration.js"):
+        expect(page.get_by_role("button", name="Start")).to_be_enabled()
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.get_by_role("link", name="Captures").click()
+    expect(page.get_by_label("Search")).to_be_visible()
+    assert not [url for url in asked if "/captures/" in url and url.endswith(".js")]

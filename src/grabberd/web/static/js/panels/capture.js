@@ -35,11 +35,14 @@ export const panel = {
     const fields = el("section", { class: "card stack" }, el("h2", {}, t("capture.fields")), el("p", { class: "muted" }, t("capture.fieldsHint")), strip.element);
     /** @type {PointSample | null} */
     let sample = null;
+    /** @type {Capture | null} */
+    let shown = null;
     let timer = 0;
     let turn = 0;
 
     /** @param {Capture} capture */
     function show(capture) {
+      shown = capture;
       clearTimeout(timer);
       for (const part of [head, strip, labels, keep]) part.show(capture);
       runs.show(capture, sample);
@@ -51,14 +54,16 @@ export const panel = {
 
     async function load() {
       const mine = ++turn;
+      const before = shown;
       try {
         const capture = await api.get(path);
         if (mine !== turn) return;
+        if (shown !== before) return load(); // pinned or labelled meanwhile: this answer may be from before
         show(capture);
         if (!atRest(capture)) return;
         analyses.show(capture);
         sample = capture.runs.length ? await sampleOf(api, id) : null;
-        if (mine === turn) show(capture);
+        if (mine === turn && shown) show(shown);
       } catch (problem) {
         if (mine === turn) refused(problem);
       }

@@ -5,6 +5,8 @@ import { routeOf } from "../core/router.js";
 /** @import { Context } from "../core/context.js" */
 /** @import { Entry, Panel } from "../panels/index.js" */
 
+const AHEAD_MS = 2000; // the first panel's own picture and curves come before this
+
 /**
  * @param {Context} context
  * @param {Entry[]} entries
@@ -59,6 +61,15 @@ export function createStage(context, entries, main, mark) {
     }
   }
 
+  /** Fetches the other panels while nobody waits for one: their modules import each other, level after level. */
+  async function loadAhead() {
+    try {
+      for (const entry of entries) await entry.load();
+    } catch (error) {
+      console.warn("The other panels were not loaded ahead.", error); // whoever asks for one is told
+    }
+  }
+
   /** @param {unknown} error */
   function fail(error) {
     console.error(error);
@@ -72,6 +83,7 @@ export function createStage(context, entries, main, mark) {
       if (running) return;
       running = true;
       follow();
+      setTimeout(loadAhead, AHEAD_MS);
     },
     /** Shows something else than a panel. @param {Node} node */
     show(node) {
