@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from grabberd.web import Files
-from grabberd.web.files import STATIC
+from grabberd.web.files import COMMENTS, STATIC
 
 EDITION = Files().edition
 MOST_BYTES = 400_000
@@ -48,6 +48,22 @@ def test_style_sheets_and_catalogues_are_served_as_one(tmp_path: Path) -> None:
     assert edition.files["page.css"].content == b"a {}\nb {}"
     assert json.loads(edition.files["texts/en.json"].content) == {"core": {"skip": "Skip"}}
     assert set(edition.files) == {"page.css", "texts/en.json", "texts/nb.json"}
+
+
+def test_modules_are_served_without_comments_and_with_their_line_numbers(tmp_path: Path) -> None:
+    (tmp_path / "js").mkdir()
+    module = '// Why.\n/**\n * @param {number} n\n */\nconst home = "http://a"; // stays\n  /** @type {1} */ let n = 1;\n'
+    (tmp_path / "js" / "a.js").write_text(module)
+    served = Files(small(tmp_path)).edition.files["js/a.js"].content.decode()
+    assert served == '\n\n\n\nconst home = "http://a"; // stays\n let n = 1;\n'
+
+
+def test_nothing_is_taken_for_a_comment_inside_a_text_of_several_lines() -> None:
+    for path in (STATIC / "js").rglob("*.js"):
+        module = path.read_bytes()
+        for comment in COMMENTS.finditer(module):
+            before = COMMENTS.sub(b"", module[: comment.start()])
+            assert before.count(b"`") % 2 == 0, f"{path.name}: {comment[0].decode()}"
 
 
 def test_the_order_of_the_layers_is_said_before_any_of_them_begins() -> None:
