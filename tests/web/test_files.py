@@ -52,7 +52,8 @@ def test_style_sheets_and_catalogues_are_served_as_one(tmp_path: Path) -> None:
 
 def test_modules_are_served_without_comments_and_with_their_line_numbers(tmp_path: Path) -> None:
     (tmp_path / "js").mkdir()
-    module = '// Why.\n/**\n * @param {number} n\n */\nconst home = "http://a"; // stays\n  /** @type {1} */ let n = 1;\n'
+    comments = "// Why.\n/**\n * @param {number} n\n */\n"
+    module = comments + 'const home = "http://a"; // stays\n  /** @type {1} */ let n = 1;\n'
     (tmp_path / "js" / "a.js").write_text(module)
     served = Files(small(tmp_path)).edition.files["js/a.js"].content.decode()
     assert served == '\n\n\n\nconst home = "http://a"; // stays\n let n = 1;\n'

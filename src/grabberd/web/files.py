@@ -118,7 +118,7 @@ def _edition(folder: Path) -> Edition:
 def _file(folder: Path, name: str) -> StaticFile:
     path = folder / name
     content = path.read_bytes()
-    # A third of a compressed module is comments, which a tablet has no use for. Libraries keep their licences.
+    # A third of a compressed module is comments, of no use to a tablet. Libraries keep their licences.
     served = _without_comments(content) if name.startswith("js/") else content
     return StaticFile(MEDIA_TYPES.get(path.suffix, OTHER), served)
 
