@@ -1,8 +1,64 @@
 """grabberd: a 50 Hz three-dimensional measuring instrument from a frame grabber and a camera behind mirrors.
 
-The rooms follow the decomposition of the paper (I. Maalen-Johansen, *Close-range videometry*): `field`,
-`measurement`, `geometry`, `reconstruction` are pure, arrays in and arrays out; `processes` strings them
-together over fields. Threads, files, clocks and HTTP live in the rooms above them.
+As a library:
+
+    import grabberd
+
+    capture = grabberd.open("liner.grab")
+    points = capture.points().to_dataframe()
+
+The names in `__all__` are the library; docs/reference/python.md says how long they last. The rooms behind it
+follow the decomposition of the paper (I. Maalen-Johansen, *Close-range videometry*): `field`, `measurement`,
+`geometry`, `reconstruction` are pure, arrays in and arrays out; `processes` strings them together over
+fields. Threads, files, clocks and HTTP live in the rooms above them.
 """
 
+from importlib import import_module
+
 __version__ = "0.1.0"
+
+_HOMES = {
+    "Analysis": "public.analysis",
+    "Calibration": "public.calibrations",
+    "Capture": "public.capture",
+    "Connection": "public.connection",
+    "GrabberdError": "errors",
+    "PointTable": "public.point_table",
+    "RemoteCapture": "public.connection",
+    "calibrate": "public.calibrations",
+    "connect": "public.connection",
+    "example": "public.examples",
+    "open": "public.capture:open_capture",
+}
+"""Module of each public name, and its name there where it is another.
+
+It is imported when the name is first used, so that a script does not wait for what it has no use for. Type
+checkers read the same in `__init__.pyi`.
+"""
+
+__all__ = [
+    "Analysis",
+    "Calibration",
+    "Capture",
+    "Connection",
+    "GrabberdError",
+    "PointTable",
+    "RemoteCapture",
+    "__version__",
+    "calibrate",
+    "connect",
+    "example",
+    "open",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'grabberd' has no attribute {name!r}")
+    module, _, own = _HOMES[name].partition(":")
+    found = globals()[name] = getattr(import_module(f"grabberd.{module}"), own or name)
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

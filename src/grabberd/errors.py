@@ -46,6 +46,7 @@ class GrabberdError(Exception):
         super().__init__(message)
         self.message = message
         self.hint = hint
+        self.add_note(f"hint: {hint}")  # tracebacks and notebooks show it
 
 
 class Problem(NamedTuple):

@@ -10,8 +10,8 @@ import numpy as np
 from tests.faults.daemon import RECORDED, Daemon, running
 from tests.faults.failing import configuration
 
-from grabberd.cli.remote.client import Daemon as Address
-from grabberd.cli.remote.points_stream import follow_points
+from grabberd.client.daemon import Daemon as Address
+from grabberd.client.points_stream import follow_points
 
 from .requests import processor_s
 

@@ -19,9 +19,9 @@ def test_the_page_survives_a_restart_of_the_daemon_without_being_loaded_anew(
     page = watched.page
     page.evaluate("window.still = true")
     page.get_by_role("button", name="Start").wait_for()
-    page.get_by_role(
-        "img", name="Picture"
-    ).wait_for()  # with everything that is fetched after the first panel
+    # What is fetched after the first panel is there: a module that is asked for meanwhile would not come.
+    page.get_by_role("img", name="Picture").wait_for()
+    page.locator(".curves[aria-label]").wait_for(state="attached")
     daemon.stop()
     expect(page.locator(".banner")).to_contain_text("No connection", timeout=RETURN_MS)
     expect(page.locator(".state")).to_have_attribute("data-state", "away")

@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from grabberd.cli.app import app
-from grabberd.cli.remote.client import Daemon
+from grabberd.client.daemon import Daemon
 from grabberd.documents.roles import Role
 from grabberd.errors import GrabberdError, InputError
 from grabberd.service.access import Access, Identity

@@ -15,7 +15,6 @@ from grabberd.cli.options import (
     check_folder,
     follow_links,
     load,
-    only_device,
     print_json,
 )
 from grabberd.cli.terminal import console, progress_bar
@@ -115,7 +114,7 @@ def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
         handedness=None if handedness == "auto" else int(handedness),
         check_length=_length(check_length),
     )
-    rig = load(config).devices[only_device(load(config), device, config)].rig if config else None
+    rig = _rig(config, device) if config else None
     made = _calibrated(captures, calibration_frame, options, note, rig, identifications, previous)
     _write(out, json_module.dumps(made.calibration.to_document(), indent=2))
     document = made.report.model_dump(mode="json", by_alias=True)
@@ -127,6 +126,13 @@ def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
         _show(out, report, made.report)
     if made.report.acceptance.verdict == "failed":
         raise typer.Exit(FAILED)
+
+
+def _rig(config: Path, device: str | None) -> "RigConfig":
+    from grabberd.config import only_device  # noqa: PLC0415
+
+    known = load(config)
+    return known.devices[only_device(known, device, config)].rig
 
 
 def _length(text: str | None) -> dict[str, Any] | None:

@@ -140,8 +140,8 @@ def _capture_through(
     out: Path,
 ) -> dict[str, Any]:
     """Let the daemon at an address record a capture, or a group of them."""
-    from grabberd.cli.remote.client import Daemon  # noqa: PLC0415
-    from grabberd.cli.remote.daemon_captures import capture_group_through, capture_through  # noqa: PLC0415
+    from grabberd.cli.daemon_captures import capture_group_through, capture_through  # noqa: PLC0415
+    from grabberd.client.daemon import Daemon  # noqa: PLC0415
 
     if not devices:
         return capture_through(Daemon(*daemon), device, request, out)

@@ -87,7 +87,7 @@ def _of_file(
 def _through_daemon(
     url: str, device: str | None, frame: dict[str, Any] | None, token_file: Path | None, *, in_place: bool
 ) -> dict[str, Any]:
-    from grabberd.cli.remote.client import Daemon  # noqa: PLC0415
+    from grabberd.client.daemon import Daemon  # noqa: PLC0415
 
     daemon = Daemon(url, token_file)
     name = device or _only(daemon.ask("/api/v1/devices")["devices"])

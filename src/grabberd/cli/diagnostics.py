@@ -44,7 +44,7 @@ def diagnostics(
 
     Example: sudo grabberd diagnostics --config /etc/grabberd/grabberd.yaml --out barn.zip
     """
-    from grabberd.cli.remote.client import Daemon  # noqa: PLC0415
+    from grabberd.client.daemon import Daemon  # noqa: PLC0415
     from grabberd.service.diagnostics import bundle, machine_parts  # noqa: PLC0415
     from grabberd.storage.disk import storage_errors  # noqa: PLC0415
 

@@ -106,7 +106,7 @@ def _jobs(url: str, token_file: Any, *, everything: bool) -> list[dict[str, Any]
 
 
 def _daemon(url: str, token_file: Any) -> Any:
-    from grabberd.cli.remote.client import Daemon  # noqa: PLC0415
+    from grabberd.client.daemon import Daemon  # noqa: PLC0415
 
     return Daemon(url, token_file)
 

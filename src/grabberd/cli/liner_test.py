@@ -166,8 +166,8 @@ def _recorded(
     if sys.stdin.isatty():
         typer.prompt("Press Enter to start the capture", default="", show_default=False, err=True)
     if url:
-        from grabberd.cli.remote.client import Daemon  # noqa: PLC0415
-        from grabberd.cli.remote.daemon_captures import capture_through  # noqa: PLC0415
+        from grabberd.cli.daemon_captures import capture_through  # noqa: PLC0415
+        from grabberd.client.daemon import Daemon  # noqa: PLC0415
 
         capture_through(Daemon(url, token_file), device, request, out)
     else:

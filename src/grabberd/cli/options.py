@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from grabberd.errors import ConfigError, Problem, StorageError
+from grabberd.errors import StorageError
 
 if TYPE_CHECKING:  # pydantic takes longer to import than the help does to show
     from grabberd.config import Config, DeviceConfig
@@ -66,24 +66,12 @@ def load(config: Path | None) -> "Config":
     return load_config(config or default_config_file())
 
 
-def only_device(config: "Config", name: str | None, file: Path | None) -> str:
-    """Name of the chosen device: the one named, or the only one."""
-    if name is None and len(config.devices) == 1:
-        return next(iter(config.devices))
-    if name in config.devices:
-        assert name is not None
-        return name
-    from grabberd.config import default_config_file  # noqa: PLC0415
-
-    known = ", ".join(config.devices)
-    problem = f"no device {name!r}; known: {known}" if name else f"several devices; choose one of: {known}"
-    raise ConfigError([Problem(str(file or default_config_file()), "devices", problem)])
-
-
 def with_device(config: "Config", file: Path | None, device: str | None) -> "Config":
     """Reduce the configuration to the chosen device; replay:PATH replaces the configured driver."""
+    from grabberd.config import default_config_file, only_device  # noqa: PLC0415
+
     driver, colon, path = (device or "").partition(":")
-    name = only_device(config, None if colon else device, file)
+    name = only_device(config, None if colon else device, file or default_config_file())
     chosen: DeviceConfig = config.devices[name]
     if colon:
         # A path in a configuration file is relative to that file; one typed here, to the working directory.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from rich.table import Table
 
-from grabberd.cli.options import ConfigOption, JsonOption, load, only_device, print_json
+from grabberd.cli.options import ConfigOption, JsonOption, load, print_json
 from grabberd.cli.terminal import console
 
 if TYPE_CHECKING:
@@ -56,14 +56,14 @@ def plan(  # noqa: PLR0913, PLR0917 - options of a command
 
     Example: grabberd plan --config configs/fake.yaml --bits 8
     """
-    from grabberd.config import shipped_configs  # noqa: PLC0415
+    from grabberd.config import default_config_file, only_device, shipped_configs  # noqa: PLC0415
     from grabberd.geometry import Rig  # noqa: PLC0415
     from grabberd.processes import plan as planning  # noqa: PLC0415
 
     if sigma_px and not min(sigma_px) > 0:
         raise typer.BadParameter("a standard deviation must be greater than 0", param_hint="--sigma-px")
     known = load(config)
-    chosen = known.devices[only_device(known, device, config)]
+    chosen = known.devices[only_device(known, device, config or default_config_file())]
     model = _model(object_model or chosen.object)
     frame = _model(calibration_frame) or _model(shipped_configs() / USUAL_FRAME)
     assert frame is not None

@@ -10,7 +10,7 @@ import typer
 from grabberd.cli.options import DEFAULT_URL, JsonOption, TokenFileOption, UrlOption, end_as_ctrl_c_does
 
 if TYPE_CHECKING:
-    from grabberd.cli.remote.points_stream import StreamedPoints
+    from grabberd.client.points_stream import StreamedPoints
 
 AXES = "xyz"
 COLUMNS = (
@@ -40,8 +40,8 @@ def points(
 
     Example: grabberd points --device north --url http://barn.local:8050 --token-file token --json
     """
-    from grabberd.cli.remote.client import Daemon  # noqa: PLC0415
-    from grabberd.cli.remote.points_stream import follow_points  # noqa: PLC0415
+    from grabberd.client.daemon import Daemon  # noqa: PLC0415
+    from grabberd.client.points_stream import follow_points  # noqa: PLC0415
 
     end_as_ctrl_c_does()
     skipped = 0

@@ -5,7 +5,7 @@ from typing import Any, Protocol
 from urllib.parse import quote
 
 from grabberd.cli.options import load
-from grabberd.cli.remote.client import Daemon
+from grabberd.client.daemon import Daemon
 from grabberd.service.profiles.profile_text import plain_name, write_profile
 from grabberd.service.profiles.profiles import KINDS, Profiles
 

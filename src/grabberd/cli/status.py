@@ -16,7 +16,7 @@ def status(
 
     Example: grabberd status --url http://127.0.0.1:8050
     """
-    from grabberd.cli.remote.client import Daemon  # noqa: PLC0415
+    from grabberd.client.daemon import Daemon  # noqa: PLC0415
 
     state = Daemon(url, token_file).ask("/api/v1/state")
     if json:

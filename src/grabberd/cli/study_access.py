@@ -8,7 +8,7 @@ from urllib.parse import quote, urlencode
 from pydantic import BaseModel
 
 from grabberd.cli.options import load
-from grabberd.cli.remote.client import Daemon
+from grabberd.client.daemon import Daemon
 from grabberd.documents.analyses import AnalysisRow, QuantityDocument
 from grabberd.documents.profiles import ProfileUse
 from grabberd.errors import GrabberdError, NotReady

@@ -22,8 +22,8 @@ def trigger(
 
     Example: grabberd trigger --device north --url http://barn.local:8050 --token-file token
     """
-    from grabberd.cli.remote import daemon_captures as captures  # noqa: PLC0415
-    from grabberd.cli.remote.client import Daemon  # noqa: PLC0415
+    from grabberd.cli import daemon_captures as captures  # noqa: PLC0415
+    from grabberd.client.daemon import Daemon  # noqa: PLC0415
 
     daemon = Daemon(url, token_file)
     document = captures.trigger(daemon, capture or captures.armed_capture(daemon, device))

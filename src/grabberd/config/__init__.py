@@ -21,7 +21,7 @@ from grabberd.config.device import (
 from grabberd.config.logger import ChannelConfig, LoggerConfig
 from grabberd.config.mqtt import MqttConfig, MqttTlsConfig
 from grabberd.config.paths import default_config_file, default_state_directory, shipped_configs
-from grabberd.config.reading import load_config
+from grabberd.config.reading import load_config, only_device
 
 __all__ = [
     "AnalysisConfig",
@@ -49,5 +49,6 @@ __all__ = [
     "default_config_file",
     "default_state_directory",
     "load_config",
+    "only_device",
     "shipped_configs",
 ]

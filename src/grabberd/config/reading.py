@@ -30,6 +30,21 @@ def load_config(path: Path) -> Config:
         raise ConfigError(problems) from None
 
 
+def only_device(config: Config, name: str | None, file: Path) -> str:
+    """Name of the chosen device: the one named, or the only one.
+
+    Raises:
+        ConfigError: There is no device of this name, or several and none is named.
+    """
+    if name is None and len(config.devices) == 1:
+        return next(iter(config.devices))
+    if name is not None and name in config.devices:
+        return name
+    known = ", ".join(config.devices)
+    problem = f"no device {name!r}; known: {known}" if name else f"several devices; choose one of: {known}"
+    raise ConfigError([Problem(str(file), "devices", problem)])
+
+
 def _read_yaml(path: Path) -> object:
     try:
         return parse_yaml(read_text(path), _StrictLoader)

@@ -20,8 +20,8 @@ from api.gates import is_problem
 from api.streams import Served, served
 from grabberd.api.streams.broadcast import Broadcast
 from grabberd.api.streams.points_feed import PointsMessage
-from grabberd.cli.remote.client import Daemon
-from grabberd.cli.remote.points_stream import StreamedPoints, follow_points
+from grabberd.client.daemon import Daemon
+from grabberd.client.points_stream import StreamedPoints, follow_points
 from grabberd.config import HttpLimits
 from grabberd.documents.points_frame import PROTOCOL, decoded
 from grabberd.documents.roles import Role

@@ -146,8 +146,10 @@ def sigma_mm(covariance_mm2: NDArray[np.float64]) -> NDArray[np.float64]:
     return sigma
 
 
-def rows_by_group(reader: CaptureReader, run: int, first_n: int = 0, end_n: int = END) -> Iterator[Rows]:
+def rows_by_group(
+    reader: CaptureReader, run: int, first_n: int = 0, end_n: int = END, every: int = 1
+) -> Iterator[Rows]:
     """The points of a run, as many fields together as the file has together."""
     first_ns = reader.first_time_ns or 0
-    for n, times_ns, counts, points in reader.point_arrays(run, first_n, end_n):
+    for n, times_ns, counts, points in reader.point_arrays(run, first_n, end_n, every):
         yield _timed_rows(n, times_ns, counts, points, reader.meta, first_ns)

@@ -8,8 +8,8 @@ import typer
 from rich.progress import Progress, SpinnerColumn, TimeElapsedColumn
 
 from grabberd.cli.options import check_absent, end_as_ctrl_c_does, group_file, warn
-from grabberd.cli.remote.client import Daemon
 from grabberd.cli.terminal import progress_console
+from grabberd.client.daemon import Daemon
 from grabberd.errors import CaptureFileError, Conflict
 from grabberd.storage import CaptureReader
 

@@ -1,7 +1,7 @@
-"""Client of a running daemon.
+"""The client of a running daemon.
 
-A token comes from a file or the environment, never from the command line, which every user of the machine can
-read. It is sent only to the given address and never follows a redirect.
+A command takes its token from a file or the environment, never from the command line, which every user of the
+machine can read. It is sent only to the given address and never follows a redirect.
 """
 
 import http.client
@@ -24,7 +24,7 @@ HINT = "it must hold one line, as printed by 'grabberd token add'"
 
 
 class Daemon(NamedTuple):
-    """A daemon at an address, asked with the token in a file, else with that in the environment, if any.
+    """A daemon at an address, asked with a token, that in a file, or that in the environment, if any.
 
     All requests raise NotReady if no daemon answers there, InputError if there is no token in the file, and
     GrabberdError with the daemon's own error message and hint.
@@ -32,6 +32,16 @@ class Daemon(NamedTuple):
 
     url: str
     token_file: Path | None = None
+    given_token: str | None = None
+
+    @property
+    def token(self) -> str | None:
+        """The token to ask with, or None.
+
+        Raises:
+            InputError: There is none in the file.
+        """
+        return self.given_token or token_of(self.token_file)
 
     def ask(self, path: str, method: str = "GET", body: object = None, timeout_s: float = TIMEOUT_S) -> Any:
         """Send one request and return the daemon's answer."""
@@ -65,7 +75,7 @@ class Daemon(NamedTuple):
         self, path: str, method: str, data: bytes | None, timeout_s: float = TIMEOUT_S
     ) -> Iterator[http.client.HTTPResponse]:
         headers = {"Content-Type": "application/json", "Accept": "application/json"}
-        if token := token_of(self.token_file):
+        if token := self.token:
             headers["Authorization"] = f"Bearer {token}"
         address = self.url.rstrip("/") + path
         try:

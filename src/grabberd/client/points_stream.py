@@ -9,7 +9,7 @@ from urllib.parse import quote, urlsplit
 from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
 from websockets.sync.client import ClientConnection, connect
 
-from grabberd.cli.remote.client import TIMEOUT_S, Daemon, refusal_of, token_of
+from grabberd.client.daemon import TIMEOUT_S, Daemon, refusal_of
 from grabberd.documents.points import PointsDescription
 from grabberd.documents.points_frame import PROTOCOL, PointsFrame, decoded
 from grabberd.errors import GrabberdError, InputError, NotReady
@@ -93,7 +93,7 @@ def _connected(daemon: Daemon, device: str | None) -> ClientConnection:
         raise InputError(f"{daemon.url} is no address of a daemon", "give one such as http://127.0.0.1:8050")
     address = f"ws{url.scheme.removeprefix('http')}://{url.netloc}{url.path.rstrip('/')}{PATH}"
     query = f"?device={quote(device)}" if device else ""
-    token = token_of(daemon.token_file)
+    token = daemon.token
     headers = {"Authorization": f"Bearer {token}"} if token else {}
     try:
         # With a socket of its own it follows no redirect, which would take the token elsewhere.

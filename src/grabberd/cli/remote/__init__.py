@@ -1,1 +1,0 @@
-"""Commands that a running daemon carries out for the command line, over HTTP."""

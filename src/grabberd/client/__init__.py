@@ -1,0 +1,1 @@
+"""A running daemon, asked over HTTP by commands and by Python programs."""
