@@ -7,8 +7,8 @@ from threading import Thread
 
 import pytest
 
-from grabberd.client.daemon import Daemon
 from grabberd.cli.daemon_captures import _fetch
+from grabberd.client.daemon import Daemon
 from grabberd.errors import CaptureFileError, NotReady, StorageError
 from storage.captures import META, ledger_of, slots, write
 

@@ -15,6 +15,7 @@ from grabberd.documents.calibration_reports import CalibrationReport
 from grabberd.documents.requests import CalibrationOptions
 from grabberd.errors import InputError
 from grabberd.public.documents import PathLike, document_of
+from grabberd.public.threads import one_thread
 from grabberd.service.jobs.calibration import calibrate_files
 from grabberd.service.setup import read_documents
 from grabberd.storage.checked_file import write_checked
@@ -98,6 +99,7 @@ class Calibration:
         return f"<Calibration {self.id}, acceptance: {self.verdict or 'not judged'}>"
 
 
+@one_thread
 def calibrate(
     captures: PathLike | Sequence[PathLike],
     calibration_frame: PathLike | Mapping[str, Any],

@@ -14,6 +14,7 @@ from grabberd.public.calibrations import Calibration, Progress
 from grabberd.public.documents import PathLike, document_of
 from grabberd.public.fields import Fields
 from grabberd.public.point_table import Chosen, PointTable, read_points
+from grabberd.public.threads import one_thread
 from grabberd.service.jobs.analysis import AnalysisOptions, analyse_file, with_log
 from grabberd.service.jobs.measurement import measure_file
 from grabberd.service.setup import settings_of_capture
@@ -135,6 +136,7 @@ class Capture:
         """
         return read_points(self._reader, Chosen(run, first_n, end_n, every))
 
+    @one_thread
     def measure(
         self,
         calibration: Calibration | PathLike,
@@ -167,6 +169,7 @@ class Capture:
         verdict, words = (str(covered.verdict), covered.in_words) if covered else (None, "")
         return Measurement(made.run, made.fields, made.points, verdict, words, made.warnings)
 
+    @one_thread
     def analyse(
         self,
         inputs: PathLike | Mapping[str, Any] | None = None,
@@ -204,6 +207,7 @@ class Capture:
         )
         return Analysis(made)
 
+    @one_thread
     def accuracy(
         self, truth: PathLike, *, run: int | None = None, fit: bool = False, limit_mm: float = 0.2
     ) -> Investigation:

@@ -35,7 +35,9 @@ def draw_field(field: CapturedField, ax: "Axes | None" = None) -> "Axes":
 
 def draw_points(points: PointTable, ax: "Axes | None" = None) -> "Axes":
     """Draws points in the object's frame as seen along z; the colour is z."""
-    axes = _axes(ax, figsize=(7, 6))
+    wide, high = np.ptp(points["x_mm"]), np.ptp(points["y_mm"])
+    # As wide as a notebook's page, and as high as the object with its labels.
+    axes = _axes(ax, figsize=(8, min(max(8 * high / max(wide, 1.0), 1.5), 8) + 1))
     drawn = axes.scatter(points["x_mm"], points["y_mm"], c=points["z_mm"], s=14)
     bar = axes.figure.colorbar(drawn, ax=axes)
     bar.set_label("z, mm")
