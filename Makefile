@@ -17,9 +17,11 @@ WORKERS ?= $(shell expr $$(nproc) + 1)
 NODE := node_modules/ready
 PAGE_TYPES := src/grabberd/web/types/openapi.d.ts
 PAGE_SOURCES = $(shell find src/grabberd/web/static/js src/grabberd/web/types tests/web/types -type d -o -name '*.js' -o -name '*.ts')
+SITE := src/grabberd/web/site/index.html
+SITE_SOURCES = README.md CHANGELOG.md $(shell find docs src/grabberd/public -name '*.md' -o -name '*.ipynb' -o -name '*.py' -o -name '*.png' -o -name '*.svg')
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs site format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -34,7 +36,7 @@ test: $(READY) npm  ## every check and test that this machine can run
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target check test-wheel test-install
 	@$(MAKE) --no-print-directory pytest
 
-check: $(READY) check-page  ## ruff, mypy, the arrows between the rooms and the page's types
+check: $(READY) check-page site  ## ruff, mypy, the arrows between the rooms and the page's types
 	$(BIN)/ruff format --check src drivers systemd tests docs tools
 	$(BIN)/ruff check src drivers systemd tests docs tools
 	$(BIN)/mypy
@@ -85,7 +87,7 @@ test-wheel: wheel  ## build the wheel, install it into an empty environment, run
 test-install: wheel  ## pack a bundle, install it into an empty root without internet, upgrade and remove it there
 	WHEEL=$$(echo $(WHEELS)/grabberd-*.whl) bash tests/systemd/bundle_and_install.sh "$(SYSTEM_PYTHON)" "$(BIN)/python"
 
-wheel: $(READY)
+wheel: $(READY) site
 	@rm -rf $(WHEELS)
 	@$(BIN)/python -m build --wheel --outdir $(WHEELS) . >$(VENV)/wheel.log 2>&1 || { cat $(VENV)/wheel.log; exit 1; }
 
@@ -103,6 +105,11 @@ uninstall:  ## remove the service; captures and configuration stay
 
 bundle: $(READY)  ## pack wheels and installer for a computer without internet, into dist/
 	@bash systemd/bundle.sh $(BIN)/python dist
+
+site: $(SITE)  ## build the documentation as a site, strictly; a daemon serves it at /docs
+
+$(SITE): mkdocs.yml $(SITE_SOURCES) | $(READY)
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 bench: $(READY) $(PEERS)/ready  ## beside OpenCV, OpenPTV, scipy, scikit-image and trackpy, into docs/benchmarks.md (four minutes)
 	$(ONE_THREAD) $(BIN)/python -m tests.bench.peers --write

@@ -37,6 +37,7 @@ from grabberd.api.routes import (
     profiles,
     sessions,
     settings,
+    site,
     studies,
     system,
 )
@@ -44,7 +45,7 @@ from grabberd.api.shortcuts import Shortcuts
 from grabberd.api.snapshots import Snapshots
 from grabberd.api.streams.feeds import Feeds
 from grabberd.service.service import Service
-from grabberd.web import Files
+from grabberd.web import Files, Site
 
 
 def create_app(service: Service, front: Front | None = None) -> FastAPI:
@@ -78,6 +79,7 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
     problems.install(app)
     app.add_exception_handler(Refusal, answer_refusal)
     app.state.files = Files()
+    app.state.site = Site()
     app.state.authenticator = authenticator = Authenticator(service.access, front.private, Attempts())
     app.state.snapshots = snapshots = Snapshots(service)
     app.add_middleware(Shortcuts, snapshots=snapshots)
@@ -100,7 +102,7 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
         settings,
     ):
         app.include_router(part.router, prefix="/api/v1")
-    for part in (devices, system, metrics, page):
+    for part in (devices, system, metrics, page, site):
         app.include_router(part.router)
     describe(app)
     return app

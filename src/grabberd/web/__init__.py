@@ -1,9 +1,12 @@
-"""The operator's page: HTML document and static files. This room does not know what the daemon does.
+"""The operator's page, its HTML document and static files, and the documentation's site.
+
+This room does not know what the daemon does.
 
 `types/` holds the types that the page's modules are checked against; they are neither served nor packaged.
 """
 
 from grabberd.web.files import Files, StaticFile
 from grabberd.web.page import POLICY, language_of, render
+from grabberd.web.site import Site
 
-__all__ = ["POLICY", "Files", "StaticFile", "language_of", "render"]
+__all__ = ["POLICY", "Files", "Site", "StaticFile", "language_of", "render"]

@@ -42,7 +42,7 @@ class Reader(HTMLParser):
 
 @pytest.fixture(scope="module")
 def text(idle: TestClient) -> str:
-    answer = idle.get("/docs")
+    answer = idle.get("/api/v1/docs")
     assert answer.status_code == 200
     assert answer.headers["content-type"].startswith("text/html")
     return answer.text
@@ -71,7 +71,7 @@ def test_every_link_leads_somewhere_and_every_element_is_closed(text: str) -> No
 
 
 def test_its_policy_allows_its_own_style_and_nothing_else(idle: TestClient, text: str) -> None:
-    policy = idle.get("/docs").headers["content-security-policy"]
+    policy = idle.get("/api/v1/docs").headers["content-security-policy"]
     style = re.search(r"<style>(.*?)</style>", text, re.DOTALL)
     assert style is not None
     digest = base64.b64encode(hashlib.sha256(style[1].encode()).digest()).decode()

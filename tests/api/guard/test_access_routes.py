@@ -76,8 +76,9 @@ def test_every_route_declares_its_least_role(routes: list[str]) -> None:
     assert [route for route in routes if route not in LEAST_ROLE] == []
 
 
-def test_only_the_page_and_the_liveness_are_open_to_everybody() -> None:
-    everybody = ["GET /", "GET /static/{version}/{path:path}", "GET /healthz"]
+def test_only_the_page_the_liveness_and_the_documentation_are_open_to_everybody() -> None:
+    documentation = ["GET /docs", "GET /docs/{path:path}"]
+    everybody = ["GET /", "GET /static/{version}/{path:path}", "GET /healthz", *documentation]
     assert [route for route, least in LEAST_ROLE.items() if least is None] == everybody
 
 
@@ -192,6 +193,6 @@ def test_no_path_of_a_request_reaches_the_file_system(tmp_path: Path, traversal:
         if "{" in template and method != "WEBSOCKET":
             path = re.sub(r"\{[^}]*\}", traversal, template)
             answer = client.request(method, path, json={})
-            led_out = answer.url.path == "/"  # by the client itself; there is the page
+            led_out = answer.url.path in {"/", "/docs/"}  # by the client itself; they are open to everybody
             assert led_out or answer.status_code in (404, 405, 409, 422), route
     app.state.service.archive.close()

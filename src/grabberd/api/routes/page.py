@@ -42,7 +42,7 @@ async def get_page(
         "Cache-Control": "no-store",
         "Vary": "Cookie, Accept-Encoding, Accept-Language",
     }
-    return _whole(StaticFile(HTML, content), own | headers, "gzip" in accept_encoding)
+    return whole(StaticFile(HTML, content), own | headers, "gzip" in accept_encoding)
 
 
 @router.get("/static/{version}/{path:path}")
@@ -69,10 +69,11 @@ async def get_static(
     headers = {"ETag": found.etag, "Cache-Control": kept, "Vary": "Accept-Encoding"}
     if is_known(found.etag, if_none_match):
         return Response(status_code=304, headers=headers)
-    return _whole(found, headers, "gzip" in accept_encoding)
+    return whole(found, headers, "gzip" in accept_encoding)
 
 
-def _whole(found: StaticFile, headers: dict[str, str], compressed: bool) -> Response:
+def whole(found: StaticFile, headers: dict[str, str], compressed: bool) -> Response:
+    """A file as an answer, compressed for a client that takes it so."""
     if not compressed:
         return Response(found.content, media_type=found.media_type, headers=headers)
     return Response(

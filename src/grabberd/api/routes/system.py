@@ -70,7 +70,7 @@ def get_diagnostics(
 
 
 @router.get(
-    "/docs", response_class=HTMLResponse, summary="Read the API description as a page", responses=BUSY
+    "/api/v1/docs", response_class=HTMLResponse, summary="Read the API description as a page", responses=BUSY
 )
 @reads
 def get_docs(request: Request) -> HTMLResponse:
