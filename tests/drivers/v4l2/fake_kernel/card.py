@@ -95,6 +95,7 @@ class Card:
         self.standard = NTSC
         self.subscribed, self.events = set(), deque()
         self.unit = self.first_unit = 0
+        self.started_at_60_hz = False
         self.set_format(720, 480, self.formats[0], Arrangement.INTERLACED)
 
     @property
@@ -103,11 +104,11 @@ class Card:
 
     def time_of(self, field):
         """When the camera's field of that number has begun."""
-        return field * 1001 * 10**9 // 60_000 if self.is_60_hz else field * PERIOD_NS
+        return field * 1001 * 10**9 // 60_000 if self.started_at_60_hz else field * PERIOD_NS
 
     def number_at(self, time_ns):
         """The number of the field at that time."""
-        return time_ns * 60_000 // (1001 * 10**9) if self.is_60_hz else time_ns // PERIOD_NS
+        return time_ns * 60_000 // (1001 * 10**9) if self.started_at_60_hz else time_ns // PERIOD_NS
 
     # ---- what it is set to
 
@@ -143,7 +144,8 @@ class Card:
         return pix
 
     def rows(self):
-        return 240 if self.is_60_hz else ROWS
+        at_60_hz = self.started_at_60_hz if self.queue.streaming else self.is_60_hz
+        return 240 if at_60_hz else ROWS
 
     def _granted_order(self, order, lines):
         if order == Arrangement.ANY:  # as several drivers do
@@ -195,6 +197,7 @@ class Card:
 
     def start(self, now_ns):
         self.queue.start()
+        self.started_at_60_hz = self.is_60_hz
         self.unit = next(n for n in _from(self.number_at(now_ns) // 2) if self._begin_ns(n) >= now_ns)
         if self.order == Arrangement.ALTERNATE:  # with the older field of the standard
             self.unit += (self.unit + self.is_60_hz) % 2
