@@ -33,6 +33,7 @@ class Camera(Card):
         tells_modes: sizes and rates can be enumerated; tells_rate: G_PARM and S_PARM are there.
         keeps_rate: S_PARM is answered by this rate whatever was asked for; None: by the nearest.
         soe: stamps are of the start of the exposure, as UVC has them.
+        scene: what it sees: a function of number, columns and lines; None: pictures that tell their number.
 
     Faults: spoilt: what becomes of a unit's JPEG, a function by unit.
     """
@@ -51,6 +52,7 @@ class Camera(Card):
     tells_rate: bool = True
     keeps_rate: object = None
     soe: bool = True
+    scene: object = None
     spoilt: dict = field(default_factory=dict)
 
     def __post_init__(self):
@@ -183,9 +185,9 @@ class Camera(Card):
         columns, lines = self.pix.width, self.pix.height
         if fourcc != "MJPG":
             stride = bytes_per_line(fourcc, columns, self.padding)
-            encode(whole_picture(numbers[0], columns, lines), fourcc, stride, memory)
+            encode((self.scene or whole_picture)(numbers[0], columns, lines), fourcc, stride, memory)
             return self.pix.sizeimage
-        data = jpeg(blocks_picture(numbers[0], columns, lines))
+        data = jpeg((self.scene or blocks_picture)(numbers[0], columns, lines))
         data = self.spoilt.get(count, lambda whole: whole)(data)
         memory[: data.size] = data
         return data.size
