@@ -97,6 +97,8 @@ def picture_bytes(granted: Granted) -> int:
 
 def _set_input(node: Node, options: V4l2Options) -> None:
     inputs = node.inputs()
+    if not inputs and options.input is None and not node.standards():
+        return  # a camera on a chip: drivers of some enumerate nothing
     if not inputs:
         raise DeviceRefused(f"{node.path} has no inputs, so it is no grabber", _LIST)
     wanted = _best(inputs, options) if options.input is None else _named(node, inputs, str(options.input))

@@ -1,4 +1,4 @@
-"""Video standards by their names and the kernel's bits, and what a camera of each of them scans."""
+"""Video standards by their names and the kernel's bits, and the scan of each."""
 
 from typing import NamedTuple
 
@@ -34,7 +34,7 @@ NAMES = {
 
 
 class Scan(NamedTuple):
-    """What a camera scans.
+    """Lines and rate of a camera's scan, and the order of its fields.
 
     Attributes:
         lines: lines of a frame, or of a progressive picture.

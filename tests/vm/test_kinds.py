@@ -63,7 +63,7 @@ def test_progressive_pictures_come_at_the_rate_that_was_granted(
     webcam: Machine, tables: Tables, size: str, rate_hz: float, pixel_format: str
 ) -> None:
     asked = {"input": WEBCAM, "size": size, "rate_hz": rate_hz, "format": pixel_format}
-    rate = webcam.call(streams.rate, seconds=SECONDS, **asked)
+    rate = webcam.call(streams.rate, seconds=SECONDS, left_out=4, **asked)
     seen = webcam.call(streams.whole_pictures, **asked)
     tables.add(
         "Progressive pictures and 525 lines",

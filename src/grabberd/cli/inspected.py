@@ -69,7 +69,7 @@ class Inspected:
 
 
 def _chosen(info: StreamInfo) -> dict[str, Any]:
-    """What a digital camera chose by itself, as options: so it is captured as it was looked at."""
+    """Options for the size, rate and format that a digital camera was looked at in."""
     if info.driver != "v4l2" or info.field_order is not FieldOrder.PROGRESSIVE:
         return {}
     size = f"{info.columns}x{info.field_rows}"

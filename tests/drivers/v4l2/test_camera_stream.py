@@ -120,6 +120,28 @@ def test_stamps_that_jitter_by_a_third_of_the_period_invent_no_loss(tmp_path, ra
     assert len(seen.missing) == 1
 
 
+@pytest.mark.parametrize("rate", [60, 120, 200])
+@pytest.mark.parametrize("batch_ms", [4, 8])
+def test_arrivals_in_batches_of_the_bus_neither_lose_nor_invent(tmp_path, rate, batch_ms):
+    def batch(play):
+        card = play.card
+        card.stamp = lambda _: card.time_of(card.unit)  # by the camera's own clock
+        due_ns = card.due_ns
+
+        def batched_ns():
+            time_ns, batch_ns = due_ns(), batch_ms * 1_000_000
+            return None if time_ns is None else -(-time_ns // batch_ns) * batch_ns
+
+        card.due_ns = batched_ns
+        card.lost = {90, 91}
+
+    seen = Seen(tmp_path, camera(modes=grey(rate)), rate, batch, buffers=32)
+    assert seen.is_true
+    assert seen.missing == seen.truly_missing
+    assert len(seen.missing) == 2
+    assert seen.play.uncertain == []
+
+
 @pytest.mark.parametrize("size", [(640, 480), (1280, 720)])
 def test_the_ring_takes_pictures_of_any_size(tmp_path, size):
     seen = Seen(tmp_path, camera(modes=grey(60, size)), 60, seconds=1.0)

@@ -124,6 +124,10 @@ def test_too_few_buffers_for_the_rate_are_remarked_on(bench, tmp_path):
     assert not any("last for" in remark for remark in enough.remarks)
 
 
+def test_a_camera_whose_driver_knows_no_inputs_is_opened(bench):
+    assert granted(bench(camera(sockets=()))) == ("YUYV", (640, 480), 30.0)
+
+
 # --- what is refused ---
 
 
@@ -187,6 +191,10 @@ def test_a_card_with_standards_that_grants_no_whole_pictures_says_what_it_grants
 
 def test_a_stick_that_throws_fields_away_is_refused_though_it_looks_like_a_camera(bench):
     assert "throws one field" in refusal(bench(usb_id="534d:0021")).message
+
+
+def test_an_input_cannot_be_named_where_there_are_none(bench):
+    assert "no inputs" in refusal(bench(camera(sockets=()), input=0)).message
 
 
 @pytest.mark.parametrize("call", ["ENUM_FRAMESIZES", "S_PARM", "G_PARM"])
