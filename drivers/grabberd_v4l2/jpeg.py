@@ -26,13 +26,13 @@ class JpegLuma:
         self._cv2 = cv2
         self._how = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
         self._shape = lines, columns
-        self._last: NDArray[np.uint8] | None = None
+        self._last: NDArray[np.uint8] | None = None  # whole
 
     def decode(self, data: NDArray[np.uint8]) -> tuple[NDArray[np.uint8] | None, str | None]:
         """The luma of a picture, and what is wrong with it.
 
-        A picture that breaks off is grey from there on. In place of one that cannot be decoded at all the
-        picture before it is returned; None if there was none yet.
+        A picture that breaks off is grey from there on. In place of one that cannot be decoded the last
+        whole picture is returned; None if there was none yet.
 
         Args:
             data: (n,) uint8, as the camera sent them.
@@ -44,10 +44,10 @@ class JpegLuma:
         luma = None if fault else self._decoded(data)
         if luma is None or luma.shape != self._shape:
             return self._last, f"broken JPEG: {fault or 'it cannot be decoded'}"
-        self._last = luma
         # The header alone does not tell: lost bytes in the middle leave too few for the last blocks.
         if (luma[-_BLOCK:, -_BLOCK:] == _NOTHING_LEFT).all():
             return luma, "broken JPEG: data are missing"
+        self._last = luma
         return luma, None
 
     def _decoded(self, data: NDArray[np.uint8]) -> NDArray[np.uint8] | None:

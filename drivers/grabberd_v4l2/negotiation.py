@@ -44,7 +44,7 @@ def capture_node(node: Node) -> Capability:
 
 def _what_else(flags: int) -> str:
     if flags & abi.CAP_VIDEO_CAPTURE_MPLANE:
-        return "delivers pictures only in several planes, as no analog grabber does"
+        return "delivers pictures only in several planes, which grabberd does not read"
     kinds = [name for bits, name in _OTHER_KINDS.items() if flags & bits]
     return f"has no pictures: its node is for {', '.join(kinds) or 'something else'}"
 

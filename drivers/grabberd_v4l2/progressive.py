@@ -66,14 +66,14 @@ def _granted(node: Node, wish: Wish, answers: list[str]) -> tuple[abi.PixFormat,
     # After the format, which resets the rate in many drivers.
     rate_hz = _set_rate(node, wish.rate_hz)
     got = (abi.fourcc_name(pix.pixelformat), int(pix.width), int(pix.height), int(pix.field))
-    kept_to = rate_hz is not None and (wish.rate_hz is None or is_near(rate_hz, wish.rate_hz))
-    if rate_hz is None or not kept_to or got != (mode.fourcc, *mode.size, Arrangement.NONE):
-        answers.append(_in_words(got, rate_hz))
-        return None
-    if rate_hz < LEAST_HZ:
+    if rate_hz is None or not _keeps_to(wish, rate_hz) or got != (mode.fourcc, *mode.size, Arrangement.NONE):
         answers.append(_in_words(got, rate_hz))
         return None
     return pix, Scan.progressive(mode.lines, float(rate_hz))
+
+
+def _keeps_to(wish: Wish, rate_hz: Fraction) -> bool:
+    return rate_hz >= LEAST_HZ and (wish.rate_hz is None or is_near(rate_hz, wish.rate_hz))
 
 
 def _set_rate(node: Node, rate_hz: Fraction | None) -> Fraction | None:

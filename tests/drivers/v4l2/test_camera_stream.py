@@ -13,6 +13,9 @@ from drivers.v4l2.playing import Play
 from drivers.v4l2.taking import numbered, take
 from grabberd.acquisition import Outcome
 from grabberd.errors import DeviceLost
+from grabberd.field import PROGRESSIVE
+from grabberd.measurement import LocationSettings, measure
+from measurement.test_progressive import drawn
 
 RATES = (5, 15, 25, Fraction(30_000, 1001), 30, 50, 60, 120, 200)
 SECONDS = 4.0
@@ -147,6 +150,20 @@ def test_the_ring_takes_pictures_of_any_size(tmp_path, size):
     seen = Seen(tmp_path, camera(modes=grey(60, size)), 60, seconds=1.0)
     assert seen.is_true
     assert seen.slots[0].numbered.packed.data.shape == (1, size[1], size[0])
+
+
+@pytest.mark.parametrize(("fourcc", "rms_px"), [("YUYV", 0.022), ("NV12", 0.022), ("MJPG", 0.025)])
+def test_discs_are_located_in_the_ring_where_they_were_before_the_camera(tmp_path, fourcc, rms_px):
+    picture, places = drawn(7)
+    seen = camera(modes={fourcc: {(640, 480): (60,)}}, scene=lambda *_: picture)
+    play = Play(tmp_path, seen, size="640x480", rate_hz=60).run(0.5)
+    assert len(play.slots) > 10
+    packed = play.slots[-1].numbered.packed
+    assert (packed.parity, packed.y0, packed.y_step) == (PROGRESSIVE, 0, 1)
+    blobs = measure(packed, None, LocationSettings())
+    assert len(blobs) == len(places)
+    nearest = np.linalg.norm(blobs.xy_px[:, np.newaxis] - places, axis=2).argmin(axis=1)
+    assert np.sqrt(((blobs.xy_px - places[nearest]) ** 2).mean(axis=0)).max() < rms_px
 
 
 def test_a_program_that_is_stopped_loses_what_the_buffers_could_not_hold(tmp_path):

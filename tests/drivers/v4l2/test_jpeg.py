@@ -103,6 +103,13 @@ def test_what_cannot_be_decoded_is_named_and_the_picture_before_stands_for_it(da
     assert stream.decode(WHOLE)[1] is None
 
 
+def test_a_picture_that_broke_off_stands_for_no_other():
+    stream = decoder()
+    good, _ = stream.decode(WHOLE)
+    stream.decode(WHOLE[: WHOLE.size // 2])
+    assert np.array_equal(stream.decode(WHOLE[:0])[0], good)
+
+
 def test_before_the_first_picture_there_is_none_to_stand_for_a_broken_one():
     assert decoder().decode(WHOLE[:0])[0] is None
 

@@ -2,6 +2,7 @@
 told.
 """
 
+import contextlib
 import errno
 from fractions import Fraction
 
@@ -9,7 +10,7 @@ import pytest
 
 from drivers.v4l2.bench import Bench, camera, card_with, dongle
 from grabberd.acquisition import FieldOrder
-from grabberd.errors import DeviceRefused
+from grabberd.errors import DeviceError, DeviceRefused
 from grabberd.field import PROGRESSIVE
 from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import Arrangement
@@ -195,6 +196,28 @@ def test_a_stick_that_throws_fields_away_is_refused_though_it_looks_like_a_camer
 
 def test_an_input_cannot_be_named_where_there_are_none(bench):
     assert "no inputs" in refusal(bench(camera(sockets=()), input=0)).message
+
+
+@pytest.mark.parametrize("answer", [errno.EIO, errno.EINVAL, errno.ENODEV, errno.EBUSY])
+@pytest.mark.parametrize("fourcc", ["YUYV", "MJPG"])
+def test_whichever_call_is_refused_nothing_is_left_behind_and_the_next_time_it_opens(
+    tmp_path, fourcc, answer
+):
+    def made(folder):
+        return Bench(folder, camera(modes={fourcc: {(640, 480): (30,)}}), buffers=8)
+
+    whole = made(tmp_path / "whole")
+    whole.grabber.open()
+    for number in range(1, len(whole.kernel.calls) + 1):
+        one = made(tmp_path / str(number))
+        one.kernel.refuse_call, one.kernel.refuse_with = number, answer
+        with contextlib.suppress(DeviceError):
+            one.grabber.open()
+            one.grabber.close()
+        assert one.nothing_is_left_behind(), whole.kernel.calls[number - 1]
+        one.grabber.open()
+        with one.grabber.dequeue(1.0) as fields:
+            assert fields
 
 
 @pytest.mark.parametrize("call", ["ENUM_FRAMESIZES", "S_PARM", "G_PARM"])
