@@ -64,6 +64,9 @@ STD_PAL = 0x000000FF
 STD_525_60 = 0x0000F900
 STD_625_50 = 0x00FF06FF
 
+FRMSIZE_TYPE_DISCRETE = FRMIVAL_TYPE_DISCRETE = 1
+"""One size, or one interval, an entry; all other types give a range in their first entry."""
+
 EVENT_EOS = 2
 EVENT_SOURCE_CHANGE = 5
 
@@ -160,6 +163,90 @@ class Format(c.Structure):
     """Format requested and granted, by kind of stream."""
 
     _fields_ = (("type", c.c_uint32), ("fmt", _Fmt))
+
+
+class SizeRange(c.Structure):
+    """Sizes of a scaler; of a `Discrete` one the first two numbers are its width and height."""
+
+    _fields_ = (
+        ("min_width", c.c_uint32),
+        ("max_width", c.c_uint32),
+        ("step_width", c.c_uint32),
+        ("min_height", c.c_uint32),
+        ("max_height", c.c_uint32),
+        ("step_height", c.c_uint32),
+    )
+
+
+class DiscreteSize(c.Structure):
+    """One size of a picture."""
+
+    _fields_ = (("width", c.c_uint32), ("height", c.c_uint32))
+
+
+class _Sizes(c.Union):
+    _fields_ = (("discrete", DiscreteSize), ("stepwise", SizeRange))
+
+
+class FrmSizeEnum(c.Structure):
+    """A size, or a range of them, that a pixel format can have."""
+
+    _anonymous_ = ("sizes",)
+    _fields_ = (
+        ("index", c.c_uint32),
+        ("pixel_format", c.c_uint32),
+        ("type", c.c_uint32),
+        ("sizes", _Sizes),
+        ("reserved", c.c_uint32 * 2),
+    )
+
+
+class IntervalRange(c.Structure):
+    """Shortest and longest time from picture to picture."""
+
+    _fields_ = (("min", Fraction), ("max", Fraction), ("step", Fraction))
+
+
+class _Intervals(c.Union):
+    _fields_ = (("discrete", Fraction), ("stepwise", IntervalRange))
+
+
+class FrmIvalEnum(c.Structure):
+    """A time from picture to picture, or a range of them, that a size can have."""
+
+    _anonymous_ = ("intervals",)
+    _fields_ = (
+        ("index", c.c_uint32),
+        ("pixel_format", c.c_uint32),
+        ("width", c.c_uint32),
+        ("height", c.c_uint32),
+        ("type", c.c_uint32),
+        ("intervals", _Intervals),
+        ("reserved", c.c_uint32 * 2),
+    )
+
+
+class CaptureParm(c.Structure):
+    """Time from picture to picture, requested and granted."""
+
+    _fields_ = (
+        ("capability", c.c_uint32),
+        ("capturemode", c.c_uint32),
+        ("timeperframe", Fraction),
+        ("extendedmode", c.c_uint32),
+        ("readbuffers", c.c_uint32),
+        ("reserved", c.c_uint32 * 4),
+    )
+
+
+class _Parm(c.Union):
+    _fields_ = (("capture", CaptureParm), ("raw_data", c.c_uint8 * 200))
+
+
+class StreamParm(c.Structure):
+    """Parameters of a stream beside its format."""
+
+    _fields_ = (("type", c.c_uint32), ("parm", _Parm))
 
 
 class RequestBuffers(c.Structure):

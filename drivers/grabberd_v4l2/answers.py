@@ -9,8 +9,9 @@ from pathlib import Path
 
 from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import ONE_FIELD, Arrangement
-from grabberd_v4l2.formats import FORMATS
+from grabberd_v4l2.formats import FORMATS, RAW
 from grabberd_v4l2.kernel import Kernel
+from grabberd_v4l2.modes import in_words, offered
 from grabberd_v4l2.node import Node
 
 _COLUMNS, _FRAME_LINES, _FIELD_LINES = 720, 576, 288
@@ -38,6 +39,7 @@ class Answers:
         standard_now: the selected standard, "" if unknown.
         formats: supported pixel formats that grabberd reads; `other_formats`: all others.
         field_orders: field orders that it grants.
+        pictures: sizes and rates of a camera without standards, in words; "" for all others.
     """
 
     kernel_driver: str
@@ -50,6 +52,12 @@ class Answers:
     formats: tuple[str, ...] = ()
     other_formats: tuple[str, ...] = ()
     field_orders: tuple[Arrangement, ...] = ()
+    pictures: str = ""
+
+    @property
+    def is_camera(self) -> bool:
+        """True for a digital camera: whole pictures, and no video standard."""
+        return not self.standards and Arrangement.NONE in self.field_orders
 
 
 def ask(kernel: Kernel, path: Path) -> Answers:
@@ -69,6 +77,9 @@ def _answers(node: Node, kernel_driver: str, card: str) -> Answers:
     inputs = node.inputs()
     standards = reduce(or_, (one.std for one in inputs), 0)
     formats = node.pixel_formats()
+    # What counts is the selected input: a card may have inputs with standards beside others.
+    has_standards = bool(node.standards())
+    readable = tuple(name for name in (RAW if has_standards else FORMATS) if name in formats)
     return Answers(
         kernel_driver=kernel_driver,
         card=card,
@@ -77,9 +88,10 @@ def _answers(node: Node, kernel_driver: str, card: str) -> Answers:
         standards=_families(standards),
         at_50_hz=bool(standards & abi.STD_625_50),
         standard_now="/".join(_families(_standard_now(node))),
-        formats=tuple(name for name in FORMATS if name in formats),
-        other_formats=tuple(name for name in formats if name not in FORMATS),
+        formats=readable,
+        other_formats=tuple(name for name in formats if name not in readable),
         field_orders=tuple(_field_orders(node, formats)),
+        pictures="" if has_standards or not readable else in_words(list(offered(node, readable))),
     )
 
 

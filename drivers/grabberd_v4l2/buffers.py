@@ -101,5 +101,5 @@ class Buffers:
 
 def _refused(node: Node, what: str) -> DeviceRefused:
     return DeviceRefused(
-        f"{node.path} {what}", "choose another number (option 'buffers', 8 to 16) or another format"
+        f"{node.path} {what}", "choose another number (option 'buffers', 8 to 32) or another format"
     )

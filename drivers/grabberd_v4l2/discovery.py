@@ -48,7 +48,7 @@ def _seen(node: VideoNode, asked: Ask) -> _Seen:
 
 
 def _found(seen: _Seen, nodes: Sequence[VideoNode], profiles: Profiles) -> FoundDevice:
-    profile = profiles.of(seen.answers.kernel_driver)
+    profile = profiles.of(seen.answers.kernel_driver, seen.node.usb.vendor_product if seen.node.usb else "")
     faults = tuple(_faults(seen))
     best, *others = _ways(seen.node, nodes)
     return FoundDevice(
@@ -67,10 +67,8 @@ def _faults(seen: _Seen) -> Iterator[str]:
     if seen.refusal:
         return
     answers = seen.answers
-    if not answers.standards:
-        yield "It has no video standards: it is a camera, or a stick that converts the pictures itself."
-    elif not answers.at_50_hz:
-        yield f"It has no standard of 50 fields a second such as PAL, only {', '.join(answers.standards)}."
+    if not answers.standards and not answers.is_camera:
+        yield "It has no video standard, and grants no progressive pictures (field order 'none') either."
     if not answers.formats:
         known = ", ".join(answers.other_formats) or "none"
         yield f"It has no format that grabberd reads ({', '.join(FORMATS)}), only {known}."
@@ -85,13 +83,26 @@ def _remarks(seen: _Seen, nodes: Sequence[VideoNode], profile: Profile) -> Itera
     if seen.refusal:
         yield seen.refusal
     yield from (_sentence(remark) for remark in (*profile.remarks, profile.advice) if remark)
-    if (now := seen.answers.standard_now) in AT_60_HZ:
-        yield f"It is set to {now} now, the default of some drivers; grabberd selects PAL when it opens it."
+    yield from _of_standards(seen.answers)
     yield from remarks_on(seen.node, nodes)
     if seen.node.by_path is None:
         yield (
             "udev has no link for it under /dev/v4l/by-path: its node may have another number after a "
             "reboot or after replugging."
+        )
+
+
+def _of_standards(answers: Answers) -> Iterator[str]:
+    """Remarks on the kind of pictures, and on how it is chosen."""
+    if answers.is_camera:
+        yield "It delivers progressive pictures: choose by the options 'size', 'rate_hz' and 'format'."
+    elif answers.standards and not answers.at_50_hz:
+        known = ", ".join(answers.standards)
+        yield f"It has no standard of 50 fields a second, only {known}: set the option 'standard'."
+    elif answers.standard_now in AT_60_HZ:
+        yield (
+            f"It is set to {answers.standard_now} now, the default of some drivers; grabberd selects PAL "
+            "when it opens it, or what the option 'standard' says."
         )
 
 
@@ -142,6 +153,7 @@ def _facts(node: VideoNode, answers: Answers) -> Iterator[tuple[str, str]]:
         "inputs": ", ".join(answers.inputs),
         "standards": ", ".join(answers.standards),
         "formats": _formats(answers),
+        "pictures a second": answers.pictures,
         "field orders": ", ".join(_order(order) for order in answers.field_orders),
     }
     return ((name, word) for name, word in facts.items() if word)

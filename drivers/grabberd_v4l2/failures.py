@@ -53,7 +53,8 @@ _MEANINGS = {
     errno.ENOSPC: _Meaning(
         Cause.NO_BANDWIDTH,
         "finds no bandwidth left on its USB bus",
-        "PAL takes 20.7 MB/s: one dongle per USB 2.0 bus, none at USB 1.1 speed; plug it into another bus",
+        "PAL takes 20.7 MB/s: one dongle per USB 2.0 bus, none at USB 1.1 speed; plug it into another bus, "
+        "or ask a digital camera for a smaller 'size' or 'rate_hz', or for 'format: MJPG'",
     ),
     errno.ENOMEM: _Meaning(
         Cause.DEVICE_REFUSED,

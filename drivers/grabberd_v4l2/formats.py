@@ -12,10 +12,12 @@ class PixelFormat(NamedTuple):
     Attributes:
         word: type of one pixel; its low byte is the luma, its high byte, if any, chroma.
         planes: size of the whole picture in units of its luma plane.
+        is_compressed: True if a buffer has a JPEG, and the layout is that of the decoded luma.
     """
 
     word: DTypeLike
     planes: float
+    is_compressed: bool = False
 
 
 FORMATS = {
@@ -23,12 +25,16 @@ FORMATS = {
     "NV12": PixelFormat("u1", 1.5),
     "YUYV": PixelFormat("<u2", 1.0),
     "UYVY": PixelFormat(">u2", 1.0),
+    "MJPG": PixelFormat("u1", 1.0, is_compressed=True),
+    "JPEG": PixelFormat("u1", 1.0, is_compressed=True),
 }
 """The formats that can be read, the preferred ones first.
 
-All of them have the same 8-bit luma, so the order is that of effort: GREY carries nothing else, NV12 half as
-much again, YUYV and UYVY twice as much, and their luma has to be extracted, which takes longer for UYVY.
+The first four have the same 8-bit luma, so the order is that of effort: GREY carries nothing else, NV12 half
+as much again, YUYV and UYVY twice as much, and their luma has to be extracted, which takes longer for UYVY. A
+JPEG has to be decoded, and its luma is not quite the camera's; only digital cameras deliver it.
 """
+RAW = tuple(fourcc for fourcc, one in FORMATS.items() if not one.is_compressed)
 
 
 def luma(

@@ -8,13 +8,14 @@ from typing import Any
 
 from grabberd.acquisition.device import GrabbedField, Signal, StreamInfo
 from grabberd.errors import Cause, DeviceLost, DeviceRefused, StreamFailed
-from grabberd.field import Field
 from grabberd_v4l2 import abi
-from grabberd_v4l2.describing import remarks_on_place, stream_info
+from grabberd_v4l2.describing import remarks_on_place, stream_info, usb_id
 from grabberd_v4l2.failures import opening, restarting
+from grabberd_v4l2.formats import FORMATS
 from grabberd_v4l2.identity import find_node
+from grabberd_v4l2.jpeg import JpegLuma
 from grabberd_v4l2.kernel import Kernel, LinuxKernel
-from grabberd_v4l2.layout import Layout
+from grabberd_v4l2.layout import Granted, Layout
 from grabberd_v4l2.negotiation import capture_node, negotiate, picture_bytes
 from grabberd_v4l2.node import Node
 from grabberd_v4l2.options import V4l2Options
@@ -25,8 +26,6 @@ from grabberd_v4l2.times import FieldTimes, Stamp
 from grabberd_v4l2.usb import reset_of
 from grabberd_v4l2.watch import Watch
 
-_PAL = "connect a PAL camera; grabberd retries automatically"
-
 
 @dataclass(frozen=True, slots=True)
 class _Running:
@@ -36,12 +35,13 @@ class _Running:
     layout: Layout
     times: FieldTimes
     watch: Watch
+    jpeg: JpegLuma | None
     whole_bytes: int
     info: StreamInfo
 
 
 class V4l2Grabber:
-    """An analog grabber under a video node; `V4l2Options` lists its options."""
+    """An analog grabber or a digital camera under a video node; `V4l2Options` lists its options."""
 
     def __init__(self, *, kernel: Kernel | None = None, roots: Roots = SYSTEM, **options: Any) -> None:
         """Checks the options; nothing is opened.
@@ -99,13 +99,13 @@ class V4l2Grabber:
 
         Raises:
             DeviceLost: the device is not open, or has disappeared.
-            StreamFailed: the stream has ended, or is at 60 Hz.
+            StreamFailed: the stream has ended, or its camera has another standard.
             DeviceRefused: a buffer does not tell the parity of its field.
         """
         running = self._streaming()
         running.watch.look_again()
         if running.watch.trouble:
-            raise StreamFailed(running.watch.trouble, "grabberd restarts it at 50 Hz")
+            raise StreamFailed(running.watch.trouble, running.watch.remedy)
         with running.stream.dequeue(timeout_s) as filled:
             if running.stream.source_changed():
                 running.watch.look()
@@ -166,18 +166,20 @@ class V4l2Grabber:
     def _started(self, node: Node) -> _Running:
         capability = capture_node(node)
         profiles = Profiles.load(self.options.profiles)
-        profile = profiles.of(capability.driver)
+        profile = profiles.of(capability.driver, usb_id(node.path, self._roots))
         # Everything is set before buffers exist: drivers refuse a new standard or format while they have any,
         # and usbtv, which does not, must not be given another standard while it streams.
         granted = negotiate(node, capability, self.options, profile)
-        watch = _settled(node, profile)
+        watch = _settled(node, profile, granted)
         remarks = (*profiles.remarks, *remarks_on_place(node.path, self._roots))
         layout = Layout.of(granted, profile, self.options.older)
         times = FieldTimes(layout, profile, self.options.exposure_ns)
-        stream = Stream(node, self.options.buffers, picture_bytes(granted))
+        jpeg = JpegLuma(granted.lines, granted.columns) if FORMATS[granted.fourcc].is_compressed else None
+        whole_bytes = picture_bytes(granted)
+        stream = Stream(node, self.options.buffers, whole_bytes)
         layout = replace(layout, granted=replace(granted, buffers=stream.buffers))
         info = stream_info(layout, profile, times, watch.tells, node.path, remarks)
-        return _Running(stream, layout, times, watch, picture_bytes(granted), info)
+        return _Running(stream, layout, times, watch, jpeg, whole_bytes, info)
 
     def _streaming(self) -> _Running:
         if self._node is None:
@@ -189,10 +191,10 @@ class V4l2Grabber:
         return self._running
 
 
-def _settled(node: Node, profile: Profile) -> Watch:
-    watch = Watch(node, profile.signal_source)
+def _settled(node: Node, profile: Profile, granted: Granted) -> Watch:
+    watch = Watch(node, profile.signal_source, granted.scan)
     if watch.settle():
-        raise DeviceRefused(f"{node.path}: {watch.trouble}", _PAL, Cause.WRONG_STANDARD)
+        raise DeviceRefused(f"{node.path}: {watch.trouble}", watch.remedy, Cause.WRONG_STANDARD)
     return watch
 
 
@@ -204,17 +206,22 @@ def _fields(running: _Running, filled: Filled) -> list[GrabbedField]:
     stamp = Stamp(filled.time_ns, filled.flags, filled.sequence, filled.arrival_ns)
     if running.times.handed_back(stamp):
         return []
-    damage = _damage(filled, running.whole_bytes)
+    damage, picture = _damage(filled, running.whole_bytes), filled.picture
+    if running.jpeg is not None:
+        luma, broken = running.jpeg.decode(filled.picture[: filled.bytes_used])
+        if luma is None:
+            return []  # the stream has not begun before its first picture
+        damage, picture = damage or broken, luma.ravel()
     try:
-        laid = running.layout.fields(filled.picture, filled.field)
+        laid = running.layout.fields(picture, filled.field)
     except DeviceRefused:
         if damage is None:
             raise
         return []  # a damaged field without parity counts as lost: the gap in time shows it
     times = running.times.of(stamp, laid)
     return [
-        GrabbedField(Field.intact(field.luma, field.parity), time.time_ns, time.sequence, damage)
-        for field, time in zip(laid, times, strict=True)
+        GrabbedField(one.field, time.time_ns, time.sequence, damage)
+        for one, time in zip(laid, times, strict=True)
     ]
 
 

@@ -9,14 +9,11 @@ from numpy.typing import NDArray
 
 from grabberd.acquisition import FieldOrder
 from grabberd.errors import DeviceRefused
-from grabberd.field import BOTTOM, TOP
+from grabberd.field import BOTTOM, PROGRESSIVE, TOP, Field
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.formats import luma
 from grabberd_v4l2.profiles import Profile
-
-FIELD_ROWS = 288
-FRAME_RATE_HZ = 25.0
-FIELD_RATE_HZ = 50.0
+from grabberd_v4l2.standards import SCAN_625, Scan
 
 _WOVEN = (Arrangement.INTERLACED, Arrangement.INTERLACED_TB, Arrangement.INTERLACED_BT)
 _STACKED = (Arrangement.SEQ_TB, Arrangement.SEQ_BT)
@@ -35,13 +32,14 @@ class Granted:
     """The stream that the kernel driver granted, read back after everything was requested.
 
     Attributes:
-        columns: pixels per line; `lines`: lines per buffer, 576 of a frame or 288 of one field.
+        columns: pixels per line; `lines`: lines per buffer: of a frame, of one field, or of a whole picture.
         bytes_per_line: distance of two lines in the first plane.
         fourcc: pixel format, e.g. "YUYV".
         field: V4L2_FIELD_*, never ANY.
-        standard: video standard, e.g. "PAL".
+        standard: video standard, e.g. "PAL"; "" for a camera without.
         kernel_driver: kernel driver, e.g. "bttv"; `card`: the device's own name; `bus_info`: its location.
         buffers: number of buffers in the kernel's queue.
+        scan: what the camera scans.
     """
 
     columns: int
@@ -54,6 +52,7 @@ class Granted:
     card: str
     bus_info: str
     buffers: int
+    scan: Scan = SCAN_625
 
 
 class LaidField(NamedTuple):
@@ -61,13 +60,20 @@ class LaidField(NamedTuple):
 
     Attributes:
         luma: (field_rows, columns) uint8, often a view into the buffer.
-        parity: `TOP` or `BOTTOM`.
+        parity: `TOP`, `BOTTOM` or `PROGRESSIVE`.
         age_steps: age relative to the newest field in the buffer, in field periods: 0 or 1.
     """
 
     luma: NDArray[np.uint8]
     parity: int
     age_steps: int
+
+    @property
+    def field(self) -> Field:
+        """The field that leaves the driver."""
+        if self.parity == PROGRESSIVE:
+            return Field.progressive(self.luma)
+        return Field.intact(self.luma, self.parity)
 
 
 class _Part(NamedTuple):
@@ -83,8 +89,8 @@ class Layout:
     Attributes:
         granted: the granted stream.
         order: order in which its fields arrive.
-        rate_hz: fields per second.
-        field_rows: rows per field.
+        rate_hz: fields per second, or whole pictures.
+        field_rows: rows per field, or per picture.
         remarks: remarks for the operator.
     """
 
@@ -98,7 +104,7 @@ class Layout:
 
     @classmethod
     def of(cls, granted: Granted, profile: Profile, older: int | None = None) -> "Layout":
-        """The layout of a 50 Hz stream.
+        """The layout of a stream.
 
         Args:
             granted: the granted stream.
@@ -108,16 +114,25 @@ class Layout:
         Raises:
             DeviceRefused: such buffers contain no whole fields.
         """
+        if granted.scan.is_progressive:
+            return cls._progressive(granted)
         arrangement = _believed(granted, profile)
         if arrangement is Arrangement.ALTERNATE:
             return cls._alternate(granted)
         if arrangement in _SINGLE:
             return cls._single(granted, _SINGLE[arrangement])
         # The installer's word comes first, then the arrangement, which some drivers state wrongly; plain
-        # INTERLACED leaves it to the profile: usbtv's older field is the bottom one.
+        # INTERLACED leaves it to the profile (usbtv's older field is the bottom one), else to the standard.
         if older is None:
             older = _OLDER.get(arrangement, profile.older_parity)
-        return cls._frames(granted, arrangement, older)
+        return cls._frames(granted, arrangement, granted.scan.older if older is None else older)
+
+    @property
+    def period_ns(self) -> int:
+        """Time from field to field of the camera, whether both parities are delivered or one, or from picture
+        to picture.
+        """
+        return self.granted.scan.period_ns
 
     def fields(self, buffer: NDArray[np.uint8], buffer_field: int) -> tuple[LaidField, ...]:
         """The fields in a buffer, the older first.
@@ -140,30 +155,38 @@ class Layout:
         return luma(buffer, granted.fourcc, granted.lines, granted.columns, granted.bytes_per_line, rows)
 
     @classmethod
+    def _progressive(cls, granted: Granted) -> "Layout":
+        parts = {int(Arrangement.ANY): (_Part(slice(None), PROGRESSIVE, 0),)}
+        return cls(granted, FieldOrder.PROGRESSIVE, granted.scan.rate_hz, granted.lines, (), parts)
+
+    @classmethod
     def _alternate(cls, granted: Granted) -> "Layout":
         whole = slice(None)
         parts = {int(field): (_Part(whole, parity, 0),) for field, parity in _SINGLE.items()}
-        return cls(granted, FieldOrder.ALTERNATE, FIELD_RATE_HZ, *_height(granted, granted.lines), parts)
+        rate_hz = granted.scan.rate_hz
+        return cls(granted, FieldOrder.ALTERNATE, rate_hz, *_height(granted, granted.lines), parts)
 
     @classmethod
     def _single(cls, granted: Granted, parity: int) -> "Layout":
         rows, remarks = _height(granted, granted.lines)
+        both_hz = granted.scan.rate_hz
         remark = (
             f"the driver {granted.kernel_driver} delivers only the {_NAMES[parity]} field of every frame: "
-            f"{FRAME_RATE_HZ:.0f} fields a second instead of {FIELD_RATE_HZ:.0f}"
+            f"{both_hz / 2:.0f} fields a second instead of {both_hz:.0f}"
         )
         parts = {int(Arrangement.ANY): (_Part(slice(None), parity, 0),)}
-        return cls(granted, FieldOrder.ONE_PARITY, FRAME_RATE_HZ, rows, (remark, *remarks), parts)
+        return cls(granted, FieldOrder.ONE_PARITY, both_hz / 2, rows, (remark, *remarks), parts)
 
     @classmethod
     def _frames(cls, granted: Granted, arrangement: Arrangement, older: int) -> "Layout":
         if granted.lines % 2:
-            raise _refused(granted, f"{granted.lines} lines are not two fields", "ask for 576 lines")
+            what = f"{granted.lines} lines are not two fields"
+            raise _refused(granted, what, f"ask for {granted.scan.lines} lines")
         rows, remarks = _height(granted, granted.lines // 2)
         places = _places(arrangement, rows)
         parts = tuple(_Part(places[p], p, age) for p, age in ((older, 1), (1 - older, 0)))
         order = FieldOrder.TOP_FIRST if older == TOP else FieldOrder.BOTTOM_FIRST
-        return cls(granted, order, FIELD_RATE_HZ, rows, remarks, {Arrangement.ANY: parts})
+        return cls(granted, order, granted.scan.rate_hz, rows, remarks, {Arrangement.ANY: parts})
 
 
 def _believed(granted: Granted, profile: Profile) -> Arrangement:
@@ -196,11 +219,13 @@ def _height(granted: Granted, rows: int) -> tuple[int, tuple[str, ...]]:
     Raises:
         DeviceRefused: there are more rows than a field has, so they are interpolated.
     """
-    if rows > FIELD_ROWS:
-        what = f"{rows} rows a field are more than the {FIELD_ROWS} that the camera has: the driver scales"
-        raise _refused(granted, what, "switch its scaler off, or request woven frames of 576 lines")
-    remark = f"a field has only {rows} of {FIELD_ROWS} rows: the driver cuts or scales the picture"
-    return rows, (remark,) if rows < FIELD_ROWS else ()
+    lines = granted.scan.lines
+    most = lines // 2
+    if rows > most:
+        what = f"{rows} rows a field are more than the {most} that the camera has: the driver scales"
+        raise _refused(granted, what, f"switch its scaler off, or request woven frames of {lines} lines")
+    remark = f"a field has only {rows} of {most} rows: the driver cuts or scales the picture"
+    return rows, (remark,) if rows < most else ()
 
 
 def _no_parity(granted: Granted, buffer_field: int) -> DeviceRefused:

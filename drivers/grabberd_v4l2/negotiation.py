@@ -1,23 +1,22 @@
-"""Negotiation of a stream: input, standard, format and field order, each read back after it is set."""
+"""Negotiation of a stream: the input, then fields of a video standard or progressive pictures.
 
-import errno
+What is set is read back before the next is set. A camera without a video standard, such as a USB (UVC) one,
+delivers progressive pictures.
+"""
+
 from collections.abc import Sequence
-from itertools import product
 
 from grabberd.acquisition.discovery import Verdict
 from grabberd.errors import DeviceRefused
-from grabberd_v4l2 import abi, standards
-from grabberd_v4l2.abi import ONE_FIELD, Arrangement
+from grabberd_v4l2 import abi, interlaced, progressive, standards
+from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.formats import FORMATS, bytes_per_pixel, needed_bytes
 from grabberd_v4l2.layout import Granted
 from grabberd_v4l2.node import Capability, Node
 from grabberd_v4l2.options import V4l2Options
 from grabberd_v4l2.profiles import Profile
+from grabberd_v4l2.standards import DEFAULT
 
-COLUMNS = 720
-# Only lines have to be whole: cards that sample square pixels (768 columns) or fewer ones are usable.
-FEWEST_COLUMNS, MOST_COLUMNS = 640, 1024
-FRAME_LINES = 576
 _LIST = "'grabberd devices' lists the available grabbers"
 _OTHER_KINDS = {
     abi.CAP_META_CAPTURE: "metadata",
@@ -45,7 +44,7 @@ def capture_node(node: Node) -> Capability:
 
 def _what_else(flags: int) -> str:
     if flags & abi.CAP_VIDEO_CAPTURE_MPLANE:
-        return "delivers pictures only in several planes, as no analog grabber does"
+        return "delivers pictures only in several planes, which grabberd does not read"
     kinds = [name for bits, name in _OTHER_KINDS.items() if flags & bits]
     return f"has no pictures: its node is for {', '.join(kinds) or 'something else'}"
 
@@ -60,30 +59,46 @@ def negotiate(node: Node, capability: Capability, options: V4l2Options, profile:
     if profile.verdict is Verdict.UNUSABLE:
         raise DeviceRefused(f"{node.path} ({capability.card}): {'; '.join(profile.remarks)}", profile.advice)
     _set_input(node, options)
-    standard = _set_standard(node, options)
-    pix = _set_format(node, options, profile)
+    if _is_progressive(node, options, profile):
+        (pix, scan), standard = progressive.set_up(node, options), ""
+    else:
+        pix, scan, standard = interlaced.set_up(node, options, profile)
     columns, fourcc = int(pix.width), abi.fourcc_name(pix.pixelformat)
+    # A JPEG has lines only once it is decoded, and then without padding.
+    bytes_per_line = 0 if FORMATS[fourcc].is_compressed else int(pix.bytesperline)
     return Granted(
         columns=columns,
         lines=int(pix.height),
-        bytes_per_line=int(pix.bytesperline) or columns * bytes_per_pixel(fourcc),
+        bytes_per_line=bytes_per_line or columns * bytes_per_pixel(fourcc),
         fourcc=fourcc,
         field=int(pix.field),
-        standard=standards.name(standard),
+        standard=standard,
         kernel_driver=capability.driver,
         card=capability.card,
         bus_info=capability.bus_info,
         buffers=0,
+        scan=scan,
     )
 
 
+def _is_progressive(node: Node, options: V4l2Options, profile: Profile) -> bool:
+    """True if whole pictures are to be requested: by the installer's word, or where there is no standard."""
+    if options.arrangement is Arrangement.NONE:
+        return not profile.none_is_woven
+    return options.standard is None and options.arrangement is None and not node.standards()
+
+
 def picture_bytes(granted: Granted) -> int:
-    """Bytes of a whole picture in its buffer."""
+    """Bytes of a whole picture in its buffer; 0 of a JPEG, whose pictures differ."""
+    if FORMATS[granted.fourcc].is_compressed:
+        return 0
     return needed_bytes(granted.fourcc, granted.lines, granted.columns, granted.bytes_per_line)
 
 
 def _set_input(node: Node, options: V4l2Options) -> None:
     inputs = node.inputs()
+    if not inputs and options.input is None and not node.standards():
+        return  # a camera on a chip: drivers of some enumerate nothing
     if not inputs:
         raise DeviceRefused(f"{node.path} has no inputs, so it is no grabber", _LIST)
     wanted = _best(inputs, options) if options.input is None else _named(node, inputs, str(options.input))
@@ -99,8 +114,11 @@ def _set_input(node: Node, options: V4l2Options) -> None:
 def _best(inputs: Sequence[abi.Input], options: V4l2Options) -> abi.Input:
     """First input for a camera of this standard, or else the first that is no tuner."""
     for_cameras = [one for one in inputs if one.type != abi.INPUT_TYPE_TUNER]
-    analog = [one for one in for_cameras if one.std & standards.bits(options.standard)]
-    return (analog or for_cameras or inputs)[0]
+    if options.arrangement is Arrangement.NONE:
+        fitting = [one for one in for_cameras if not one.std]
+    else:
+        fitting = [one for one in for_cameras if one.std & standards.bits(options.standard or DEFAULT)]
+    return (fitting or for_cameras or inputs)[0]
 
 
 def _named(node: Node, inputs: Sequence[abi.Input], wanted: str) -> abi.Input:
@@ -120,111 +138,3 @@ def _called(one: abi.Input) -> str:
 
 def _name(one: abi.Input) -> str:
     return bytes(one.name).decode("utf-8", "replace")
-
-
-def _set_standard(node: Node, options: V4l2Options) -> int:
-    wanted = standards.bits(options.standard)
-    offered = node.standards()
-    if not any(one.id & wanted for one in offered):
-        names = ", ".join(one.name.decode("ascii", "replace") for one in offered) or "none at all"
-        raise DeviceRefused(
-            f"{node.path} has no {options.standard} at this input; its standards: {names}",
-            "choose a composite or S-Video input (option 'input') or another grabber",
-        )
-    # Always, whatever it is at now: stk1160 and usbtv start up in NTSC.
-    node.set_standard(wanted)
-    granted = node.standard()
-    if not standards.is_50_hz(granted):
-        raise DeviceRefused(
-            f"{node.path} was set to {options.standard} but is at {standards.name(granted)}",
-            "the card does not run at 50 Hz; use another grabber",
-        )
-    return granted
-
-
-def _set_format(node: Node, options: V4l2Options, profile: Profile) -> abi.PixFormat:
-    """First request that is granted exactly, or else the first usable answer."""
-    # Never FIELD_ANY: with it several drivers silently deliver one field at half height.
-    formats = _common_formats(node, options.format)
-    orders = profile.field_orders if options.arrangement is None else (options.arrangement,)
-    answers = []
-    for order, fourcc in product(orders, formats):
-        answer = _granted(node, _lines(order), fourcc, order)
-        if answer is not None and _is_our_size(answer) and _format_of(answer) == (fourcc, order):
-            return answer
-        answers.append(answer)
-    # Later requests have changed the card's state: a usable answer has to be requested once more.
-    if options.arrangement is None:
-        for answer in filter(None, answers):
-            if _is_of_use(answer, options, profile) and _is_granted_again(node, answer):
-                return answer
-    raise _nothing_granted(node, orders, formats, [answer for answer in answers if answer is not None])
-
-
-def _common_formats(node: Node, wanted: Sequence[str]) -> Sequence[str]:
-    offered = node.pixel_formats()
-    common = [fourcc for fourcc in wanted if fourcc in offered]
-    if not common:
-        raise DeviceRefused(
-            f"{node.path} delivers {', '.join(offered) or 'no format at all'}, none of {', '.join(wanted)}",
-            f"option 'format' allows {', '.join(FORMATS)}; a card with none of them cannot be used",
-        )
-    return common
-
-
-def _granted(node: Node, lines: int, fourcc: str, order: int) -> abi.PixFormat | None:
-    """Format that the card offers for a requested one; None if it refuses."""
-    try:
-        node.set_format(COLUMNS, lines, fourcc, order)
-    except OSError as error:
-        if error.errno != errno.EINVAL:
-            raise
-        return None
-    return node.format()
-
-
-def _is_granted_again(node: Node, answer: abi.PixFormat) -> bool:
-    again = _granted(node, answer.height, *_format_of(answer))
-    return again is not None and _format_of(again) == _format_of(answer) and _is_our_size(again)
-
-
-def _is_of_use(answer: abi.PixFormat, options: V4l2Options, profile: Profile) -> bool:
-    fourcc, order = _format_of(answer)
-    fields = [a for a in Arrangement if a is not Arrangement.ANY]
-    if not profile.none_is_woven:
-        fields.remove(Arrangement.NONE)
-    return fourcc in options.format and order in fields and _is_our_size(answer)
-
-
-def _format_of(answer: abi.PixFormat) -> tuple[str, int]:
-    return abi.fourcc_name(answer.pixelformat), int(answer.field)
-
-
-def _lines(order: int) -> int:
-    return FRAME_LINES // 2 if order in ONE_FIELD else FRAME_LINES
-
-
-def _is_our_size(answer: abi.PixFormat) -> bool:
-    return bool(answer.height == _lines(answer.field)) and FEWEST_COLUMNS <= answer.width <= MOST_COLUMNS
-
-
-def _nothing_granted(
-    node: Node, orders: Sequence[int], formats: Sequence[str], answers: Sequence[abi.PixFormat]
-) -> DeviceRefused:
-    requested = ", ".join(_order_name(order) for order in orders)
-    got = "; ".join(dict.fromkeys(map(_in_words, answers))) or "none of them"
-    return DeviceRefused(
-        f"{node.path}: requested {COLUMNS}×{FRAME_LINES} (a field: {FRAME_LINES // 2}) in field order "
-        f"{requested}, format {', '.join(formats)}; it grants {got}",
-        "remove the options 'field_order' and 'format'; if that does not help, this card cannot deliver "
-        "whole PAL fields",
-    )
-
-
-def _in_words(answer: abi.PixFormat) -> str:
-    fourcc, order = _format_of(answer)
-    return f"{answer.width}×{answer.height} {fourcc} {_order_name(order)}"
-
-
-def _order_name(order: int) -> str:
-    return Arrangement(order).name if order in list(Arrangement) else f"field {order}"

@@ -2,6 +2,7 @@
 
 import errno
 from collections.abc import Iterator
+from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -103,6 +104,34 @@ class Node:
         """The granted picture format."""
         return _picture(self._call(ioctls.G_FMT, abi.Format(type=abi.CAPTURE)))
 
+    def frame_sizes(self, fourcc: str) -> tuple[abi.FrmSizeEnum, ...]:
+        """Sizes that a pixel format can have: many entries, or one with a range; none if nobody tells."""
+        number = abi.fourcc(fourcc)
+        return self._until_a_range(
+            ioctls.ENUM_FRAMESIZES, lambda index: abi.FrmSizeEnum(index=index, pixel_format=number)
+        )
+
+    def frame_intervals(self, fourcc: str, columns: int, lines: int) -> tuple[abi.FrmIvalEnum, ...]:
+        """Times from picture to picture that a size can have: many entries, or one with a range."""
+        asked = {"pixel_format": abi.fourcc(fourcc), "width": columns, "height": lines}
+        return self._until_a_range(
+            ioctls.ENUM_FRAMEINTERVALS, lambda index: abi.FrmIvalEnum(index=index, **asked)
+        )
+
+    def set_interval(self, seconds: Fraction) -> None:
+        """Request a time from picture to picture; `interval` reads the granted one."""
+        wanted = abi.StreamParm(type=abi.CAPTURE)
+        period = wanted.parm.capture.timeperframe
+        period.numerator, period.denominator = seconds.numerator, seconds.denominator
+        self._call(ioctls.S_PARM, wanted)
+
+    def interval(self) -> Fraction | None:
+        """The granted time from picture to picture, or None if the card does not tell."""
+        period = self._call(ioctls.G_PARM, abi.StreamParm(type=abi.CAPTURE)).parm.capture.timeperframe
+        if not period.numerator or not period.denominator:
+            return None
+        return Fraction(period.numerator, period.denominator)
+
     def request_buffers(self, count: int) -> int:
         """Allocate this many buffers, or as many as the driver grants; 0 frees them."""
         wanted = abi.RequestBuffers(count=count, type=abi.CAPTURE, memory=abi.MEMORY_MMAP)
@@ -147,6 +176,15 @@ class Node:
     def now_ns(self) -> int:
         """CLOCK_MONOTONIC."""
         return self._kernel.now_ns()
+
+    def _until_a_range(self, request: int, at: Any) -> tuple[Any, ...]:
+        """Items of an enumeration of single values, or its first item, a range, which stands for all."""
+        found: list[Any] = []
+        for one in self._enumerated(request, at):
+            found.append(one)
+            if one.type != abi.FRMSIZE_TYPE_DISCRETE:
+                break
+        return tuple(found)
 
     def _enumerated(self, request: int, at: Any) -> Iterator[Any]:
         """Items of an enumeration; none if the card does not support it."""

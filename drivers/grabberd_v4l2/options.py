@@ -2,8 +2,10 @@
 
 V4l2Grabber(device="/dev/v4l/by-path/…")
 V4l2Grabber(usb="05e1:0408", port="1-2.3", input="S-Video", field_order="interlaced")
+V4l2Grabber(usb="046d:0825", size="1280x720", rate_hz=30)
 """
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -15,9 +17,11 @@ from grabberd_v4l2 import standards
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.formats import FORMATS
 from grabberd_v4l2.identity import Identity
+from grabberd_v4l2.modes import LEAST_HZ
 from grabberd_v4l2.profiles import DIRECTORY
 
-FIELD_ORDERS = tuple(a.name.lower() for a in Arrangement if a not in (Arrangement.ANY, Arrangement.NONE))
+FIELD_ORDERS = tuple(a.name.lower() for a in Arrangement if a is not Arrangement.ANY)
+_SIZE = re.compile(r"([1-9]\d{0,4})[x×]([1-9]\d{0,4})")
 
 
 class V4l2Options(BaseModel):
@@ -27,9 +31,13 @@ class V4l2Options(BaseModel):
         device: node or link to it, preferably in /dev/v4l/by-path.
         usb: "VENDOR:PRODUCT"; `serial` and `port` tell identical ones apart.
         input: input by name or number; by default the first that is no tuner.
-        standard: video standard, see `standards.NAMES`.
+        standard: video standard, see `standards.NAMES`; by default PAL where the card has standards.
+        size: "COLUMNSxLINES" of a frame or a progressive picture; by default that of the standard, or the
+            largest that comes often enough.
+        rate_hz: progressive pictures per second; by default the highest. Fields have that of the standard.
         format: pixel formats, the preferred first; one or a list.
-        field_order: field order to request; by default the best for this card.
+        field_order: field order to request, "none" for progressive pictures; by default the best for this
+            card.
         older_field: "top" or "bottom": older field of a frame, if the card's profile is wrong.
         exposure_ms: exposure time of the camera's shutter; by default a camera without shutter is assumed.
         buffers: number of buffers to request of the kernel.
@@ -43,12 +51,14 @@ class V4l2Options(BaseModel):
     serial: Any = None
     port: Any = None
     input: int | str | None = None
-    standard: str = "PAL"
+    standard: str | None = None
+    size: str | None = None
+    rate_hz: float | None = Field(None, ge=LEAST_HZ, le=1000)
     format: tuple[str, ...] = tuple(FORMATS)
     field_order: str | None = None
     older_field: Literal["top", "bottom"] | None = None
-    exposure_ms: float | None = Field(None, ge=0, le=20)
-    buffers: int = Field(16, ge=8, le=16, strict=True)
+    exposure_ms: float | None = Field(None, ge=0, le=1000)
+    buffers: int = Field(16, ge=8, le=32, strict=True)
     profiles: Path = DIRECTORY
 
     @property
@@ -62,6 +72,12 @@ class V4l2Options(BaseModel):
         return None if self.field_order is None else Arrangement[self.field_order.upper()]
 
     @property
+    def columns_lines(self) -> tuple[int, int] | None:
+        """Size of a frame or a progressive picture, or None."""
+        found = None if self.size is None else _SIZE.fullmatch(self.size)
+        return None if found is None else (int(found[1]), int(found[2]))
+
+    @property
     def older(self) -> int | None:
         """Parity of the older field, or None."""
         return None if self.older_field is None else {"top": TOP, "bottom": BOTTOM}[self.older_field]
@@ -73,9 +89,17 @@ class V4l2Options(BaseModel):
 
     @field_validator("standard")
     @classmethod
-    def _known_standard(cls, standard: str) -> str:
-        standards.bits(standard)
+    def _known_standard(cls, standard: str | None) -> str | None:
+        if standard is not None:
+            standards.bits(standard)
         return standard
+
+    @field_validator("size")
+    @classmethod
+    def _known_size(cls, given: str | None) -> str | None:
+        if given is not None and not _SIZE.fullmatch(given):
+            raise ValueError(f"{given!r} is not COLUMNSxLINES, such as 1280x720")
+        return given
 
     @field_validator("format", mode="before")
     @classmethod

@@ -1,7 +1,12 @@
-"""Video standards of 625 lines at 50 fields a second, by their names and the kernel's bits."""
+"""Video standards by their names and the kernel's bits, and the scan of each."""
 
+from typing import NamedTuple
+
+from grabberd.acquisition import NTSC_HZ, PAL_HZ
+from grabberd.field import BOTTOM, PROGRESSIVE, TOP
 from grabberd_v4l2 import abi
 
+DEFAULT = "PAL"
 NAMES = {
     "PAL": abi.STD_PAL,
     "PAL-BG": 0x07,
@@ -17,8 +22,51 @@ NAMES = {
     "PAL-N": 0x0200,
     "PAL-NC": 0x0400,
     "SECAM": 0xFF0000,
+    "NTSC": 0xB000,
+    "NTSC-M": 0x1000,
+    "NTSC-M-JP": 0x2000,
+    "NTSC-M-KR": 0x8000,
+    "NTSC-443": 0x4000,
+    "PAL-M": 0x0100,
+    "PAL-60": 0x0800,
 }
-"""Standards that can be requested; "PAL" lets the card choose one of B to K."""
+"""Standards that can be requested; "PAL" lets the card choose one of B to K, "NTSC" one of the three M."""
+
+
+class Scan(NamedTuple):
+    """Lines and rate of a camera's scan, and the order of its fields.
+
+    Attributes:
+        lines: lines of a frame, or of a progressive picture.
+        rate_hz: fields per second, or progressive pictures.
+        older: parity of the older field of a frame, as V4L2 defines it for the standard, or `PROGRESSIVE`.
+    """
+
+    lines: int
+    rate_hz: float
+    older: int
+
+    @classmethod
+    def progressive(cls, lines: int, rate_hz: float) -> "Scan":
+        """Whole pictures of so many lines."""
+        return cls(lines, rate_hz, PROGRESSIVE)
+
+    @property
+    def is_progressive(self) -> bool:
+        """True for pictures without fields."""
+        return self.older == PROGRESSIVE
+
+    @property
+    def period_ns(self) -> int:
+        """Time from field to field, or from picture to picture."""
+        return round(1e9 / self.rate_hz)
+
+    def __str__(self) -> str:
+        return f"{self.rate_hz:.0f} Hz"
+
+
+SCAN_625 = Scan(576, PAL_HZ, TOP)
+SCAN_525 = Scan(480, NTSC_HZ, BOTTOM)
 
 
 def bits(name: str) -> int:
@@ -36,18 +84,17 @@ def bits(name: str) -> int:
 def name(standard: int) -> str:
     """Name of a set of standard bits."""
     exact = next((known for known, its in NAMES.items() if its == standard), None)
-    return exact or next((known for known, its in NAMES.items() if its & standard), _other(standard))
+    return exact or next((known for known, its in NAMES.items() if its & standard), "none")
 
 
-def _other(standard: int) -> str:
-    return "a standard of 60 Hz" if standard & abi.STD_525_60 else "none"
+def scan(standard: int) -> Scan | None:
+    """Lines and rate of a set of standard bits, or None if it is mixed or has neither."""
+    at_50, at_60 = bool(standard & abi.STD_625_50), bool(standard & abi.STD_525_60)
+    if at_50 == at_60:
+        return None
+    return SCAN_625 if at_50 else SCAN_525
 
 
-def is_50_hz(standard: int) -> bool:
-    """True if the standard certainly has 625 lines."""
-    return bool(standard & abi.STD_625_50) and not standard & abi.STD_525_60
-
-
-def is_60_hz(standard: int) -> bool:
-    """True if the standard certainly has 525 lines: PAL-M, PAL-60, NTSC."""
-    return bool(standard & abi.STD_525_60) and not standard & abi.STD_625_50
+def family(scanned: Scan) -> str:
+    """The name by which people know a scan, as the option `standard` takes it."""
+    return "PAL" if scanned == SCAN_625 else "NTSC"

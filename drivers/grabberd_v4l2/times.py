@@ -11,12 +11,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from grabberd.acquisition import FieldOrder
+from grabberd.errors import DeviceRefused
 from grabberd_v4l2 import abi
 from grabberd_v4l2.layout import LaidField, Layout
 from grabberd_v4l2.profiles import Profile
 
-PERIOD_NS = 20_000_000
-"""Time from field to field."""
 # Scheduling and USB batches of up to 8 ms delay a buffer's arrival in this process.
 _ARRIVAL_SIGMA_NS = 5_000_000
 _WRAP = 2**32
@@ -43,8 +42,8 @@ class FieldTime(NamedTuple):
 
     Attributes:
         time_ns: middle of the field's exposure.
-        sequence: the driver's own count, unwrapped. Frames of two fields count two; with one field per buffer
-            it is the driver's number, whether it counts fields or frames.
+        sequence: the driver's own count, unwrapped. Frames of two fields count two; with one field or picture
+            per buffer it is the driver's number, whether it counts fields or frames.
     """
 
     time_ns: int
@@ -60,19 +59,22 @@ class FieldTimes:
         exposure_ns: exposure time of the camera, if known.
 
     Raises:
-        ValueError: the exposure is longer than a field.
+        DeviceRefused: the exposure is longer than the time from field to field.
     """
 
     def __init__(self, layout: Layout, profile: Profile, exposure_ns: int | None = None) -> None:
-        if exposure_ns is not None and not 0 <= exposure_ns <= PERIOD_NS:
-            raise ValueError(
-                f"a field is exposed for 0 to {PERIOD_NS / 1e6:.0f} ms, not {exposure_ns / 1e6} ms"
+        self._period_ns = period_ns = layout.period_ns
+        if exposure_ns is not None and not 0 <= exposure_ns <= period_ns:
+            raise DeviceRefused(
+                f"at {layout.rate_hz:.6g} Hz a field is exposed for 0 to {period_ns / 1e6:.3g} ms, not "
+                f"{exposure_ns / 1e6:g} ms",
+                "correct the option 'exposure_ms', or leave it out if the exposure is not known",
             )
         self._per_buffer = 2 if layout.order in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST) else 1
         self._believed = profile.trusts_time
-        self._half_exposure_ns = (PERIOD_NS if exposure_ns is None else exposure_ns) // 2
+        self._half_exposure_ns = (period_ns if exposure_ns is None else exposure_ns) // 2
         # Any exposure up to a whole period is equally likely, which moves the middle by up to half of it.
-        unknown_ns = PERIOD_NS / 2 / math.sqrt(3) if exposure_ns is None else 0.0
+        unknown_ns = period_ns / 2 / math.sqrt(3) if exposure_ns is None else 0.0
         stamp_ns = profile.time_sigma_ms * 1e6 if profile.trusts_time else _ARRIVAL_SIGMA_NS
         self._sigma_ns = round(math.hypot(unknown_ns, stamp_ns))
         self._count: int | None = None
@@ -91,24 +93,26 @@ class FieldTimes:
         """
         before_ns, self._last_ns = self._last_ns, stamp.time_ns
         flagged = bool(stamp.flags & abi.BUF_FLAG_ERROR)
-        return flagged and before_ns is not None and abs(stamp.time_ns - before_ns) < PERIOD_NS // 2
+        return flagged and before_ns is not None and abs(stamp.time_ns - before_ns) < self._period_ns // 2
 
     def of(self, stamp: Stamp, fields: Sequence[LaidField]) -> tuple[FieldTime, ...]:
         """Times of the fields of one buffer; to be called in the order of the buffers."""
         newest_ns, last = self._newest_ns(stamp), self._counted(stamp.sequence) * self._per_buffer
         return tuple(
-            FieldTime(newest_ns - field.age_steps * PERIOD_NS, last + self._per_buffer - 1 - field.age_steps)
+            FieldTime(
+                newest_ns - field.age_steps * self._period_ns, last + self._per_buffer - 1 - field.age_steps
+            )
             for field in fields
         )
 
     def _newest_ns(self, stamp: Stamp) -> int:
         """Middle of the exposure of a buffer's newest field."""
         if not self._believed or not _is_monotonic(stamp.flags):
-            return stamp.arrival_ns - PERIOD_NS - self._half_exposure_ns
+            return stamp.arrival_ns - self._period_ns - self._half_exposure_ns
         # SOE: the stamp is the start of exposure, as from UVC devices, not the end of the last field.
         if stamp.flags & abi.BUF_FLAG_TSTAMP_SRC_MASK == abi.BUF_FLAG_TSTAMP_SRC_SOE:
-            return stamp.time_ns + (self._per_buffer - 1) * PERIOD_NS + self._half_exposure_ns
-        return stamp.time_ns - PERIOD_NS - self._half_exposure_ns
+            return stamp.time_ns + (self._per_buffer - 1) * self._period_ns + self._half_exposure_ns
+        return stamp.time_ns - self._period_ns - self._half_exposure_ns
 
     def _counted(self, sequence: int) -> int:
         """The driver's count, unwrapped; if the driver counts backward, so does the result."""

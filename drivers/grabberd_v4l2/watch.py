@@ -4,6 +4,7 @@ from grabberd.acquisition.device import Signal
 from grabberd_v4l2 import abi, standards
 from grabberd_v4l2.node import Node
 from grabberd_v4l2.profiles import SignalSource
+from grabberd_v4l2.standards import Scan
 
 _NO_SIGNAL = abi.IN_ST_NO_POWER | abi.IN_ST_NO_SIGNAL | abi.IN_ST_NO_H_LOCK
 # Time for a decoder to lock.
@@ -13,31 +14,41 @@ _RECHECK_NS = 250_000_000
 class Watch:
     """Queries signal and standard, if the card is known to report them.
 
-    A wrong standard has to be seen twice, since decoders guess while they lock.
+    A wrong standard has to be seen twice, since decoders guess while they lock. A camera without a standard
+    cannot have a wrong one.
+
+    Args:
+        node: the streaming node.
+        source: query that reports a missing camera.
+        scan: what the camera of the granted standard scans.
 
     Attributes:
-        trouble: reason why the stream has become unusable, or None.
+        trouble: reason why the stream has become unusable, or None; `remedy`: what to do about it.
         tells: True if the card reported a signal status when last queried.
     """
 
-    def __init__(self, node: Node, source: SignalSource) -> None:
+    def __init__(self, node: Node, source: SignalSource, scan: Scan) -> None:
         self._node = node
         self._source = source
+        self._scan = scan
         self._suspect_ns: int | None = None
         self.trouble: str | None = None
+        self.remedy = ""
         self.tells = False
 
     def look(self) -> Signal:
         """Signal status; unknown if the card does not report one."""
         signal = self._signal()
-        trouble = self._changed_by_others() or self._wrong_camera(signal)
+        trouble = (
+            None if self._scan.is_progressive else self._changed_by_others() or self._wrong_camera(signal)
+        )
         self.tells = signal is not Signal.UNKNOWN
         if trouble is None:
             self._suspect_ns = None
         elif self._suspect_ns is None:
             self._suspect_ns = self._node.now_ns()
         elif self._node.now_ns() - self._suspect_ns >= _RECHECK_NS:
-            self.trouble = trouble
+            self.trouble, self.remedy = trouble
         return signal
 
     def look_again(self) -> None:
@@ -64,24 +75,34 @@ class Watch:
             pass
         return Signal.UNKNOWN
 
-    def _changed_by_others(self) -> str | None:
+    def _changed_by_others(self) -> tuple[str, str] | None:
         try:
             standard = self._node.standard()
         except OSError:
             return None
-        if standards.is_50_hz(standard):
+        if standards.scan(standard) == self._scan:
             return None
-        return f"another program has set the card to {standards.name(standard)}"
+        said = f"another program has set the card to {standards.name(standard)}"
+        return said, f"grabberd restarts it at {self._scan}; end that program"
 
-    def _wrong_camera(self, signal: Signal) -> str | None:
-        """The problem with the camera's standard; only with a signal, without one many cards guess 60 Hz."""
+    def _wrong_camera(self, signal: Signal) -> tuple[str, str] | None:
+        """The problem with the camera's standard, and its remedy; only with a signal, without one many cards
+        guess 60 Hz.
+        """
         if signal is not Signal.PRESENT:
             return None
         try:
-            seen = self._node.seen_standard()
+            seen = standards.scan(self._node.seen_standard())
         except OSError:
             return None
-        return "the camera's signal is of 60 Hz (NTSC)" if standards.is_60_hz(seen) else None
+        if seen is None or seen == self._scan:
+            return None
+        own, other = standards.family(self._scan), standards.family(seen)
+        return (
+            f"the camera's signal is of {seen} ({other}), but the card is set to {self._scan} ({own})",
+            f"connect a {own} camera, and grabberd goes on by itself; or set the option 'standard: {other}', "
+            f"and the rig's lines to {seen.lines}",
+        )
 
 
 def _present(there: bool) -> Signal:

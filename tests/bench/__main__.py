@@ -13,6 +13,7 @@ from tests.bench import (
     armour,
     averaging,
     calibrated,
+    camera,
     capture_file,
     closures,
     content,
@@ -63,6 +64,10 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "averaging": {"Static fields averaged: leaning discs, uneven mirrors": averaging.table},
     "calibrated": {"Calibrated, then measured: XYZ RMSE in mm (error / σ given)": calibrated.table},
     "capture": {"The capture file: bytes and processor time of a field": capture_file.table},
+    "camera": {
+        "A digital camera's pictures: what their luma costs": camera.table_of_cost,
+        "Progressive pictures compressed: what JPEG costs in accuracy": camera.table_of_accuracy,
+    },
     "closures": {"Closures of 20 to 150 ms, against the simulator's truth": closures.table},
     "adjustment": {"The bundle adjustment beside scipy.optimize.least_squares": adjustment.table},
     "analysis": {"From points to tension, against the simulated ellipse's truth": analysis.table},

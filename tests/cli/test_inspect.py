@@ -9,6 +9,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner, Result
 
+from drivers.v4l2.bench import Bench, camera
 from grabberd.cli.app import app
 from processes.drawn_footage import footage
 
@@ -79,3 +80,24 @@ def test_nothing_is_overwritten(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "rig.yaml").write_text("mine")
     assert run("inspect", folder, "--out", tmp_path / "rig.yaml").exit_code != 0
     assert (tmp_path / "rig.yaml").read_text() == "mine"
+
+
+@pytest.mark.parametrize("fourcc", ["YUYV", "MJPG"])
+def test_a_digital_camera_is_named_with_what_it_was_looked_at_in(
+    fourcc: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    film = list(footage("progressive", 40, **VGA))
+    seen = camera(
+        modes={fourcc: {(640, 480): (60, 30)}}, scene=lambda number, _columns, _lines: film[number % 40]
+    )
+    bench = Bench(tmp_path, seen)
+    monkeypatch.setattr("grabberd_v4l2.grabber.LinuxKernel", lambda: bench.kernel)
+    result = run("inspect", f"v4l2:{bench.node}", "--out", tmp_path / "rig.yaml")
+    assert result.exit_code == 0, result.output
+    assert "60 pictures a second" in result.output
+    assert run("check-config", tmp_path / "rig.yaml").exit_code == 0
+    device = yaml.safe_load((tmp_path / "rig.yaml").read_text())["devices"]["camera"]
+    chosen = {"device": str(bench.node), "size": "640x480", "rate_hz": 60.0, "format": fourcc}
+    assert (device["driver"], device["options"]) == ("v4l2", chosen)
+    assert (device["rig"]["columns"], device["rig"]["lines"]) == (640, 480)
+    assert device["rig"]["views"]["left"]["end_column"] == pytest.approx(300, abs=12)

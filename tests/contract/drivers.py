@@ -1,12 +1,15 @@
 """One grabber of every kind, in a state in which it delivers at least forty fields without a fault."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from drivers.replay.pictures import frames
 from drivers.replay.videos import avi
-from drivers.v4l2.bench import Bench, card_with, pci_card
+from drivers.v4l2.bench import Bench, camera, card_with, pci_card
+from drivers.v4l2.fake_kernel.card import NTSC
+from grabberd.acquisition import NTSC_HZ
 from grabberd.acquisition.device import Grabber
 from grabberd_fake import FakeGrabber
 from grabberd_replay import ReplayGrabber
@@ -89,7 +92,53 @@ def v4l2_one_parity(directory: Path) -> Grabber:
     return Bench(directory, field_order="bottom").grabber
 
 
+def v4l2_ntsc_alternate(directory: Path) -> Grabber:
+    return Bench(directory, card_with(camera=NTSC), standard="NTSC").grabber
+
+
+def v4l2_ntsc_woven(directory: Path) -> Grabber:
+    return Bench(directory, pci_card("tw686x", camera=NTSC), standard="NTSC", size="640x480").grabber
+
+
+def _camera(directory: Path, fourcc: str, size: tuple[int, int], rate_hz: int, **traits: Any) -> Grabber:
+    made = camera(modes={fourcc: {size: (rate_hz,)}}, bus_info="PCI:0000:04:00.0", **traits)
+    return Bench(directory, made, size=f"{size[0]}x{size[1]}", rate_hz=rate_hz).grabber
+
+
+def v4l2_camera_yuyv(directory: Path) -> Grabber:
+    return _camera(directory, "YUYV", (640, 480), 30)
+
+
+def v4l2_camera_grey_fast(directory: Path) -> Grabber:
+    return _camera(directory, "GREY", (640, 480), 120, soe=False)
+
+
+def v4l2_camera_nv12_large(directory: Path) -> Grabber:
+    return _camera(directory, "NV12", (1280, 720), 60, padding=64)
+
+
+def v4l2_camera_jpeg(directory: Path) -> Grabber:
+    return _camera(directory, "MJPG", (640, 480), 60)
+
+
+RATES_HZ = {
+    "v4l2_one_parity": 25.0,
+    "v4l2_ntsc_alternate": NTSC_HZ,
+    "v4l2_ntsc_woven": NTSC_HZ,
+    "v4l2_camera_yuyv": 30.0,
+    "v4l2_camera_grey_fast": 120.0,
+    "v4l2_camera_nv12_large": 60.0,
+    "v4l2_camera_jpeg": 60.0,
+}
+"""Fields or pictures a second, where they are not 50."""
+
 V4L2 = (
+    v4l2_ntsc_alternate,
+    v4l2_ntsc_woven,
+    v4l2_camera_yuyv,
+    v4l2_camera_grey_fast,
+    v4l2_camera_nv12_large,
+    v4l2_camera_jpeg,
     v4l2_alternate_grey,
     v4l2_alternate_counting_fields,
     v4l2_woven_yuyv,

@@ -7,14 +7,20 @@ import numpy as np
 import pytest
 
 from acquisition.streams import numbers
-from contract.drivers import DRIVERS, FIELDS, copied
+from contract.drivers import DRIVERS, FIELDS, RATES_HZ, copied
 from grabberd.acquisition import FieldOrder, Outcome, Signal, StreamInfo
 from grabberd.errors import DeviceError, DeviceRefused, StreamEnded
+from grabberd.field import PROGRESSIVE
 
 
 @pytest.fixture(params=DRIVERS)
-def grabber(request, tmp_path):
-    made = DRIVERS[request.param](tmp_path)
+def name(request):
+    return request.param
+
+
+@pytest.fixture
+def grabber(name, tmp_path):
+    made = DRIVERS[name](tmp_path)
     yield made
     made.close()
 
@@ -33,10 +39,10 @@ def take(grabber, count=FIELDS):
     return taken
 
 
-def test_it_says_what_was_granted(info):
+def test_it_says_what_was_granted(info, name):
     assert isinstance(info, StreamInfo)
     assert info.driver in ("fake", "replay", "v4l2")
-    assert info.rate_hz == (25.0 if info.field_order is FieldOrder.ONE_PARITY else 50.0)
+    assert info.rate_hz == RATES_HZ.get(name, 50.0)
     assert info.buffers >= 1
 
 
@@ -55,8 +61,9 @@ def test_its_rows_lie_on_the_frame_lines_of_their_parity(grabber, info):
 
 def test_its_parities_alternate_from_the_older(grabber, info):
     parities = [grabbed.field.parity for grabbed in take(grabber)]
-    if info.field_order is FieldOrder.ONE_PARITY:
+    if not info.field_order.has_parity:
         assert len(set(parities)) == 1
+        assert (parities[0] == PROGRESSIVE) == (info.field_order is FieldOrder.PROGRESSIVE)
         return
     assert all(a != b for a, b in pairwise(parities))
     if info.field_order is FieldOrder.TOP_FIRST:
@@ -172,7 +179,15 @@ def test_a_recording_ends_and_a_device_does_not(grabber, info):
 
 
 @pytest.mark.parametrize(
-    "name", ["fake", "capture_in_real_time", "single_fields", "v4l2_alternate_grey", "v4l2_woven_yuyv"]
+    "name",
+    [
+        "fake",
+        "capture_in_real_time",
+        "single_fields",
+        "v4l2_alternate_grey",
+        "v4l2_woven_yuyv",
+        "v4l2_camera_jpeg",
+    ],
 )
 def test_nothing_comes_before_it_is_due(tmp_path, name):
     grabber = DRIVERS[name](tmp_path)

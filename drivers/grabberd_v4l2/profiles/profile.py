@@ -35,9 +35,11 @@ class Profile(BaseModel):
     """Profile of a kernel driver; its fields are the keys of its file.
 
     Attributes:
-        driver: name of the driver in VIDIOC_QUERYCAP, and name of the file.
+        driver: name of the driver in VIDIOC_QUERYCAP, and name of the file; with " VID:PID" after it the
+            profile is of that device alone.
         also: other names of the driver.
-        older: "top" or "bottom": field of a woven frame that was exposed first.
+        older: "top" or "bottom": field of a woven frame that was exposed first, whatever the standard; by
+            default as V4L2 has it, the top one at 50 Hz and the bottom one at 60 Hz.
         field_orders: arrangements to request, the best first; others are never requested.
         none_is_woven: True if the driver reports NONE for frames that are woven of two fields.
         trusts_sequence: True if the driver's count grows when a field is lost.
@@ -55,9 +57,8 @@ class Profile(BaseModel):
 
     driver: str = Field(min_length=1)
     also: tuple[str, ...] = ()
-    # As in every standard of 50 Hz; usbtv, which closes a frame bottom field first and does not say so, has a
-    # profile.
-    older: str = Field("top", pattern="^(top|bottom)$")
+    # usbtv, which closes a frame bottom field first at 50 Hz too and does not say so, has a profile.
+    older: str | None = Field(None, pattern="^(top|bottom)$")
     field_orders: tuple[Arrangement, ...] = Field(min_length=1)
     none_is_woven: bool = False
     # Most drivers do not count what they lose: gaps in time tell first, the count only of a known driver.
@@ -72,9 +73,9 @@ class Profile(BaseModel):
     usb_ids: tuple[str, ...] = ()
 
     @property
-    def older_parity(self) -> int:
-        """`TOP` or `BOTTOM`: the older field of a woven frame."""
-        return _PARITIES[self.older]
+    def older_parity(self) -> int | None:
+        """`TOP` or `BOTTOM`: the older field of a woven frame; None if it is that of the standard."""
+        return None if self.older is None else _PARITIES[self.older]
 
     @field_validator("field_orders", mode="before")
     @classmethod
@@ -120,9 +121,15 @@ class Profiles(NamedTuple):
         profiles = [Profile(**document) for document in documents.values()]
         return cls({name: p for p in profiles for name in (p.driver, *p.also)}, tuple(remarks))
 
-    def of(self, kernel_driver: str) -> Profile:
-        """The profile of a driver; for an unknown one, the default profile under its name."""
-        known = self.by_driver.get(kernel_driver)
+    def of(self, kernel_driver: str, usb_id: str = "") -> Profile:
+        """The profile of a device or else of its driver; for an unknown one, the default profile under its
+        name.
+
+        Args:
+            kernel_driver: name of the driver.
+            usb_id: "VID:PID" of the device; "" if it is not on USB.
+        """
+        known = self.by_driver.get(f"{kernel_driver} {usb_id}") or self.by_driver.get(kernel_driver)
         return known or self.by_driver[DEFAULT].model_copy(update={"driver": kernel_driver})
 
 
@@ -130,7 +137,9 @@ def _merged(documents: Mapping[str, dict[str, Any]], own: dict[str, Any]) -> dic
     """The document of the same driver, under any of its names, overridden by the installer's values."""
     named = {name: d["driver"] for d in documents.values() for name in d.get("also", ())}
     driver = named.get(own["driver"], own["driver"])
-    return {**documents.get(driver, documents[DEFAULT]), **own, "driver": driver}
+    family = driver.partition(" ")[0]  # a device's own profile has what its driver's has
+    base = documents.get(driver) or documents.get(family) or documents[DEFAULT]
+    return {**base, **own, "driver": driver}
 
 
 def _yaml_files(directory: Traversable) -> Iterable[Traversable]:

@@ -65,7 +65,15 @@ class Inspected:
             own += _of_light(found.targets)
         if problem is not None:
             own.append(f"{problem.message}: only what comes before it was looked at ({problem.hint})")
-        return cls(found, driver, options, rate_hz, of_pictures, tuple(own))
+        return cls(found, driver, {**options, **_chosen(info)}, rate_hz, of_pictures, tuple(own))
+
+
+def _chosen(info: StreamInfo) -> dict[str, Any]:
+    """Options for the size, rate and format that a digital camera was looked at in."""
+    if info.driver != "v4l2" or info.field_order is not FieldOrder.PROGRESSIVE:
+        return {}
+    size = f"{info.columns}x{info.field_rows}"
+    return {"size": size, "rate_hz": float(f"{info.rate_hz:.6g}"), "format": info.pixel_format}
 
 
 def _rate_hz(found: Inspection, told_hz: float | None, of_pictures: bool) -> float | None:

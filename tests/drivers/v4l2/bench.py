@@ -1,7 +1,7 @@
 """A grabber with its card under a fake kernel, ready to be opened."""
 
 from drivers.v4l2.computer import Computer
-from drivers.v4l2.fake_kernel import Card, FakeKernel
+from drivers.v4l2.fake_kernel import Camera, Card, FakeKernel
 from grabberd_v4l2 import V4l2Grabber
 from grabberd_v4l2.abi import Arrangement
 
@@ -13,10 +13,11 @@ class Bench:
 
     Attributes:
         computer: its /sys and /dev; kernel: its system calls; card: the card, under `node`.
-        grabber: the driver under test.
+        grabber: the driver under test; usb_id: VENDOR:PRODUCT of a device on USB.
     """
 
-    def __init__(self, folder, card=None, **options):
+    def __init__(self, folder, card=None, usb_id="", **options):
+        self.usb_id = usb_id
         self.computer, self.kernel = Computer(folder / "computer"), FakeKernel()
         self.card = card_with() if card is None else card
         self.plug()
@@ -27,7 +28,8 @@ class Bench:
     def plug(self, number=0):
         """The card appears under a node."""
         if self.card.bus_info.startswith("usb"):
-            self.node = self.computer.plug_dongle(number, self.card.driver)
+            id_ = {"vendor_product": self.usb_id} if self.usb_id else {}
+            self.node = self.computer.plug_dongle(number, self.card.driver, **id_)
         else:
             self.node = self.computer.plug_card(number, self.card.driver)
         self.number = number
@@ -72,3 +74,8 @@ def dongle(**traits):
             **traits,
         }
     )
+
+
+def camera(**traits):
+    """A digital camera on USB."""
+    return Camera(**traits)

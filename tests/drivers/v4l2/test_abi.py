@@ -9,6 +9,7 @@ import pytest
 import videodev2
 
 from grabberd_v4l2 import abi, ioctls
+from grabberd_v4l2.formats import FORMATS
 
 STRUCTURES = {
     "v4l2_capability": abi.Capability,
@@ -22,14 +23,23 @@ STRUCTURES = {
     "v4l2_buffer": abi.Buffer,
     "v4l2_event": abi.Event,
     "v4l2_event_subscription": abi.EventSubscription,
+    "v4l2_frmsize_discrete": abi.DiscreteSize,
+    "v4l2_frmsize_stepwise": abi.SizeRange,
+    "v4l2_frmival_stepwise": abi.IntervalRange,
+    "v4l2_captureparm": abi.CaptureParm,
+    "v4l2_streamparm": abi.StreamParm,
 }
+OF_THE_HEADER_ALONE = {"v4l2_frmsizeenum": abi.FrmSizeEnum, "v4l2_frmivalenum": abi.FrmIvalEnum}
+"""Structures that the other package lacks."""
 CONSTANTS = (
     {"V4L2_BUF_TYPE_VIDEO_CAPTURE": abi.CAPTURE, "V4L2_MEMORY_MMAP": abi.MEMORY_MMAP}
     | {f"V4L2_FIELD_{arrangement.name}": arrangement.value for arrangement in abi.Arrangement}
     | {
         f"V4L2_{name}": value
         for name, value in vars(abi).items()
-        if name.startswith(("CAP_", "BUF_FLAG_", "INPUT_TYPE_", "IN_ST_", "STD_", "EVENT_"))
+        if name.startswith(
+            ("CAP_", "BUF_FLAG_", "INPUT_TYPE_", "IN_ST_", "STD_", "EVENT_", "FRMSIZE_", "FRMIVAL_")
+        )
     }
 )
 ON_THIS_MACHINE = ()
@@ -42,13 +52,20 @@ def assertions(module):
     """C that compiles only if every size, place and number of a module is right."""
     yield "#include <stddef.h>"
     yield "#include <linux/videodev2.h>"
-    for name, structure in STRUCTURES.items():
+    for name, structure in (STRUCTURES | OF_THE_HEADER_ALONE).items():
         laid = module[structure.__name__]
         yield f'_Static_assert(sizeof(struct {name}) == {ctypes.sizeof(laid)}, "size of {name}");'
-        for field, *_ in laid._fields_:
+        for field in names_in_c(laid):
             place = getattr(laid, field).offset
             yield f'_Static_assert(offsetof(struct {name}, {field}) == {place}, "{name}.{field}");'
     yield f'_Static_assert(sizeof(v4l2_std_id) == {ctypes.sizeof(abi.StandardSet)}, "v4l2_std_id");'
+
+
+def names_in_c(structure):
+    """Fields by their names; those of a union without a name stand for it."""
+    for name, kind, *_ in structure._fields_:
+        nameless = name in getattr(structure, "_anonymous_", ())
+        yield from (inner for inner, *_ in kind._fields_) if nameless else (name,)
 
 
 def numbers():
@@ -119,9 +136,12 @@ def value_of(constant):
     return getattr(constant, "value", constant)
 
 
+LACKING = ["G_STD", "S_STD", "QUERYSTD", "ENUM_FRAMESIZES", "ENUM_FRAMEINTERVALS"]
+
+
 def test_call_numbers_are_those_of_another_package():
     theirs = {name: getattr(videodev2, f"VIDIOC_{name}", None) for name in ioctls.NAMES.values()}
-    assert [name for name, number in theirs.items() if number is None] == ["G_STD", "S_STD", "QUERYSTD"]
+    assert [name for name, number in theirs.items() if number is None] == LACKING
     for number, name in ioctls.NAMES.items():
         assert theirs[name] is None or number == theirs[name] % 2**32
 
@@ -134,10 +154,14 @@ def test_call_numbers_are_those_written_down():
     assert ioctls.QUERYSTD == 0x8008563F
     assert ioctls.ENUMINPUT == 0xC050561A
     assert ioctls.DQEVENT == 0x80885659
+    assert ioctls.ENUM_FRAMESIZES == 0xC02C564A
+    assert ioctls.ENUM_FRAMEINTERVALS == 0xC034564B
+    assert ioctls.S_PARM == 0xC0CC5616
 
 
 def test_pixel_formats_have_numbers_and_names():
-    for name in ("GREY", "YUYV", "UYVY", "NV12"):
-        assert abi.fourcc(name) == getattr(videodev2, f"V4L2_PIX_FMT_{name}")
+    kernels = {"MJPG": "MJPEG"}
+    for name in FORMATS:
+        assert abi.fourcc(name) == getattr(videodev2, f"V4L2_PIX_FMT_{kernels.get(name, name)}")
         assert abi.fourcc_name(abi.fourcc(name)) == name
     assert abi.fourcc_name(abi.fourcc("Y8  ")) == "Y8  "

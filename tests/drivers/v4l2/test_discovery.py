@@ -27,6 +27,14 @@ DONGLE = Answers(
 STICK = Answers(
     "uvcvideo", "AV TO USB2.0", captures=True, formats=("YUYV",), field_orders=(Arrangement.NONE,)
 )
+WEBCAM = Answers(
+    "uvcvideo",
+    "HD camera",
+    captures=True,
+    formats=("YUYV", "MJPG"),
+    field_orders=(Arrangement.NONE,),
+    pictures="YUYV 640×480 at 30; MJPG 1280×720 at 60, 30",
+)
 METADATA = Answers("uvcvideo", "AV stick", captures=False)
 
 
@@ -113,7 +121,7 @@ def test_every_way_to_name_it_is_one_that_the_driver_takes_and_finds(computer):
 
 @pytest.mark.parametrize(
     ("driver", "verdict"),
-    [("bttv", "recommended"), ("stk1160", "usable"), ("usbtv", "doubtful"), ("uvcvideo", "unusable")],
+    [("bttv", "recommended"), ("stk1160", "usable"), ("usbtv", "doubtful"), ("uvcvideo", "usable")],
 )
 def test_the_verdict_is_that_of_the_drivers_profile(computer, driver, verdict):
     computer.plug_dongle(0)
@@ -139,11 +147,26 @@ def test_all_channels_of_one_card_are_listed(computer):
     assert len({one.options["device"] for one in found(computer)}) == 4
 
 
-def test_a_card_without_50_hz_is_unusable(computer):
+def test_a_digital_camera_is_usable_and_its_sizes_and_rates_are_listed(computer):
+    computer.plug_dongle(0, driver="uvcvideo", vendor_product="046d:0825")
+    (device,) = found(computer, WEBCAM)
+    assert device.verdict is Verdict.USABLE
+    assert device.facts["pictures a second"] == "YUYV 640×480 at 30; MJPG 1280×720 at 60, 30"
+    assert any("'size', 'rate_hz'" in remark for remark in device.remarks)
+
+
+def test_a_node_with_neither_a_standard_nor_progressive_pictures_is_unusable(computer):
+    computer.plug_card(0)
+    (device,) = found(computer, Answers("strange", "card", True, formats=("GREY",)))
+    assert device.verdict is Verdict.UNUSABLE
+    assert any("grants no progressive pictures" in remark for remark in device.remarks)
+
+
+def test_a_card_without_50_hz_names_the_option_for_its_standards(computer):
     computer.plug_card(0)
     (device,) = found(computer, Answers("bttv", "card", True, ("In",), ("NTSC",), False, "NTSC", ("GREY",)))
-    assert device.verdict is Verdict.UNUSABLE
-    assert any("such as PAL, only NTSC" in remark for remark in device.remarks)
+    assert device.verdict is Verdict.RECOMMENDED
+    assert any("only NTSC: set the option 'standard'" in remark for remark in device.remarks)
 
 
 def test_a_card_without_a_format_that_can_be_read_is_unusable(computer):

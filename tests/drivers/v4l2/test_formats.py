@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grabberd_v4l2.formats import FORMATS, bytes_per_pixel, luma, needed_bytes
+from grabberd_v4l2.formats import FORMATS, RAW, bytes_per_pixel, luma, needed_bytes
 
 WITHOUT_COPY = ("GREY", "NV12")
 
@@ -85,5 +85,6 @@ def test_a_whole_picture_includes_its_chroma_but_not_the_last_padding(fourcc, by
 
 
 def test_grey_is_preferred_and_what_has_to_be_thinned_out_comes_last():
-    assert list(FORMATS) == ["GREY", "NV12", "YUYV", "UYVY"]
-    assert [bytes_per_pixel(fourcc) for fourcc in FORMATS] == [1, 1, 2, 2]
+    assert list(FORMATS) == ["GREY", "NV12", "YUYV", "UYVY", "MJPG", "JPEG"]
+    assert RAW == ("GREY", "NV12", "YUYV", "UYVY")
+    assert [bytes_per_pixel(fourcc) for fourcc in RAW] == [1, 1, 2, 2]

@@ -189,9 +189,10 @@ def test_a_card_without_inputs_is_refused(bench):
 
 @pytest.mark.parametrize(("known", "said"), [({"NTSC": 0x1000}, "NTSC"), ({}, "none at all")])
 def test_a_card_without_pal_is_refused(bench, known, said):
-    told = refusal(bench(card_with(standards=known)))
+    told = refusal(bench(card_with(standards=known), standard="PAL"))
     assert "no PAL" in told.message
     assert said in told.message
+    assert ("standard: NTSC" in told.hint) == bool(known)
 
 
 def test_a_card_that_stays_in_ntsc_is_refused(bench):
@@ -223,8 +224,9 @@ def test_a_card_without_a_camera_can_be_opened(bench):
 
 
 def test_a_stick_that_throws_fields_away_is_refused_with_advice(bench):
-    told = refusal(bench(dongle(driver=UVC, orders=(Arrangement.NONE,))))
-    assert "field" in told.message
+    told = refusal(bench(dongle(driver=UVC, orders=(Arrangement.NONE,)), usb_id="534d:0021"))
+    assert "throws one field" in told.message
+    assert "Bt878" in told.hint
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,9 @@ from grabberd_v4l2.options import V4l2Options
 
 def test_a_device_is_enough():
     options = V4l2Options.read({"device": "/dev/video0"})
-    assert options.standard == "PAL"
-    assert options.format == ("GREY", "NV12", "YUYV", "UYVY")
+    assert options.standard is None
+    assert options.format == ("GREY", "NV12", "YUYV", "UYVY", "MJPG", "JPEG")
+    assert (options.columns_lines, options.rate_hz) == (None, None)
     assert options.buffers == 16
     assert options.arrangement is None
     assert options.older is None
@@ -30,8 +31,11 @@ def test_everything_can_be_said():
             "older_field": "bottom",
             "exposure_ms": 0.5,
             "buffers": 16,
+            "size": "720x576",
+            "rate_hz": 50,
         }
     )
+    assert (options.columns_lines, options.rate_hz) == ((720, 576), 50.0)
     assert options.format == ("UYVY",)
     assert options.arrangement is Arrangement.INTERLACED
     assert options.older == BOTTOM
@@ -42,15 +46,19 @@ def test_everything_can_be_said():
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ({"standard": "NTSC"}, "standard: 'NTSC' is not one of PAL, PAL-BG"),
-        ({"format": ["GREY", "MJPG"]}, "format: .* is neither one nor a list of GREY"),
+        ({"standard": "NTSC-X"}, "standard: 'NTSC-X' is not one of PAL, PAL-BG"),
+        ({"size": "1280"}, "size: '1280' is not COLUMNSxLINES, such as 1280x720"),
+        ({"size": "0x480"}, "size:"),
+        ({"size": [640, 480]}, "size:"),
+        ({"rate_hz": 0}, "rate_hz: .* greater than or equal to 5"),
+        ({"rate_hz": "fast"}, "rate_hz:"),
+        ({"format": ["GREY", "RGB3"]}, "format: .* is neither one nor a list of GREY"),
         ({"format": []}, "format:"),
-        ({"field_order": "any"}, "field_order: 'any' is not one of top, bottom, interlaced"),
-        ({"field_order": "none"}, "field_order:"),
+        ({"field_order": "any"}, "field_order: 'any' is not one of none, top, bottom, interlaced"),
         ({"older_field": "left"}, "older_field:"),
-        ({"exposure_ms": 21}, "exposure_ms: .* less than or equal to 20"),
+        ({"exposure_ms": 1001}, "exposure_ms: .* less than or equal to 1000"),
         ({"buffers": 4}, "buffers: .* greater than or equal to 8"),
-        ({"buffers": 17}, "buffers: .* less than or equal to 16"),
+        ({"buffers": 33}, "buffers: .* less than or equal to 32"),
         ({"buffers": "12"}, "buffers:"),
         ({"device": None}, "name the grabber"),
         ({"usb": "05e1:0408"}, "name the grabber either by device"),
@@ -65,5 +73,5 @@ def test_a_wrong_option_is_refused_in_words(wrong, said):
 
 def test_all_that_is_wrong_is_said_at_once_a_line_each():
     with pytest.raises(ValueError, match="buffers") as caught:
-        V4l2Grabber(standard="NTSC", buffers=99, formats="GREY")
+        V4l2Grabber(standard="NTSC-X", buffers=99, formats="GREY")
     assert len(str(caught.value).splitlines()) == 4

@@ -23,6 +23,7 @@ DRIVERS = (
     "dt3155",
 )
 BUILT_IN = Profiles.load()
+STICK = "uvcvideo 534d:0021"
 
 
 def load(directory, **texts):
@@ -35,7 +36,7 @@ def load(directory, **texts):
 
 
 def test_every_driver_of_a_known_card_has_a_profile():
-    assert {profile.driver for profile in BUILT_IN.by_driver.values()} == {*DRIVERS, "default"}
+    assert {profile.driver for profile in BUILT_IN.by_driver.values()} == {*DRIVERS, STICK, "default"}
     assert BUILT_IN.remarks == ()
 
 
@@ -73,9 +74,15 @@ def test_each_driver_is_asked_for_the_signal_where_it_knows_it():
 
 
 def test_sticks_that_throw_fields_away_are_unusable_and_the_advice_says_what_to_use():
-    profile = BUILT_IN.of("uvcvideo")
+    profile = BUILT_IN.of("uvcvideo", "534d:0021")
     assert profile.verdict is Verdict.UNUSABLE
     assert "Bt878" in profile.advice
+
+
+def test_other_devices_of_their_driver_are_cameras():
+    profile = BUILT_IN.of("uvcvideo", "046d:0825")
+    assert profile.verdict is Verdict.USABLE
+    assert profile.trusts_sequence
 
 
 def test_a_card_is_found_by_each_of_its_drivers_names():
@@ -95,7 +102,7 @@ def test_of_a_driver_that_nobody_knows_little_is_believed():
     assert profile.driver == "brandnew"
     assert profile.verdict is Verdict.DOUBTFUL
     assert (profile.trusts_sequence, profile.trusts_flags) == (False, False)
-    assert (profile.older_parity, profile.signal_source) == (TOP, SignalSource.NONE)
+    assert (profile.older_parity, profile.signal_source) == (None, SignalSource.NONE)
 
 
 # --- the installer's own ---
@@ -119,6 +126,13 @@ def test_a_card_known_by_another_name_is_overridden_by_that_name_too(tmp_path):
     profiles = load(tmp_path, mine="driver: hexium_orion\nolder: bottom\n")
     assert profiles.of("saa7146 v4l2").older_parity == BOTTOM
     assert profiles.of("saa7146 v4l2").field_orders[0] is Arrangement.ALTERNATE
+
+
+def test_an_installer_may_describe_one_device_of_a_driver(tmp_path):
+    profiles = load(tmp_path, mine="driver: uvcvideo 1234:5678\ntrusts_sequence: false\n")
+    assert not profiles.of("uvcvideo", "1234:5678").trusts_sequence
+    assert profiles.of("uvcvideo", "1234:5678").trusts_flags
+    assert profiles.of("uvcvideo", "046d:0825").trusts_sequence
 
 
 def test_without_a_directory_the_built_in_ones_are_used(tmp_path):

@@ -3,6 +3,7 @@
 import pytest
 import videodev2
 
+from grabberd.field import BOTTOM, TOP
 from grabberd_v4l2 import standards
 
 
@@ -16,22 +17,33 @@ def test_names_are_read_as_people_write_them():
     assert standards.bits("pal-b/g") == standards.bits("PAL-BG")
 
 
-def test_what_has_not_50_fields_a_second_cannot_be_named():
-    with pytest.raises(ValueError, match="'PAL-M' is not one of PAL"):
-        standards.bits("PAL-M")
-    assert all(standards.is_50_hz(bits) for bits in standards.NAMES.values())
+def test_an_unknown_name_is_refused_with_those_that_are_known():
+    with pytest.raises(ValueError, match="'PAL-X' is not one of PAL"):
+        standards.bits("PAL-X")
+
+
+@pytest.mark.parametrize("name", standards.NAMES)
+def test_every_standard_has_625_lines_at_50_hz_or_525_at_60_as_the_kernel_sorts_them(name):
+    is_60_hz = bool(standards.bits(name) & videodev2.V4L2_STD_525_60)
+    assert standards.scan(standards.bits(name)) == (standards.SCAN_525 if is_60_hz else standards.SCAN_625)
+
+
+def test_a_frame_has_576_or_480_lines_and_its_older_field_is_that_of_the_documentation():
+    assert standards.SCAN_625 == (576, 50.0, TOP)
+    assert standards.SCAN_525 == (480, 60_000 / 1001, BOTTOM)
+    assert (standards.SCAN_625.period_ns, standards.SCAN_525.period_ns) == (20_000_000, 16_683_333)
 
 
 def test_a_set_is_called_by_the_name_it_has_or_that_of_a_part_of_it():
     assert standards.name(0xFF) == "PAL"
     assert standards.name(0x07) == "PAL-BG"
     assert standards.name(0xFF06FF) == "PAL"
-    assert standards.name(0xB000) == "a standard of 60 Hz"
+    assert standards.name(0xB000) == "NTSC"
+    assert standards.name(0x1000) == "NTSC-M"
+    assert standards.name(0xF900) == "NTSC"
     assert standards.name(0) == "none"
 
 
 def test_a_mixture_is_surely_neither():
-    assert not standards.is_50_hz(0x10FF)
-    assert not standards.is_60_hz(0x10FF)
-    assert standards.is_60_hz(0x1000)
-    assert not standards.is_50_hz(0)
+    assert standards.scan(0x10FF) is None
+    assert standards.scan(0) is None

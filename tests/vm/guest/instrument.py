@@ -2,7 +2,7 @@
 
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,24 +24,26 @@ devices:
     driver: v4l2
     options: {options}
     threshold: {{kind: fixed, value: 128}}
+    rig: {rig}
 """
 _running: list[Service] = []
 _warm: list[bool] = []
 
 
-def start(**options: Any) -> dict[str, Any]:
-    """Starts a service whose only device is the kernel's, found by its path."""
+def start(rig: Mapping[str, Any] | None = None, **options: Any) -> dict[str, Any]:
+    """Starts a service whose only device is the kernel's, found by its path, and fits the rig."""
     stop()
     folder = Path(tempfile.mkdtemp(prefix="grabberd-", dir="/dev/shm"))
     file = folder / "vivid.yaml"
-    file.write_text(_CONFIG.format(options={"device": vivid.BY_PATH, "input": vivid.S_VIDEO, **options}))
+    whole = {"device": vivid.BY_PATH, "input": vivid.S_VIDEO, **options}
+    file.write_text(_CONFIG.format(options=whole, rig=dict(rig or {})))
     service = Service(set_up(load_config(file), file), folder)
     service.start()
     _running.append(service)
     wait_for(lambda: service.instrument(None).accepts, PATIENCE_S)
     if not _warm:
         _warm_up(service)
-        start(**options)
+        start(rig, **options)
     return status()
 
 

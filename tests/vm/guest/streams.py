@@ -4,6 +4,7 @@ import itertools
 import time
 from collections import Counter
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 
 from grabberd.acquisition import FieldNumbering, Ledger, Numbered, StreamInfo
 from grabberd_v4l2 import V4l2Grabber
+from grabberd_v4l2.answers import ask
+from grabberd_v4l2.kernel import LinuxKernel
 from vm.guest import vivid
 
 TIMEOUT_S = 1.0
@@ -19,17 +22,24 @@ CHECKER_ROWS = 8
 CHECKER_COLUMNS = 32
 
 
-def rate(seconds: float, **options: Any) -> dict[str, Any]:
-    """Streams for some of the guest's seconds; what came, and what the ledger says."""
+def rate(seconds: float, left_out: int = 0, **options: Any) -> dict[str, Any]:
+    """Streams for some of the guest's seconds; what came, and what the ledger says.
+
+    The first buffers can be left out: where a period is no multiple of the kernel's tick, the device fills
+    its first one sooner than all others, which then look late.
+    """
     grabber = V4l2Grabber(device=vivid.CAPTURE, **options)
     try:
         info = grabber.open()
+        for _ in range(left_out):
+            with grabber.dequeue(TIMEOUT_S):
+                pass
         return {**_granted(info), **_counted(grabber, info, seconds)}
     finally:
         grabber.close()
 
 
-def pictures_in_order(**options: Any) -> dict[str, Any]:
+def pictures_in_order(field_rows: int = 288, **options: Any) -> dict[str, Any]:
     """Whether fields are what they claim to be, by the kernel's own test patterns.
 
     Alternating lines tell the parity, the squares of a checkerboard the rows, its movement (2 columns from
@@ -42,10 +52,33 @@ def pictures_in_order(**options: Any) -> dict[str, Any]:
     steps = {(b[1] - a[1]) % CHECKER_COLUMNS for a, b in itertools.pairwise(squares[4:])}
     return {
         "parity": all((level > 128) == bool(parity) for parity, level in lines),
-        "rows": all(starts == list(range(CHECKER_ROWS, 288, CHECKER_ROWS)) for *_, starts in squares),
+        "rows": all(starts == list(range(CHECKER_ROWS, field_rows, CHECKER_ROWS)) for *_, starts in squares),
         "steps": sorted(steps),
         "parities": [parity for parity, *_ in squares],
     }
+
+
+def whole_pictures(**options: Any) -> dict[str, Any]:
+    """Whether progressive pictures are whole, by the squares of a checkerboard and their movement."""
+    vivid.set_controls(test_pattern=10, osd_text_mode=2, horizontal_movement=4)
+    squares = [
+        (parity, _edge(rows, 2 * CHECKER_ROWS), _starts(rows), len(rows))
+        for parity, rows in _fields(12, options)
+    ]
+    steps = {(b[1] - a[1]) % CHECKER_COLUMNS for a, b in itertools.pairwise(squares[4:])}
+    return {
+        "parities": sorted({parity for parity, *_ in squares}),
+        "bands": sorted({row % (2 * CHECKER_ROWS) for _, _, starts, _ in squares for row in starts}),
+        "count": sorted({len(starts) for _, _, starts, _ in squares}),
+        "lines": squares[0][3],
+        "steps": sorted(steps),
+    }
+
+
+def offered() -> dict[str, Any]:
+    """What the node tells of itself."""
+    told = ask(LinuxKernel(), Path(vivid.CAPTURE))
+    return {"pictures": told.pictures, "formats": list(told.formats), "standards": list(told.standards)}
 
 
 def _fields(count: int, options: dict[str, Any]) -> Iterator[tuple[int, NDArray[np.uint8]]]:
@@ -106,9 +139,9 @@ def _granted(info: StreamInfo) -> dict[str, Any]:
     }
 
 
-def _edge(rows: NDArray[np.uint8]) -> int:
+def _edge(rows: NDArray[np.uint8], band: int = CHECKER_ROWS) -> int:
     """Column, modulo the pattern's period, where its second band of squares turns bright."""
-    steps = np.diff((rows[CHECKER_ROWS + 2] > 128).astype(np.int8))
+    steps = np.diff((rows[band + 2] > 128).astype(np.int8))
     return int(np.flatnonzero(steps == 1)[0] + 1) % CHECKER_COLUMNS
 
 

@@ -19,6 +19,7 @@ S_VIDEO = 1
 """The input's number where there are a tuner (0) and an S-Video socket."""
 
 _PATTERNS = "n_devs=1 node_types=0x1 num_inputs=2 input_types=0x9 ccs_cap_mode=0"
+_CAMERA = "n_devs=1 node_types=0x1 num_inputs=2 input_types=0x8 ccs_cap_mode=0"
 _LOOP = (
     "n_devs=1 node_types=0x101 num_inputs=1 input_types=2 num_outputs=1 output_types=0 "
     "ccs_cap_mode=0 ccs_out_mode=0"
@@ -29,6 +30,12 @@ _playing: list["subprocess.Popen[bytes]"] = []
 def load_patterns() -> None:
     """A grabber with two inputs that draws test patterns; its timestamps are not of the future."""
     _load(_PATTERNS)
+    set_controls(timestamp_source=1)
+
+
+def load_camera() -> None:
+    """A webcam with progressive pictures (input 0), and an S-Video socket (input 1)."""
+    _load(_CAMERA, standard=None)
     set_controls(timestamp_source=1)
 
 
@@ -129,12 +136,13 @@ def _number_if_exact(rows: NDArray[np.uint8]) -> int | None:
     return stamp.number if exact and stamp else None
 
 
-def _load(options: str) -> None:
+def _load(options: str, standard: str | None = "pal") -> None:
     unload()
     run(f"modprobe vivid {options}")
     wait_for(lambda: os.path.exists(CAPTURE))
     run("udevadm settle")
-    run(f"v4l2-ctl -d {CAPTURE} -s pal")
+    if standard:
+        run(f"v4l2-ctl -d {CAPTURE} -s {standard}")
 
 
 def _set_format(node: str, kind: str) -> None:

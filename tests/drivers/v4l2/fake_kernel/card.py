@@ -31,7 +31,7 @@ class Card:
         driver, card, bus_info, caps: what QUERYCAP says.
         sockets: name and type of the inputs; standards: bits by name, of every input but HDMI.
         formats, orders: what it can deliver; what else is asked for becomes the first of these.
-        older: parity of the older field of an INTERLACED frame.
+        older: parity of the older field of an INTERLACED frame; None: as V4L2 has it for the standard.
         numbering: whether `sequence` counts "frames" or "fields" in ALTERNATE; first_sequence: its start.
         padding: bytes after every line.
         columns: most pixels a line.
@@ -62,7 +62,7 @@ class Card:
     standards: dict = field(default_factory=lambda: {"PAL": abi.STD_PAL, "NTSC": NTSC, "PAL-M": 0x100})
     formats: tuple = ("GREY", "YUYV", "UYVY", "NV12")
     orders: tuple = (Arrangement.INTERLACED, Arrangement.ALTERNATE, Arrangement.SEQ_TB)
-    older: int = 0
+    older: int | None = None
     numbering: str = "frames"
     first_sequence: int = 0
     padding: int = 0
@@ -95,7 +95,20 @@ class Card:
         self.standard = NTSC
         self.subscribed, self.events = set(), deque()
         self.unit = self.first_unit = 0
+        self.started_at_60_hz = False
         self.set_format(720, 480, self.formats[0], Arrangement.INTERLACED)
+
+    @property
+    def is_60_hz(self):
+        return bool(self.standard & abi.STD_525_60)
+
+    def time_of(self, field):
+        """When the camera's field of that number has begun."""
+        return field * 1001 * 10**9 // 60_000 if self.started_at_60_hz else field * PERIOD_NS
+
+    def number_at(self, time_ns):
+        """The number of the field at that time."""
+        return time_ns * 60_000 // (1001 * 10**9) if self.started_at_60_hz else time_ns // PERIOD_NS
 
     # ---- what it is set to
 
@@ -131,7 +144,8 @@ class Card:
         return pix
 
     def rows(self):
-        return 240 if self.standard & abi.STD_525_60 else ROWS
+        at_60_hz = self.started_at_60_hz if self.queue.streaming else self.is_60_hz
+        return 240 if at_60_hz else ROWS
 
     def _granted_order(self, order, lines):
         if order == Arrangement.ANY:  # as several drivers do
@@ -141,6 +155,20 @@ class Card:
     def _settled(self):
         if self.queue.busy:
             raise refusal(errno.EBUSY)
+
+    # ---- what only a digital camera can
+
+    def tell_size(self, _asked):
+        raise refusal(errno.ENOTTY)
+
+    def tell_interval(self, _asked):
+        raise refusal(errno.ENOTTY)
+
+    def tell_parm(self, _asked):
+        raise refusal(errno.ENOTTY)
+
+    def set_parm(self, _asked):
+        raise refusal(errno.ENOTTY)
 
     # ---- what it says of the camera
 
@@ -169,9 +197,10 @@ class Card:
 
     def start(self, now_ns):
         self.queue.start()
-        self.unit = next(n for n in _from(now_ns // PERIOD_NS // 2) if self._begin_ns(n) >= now_ns)
-        if self.order == Arrangement.ALTERNATE:  # with a top field
-            self.unit += self.unit % 2
+        self.started_at_60_hz = self.is_60_hz
+        self.unit = next(n for n in _from(self.number_at(now_ns) // 2) if self._begin_ns(n) >= now_ns)
+        if self.order == Arrangement.ALTERNATE:  # with the older field of the standard
+            self.unit += (self.unit + self.is_60_hz) % 2
         self.first_unit = self.unit
 
     @property
@@ -185,19 +214,23 @@ class Card:
             return (unit,)
         if order in (Arrangement.TOP, Arrangement.BOTTOM):
             return (2 * unit + (order == Arrangement.BOTTOM),)
-        older = {Arrangement.INTERLACED: self.older, Arrangement.NONE: self.older}.get(
+        own = int(self.is_60_hz) if self.older is None else self.older
+        older = {Arrangement.INTERLACED: own, Arrangement.NONE: own}.get(
             order, int(order in (Arrangement.INTERLACED_BT, Arrangement.SEQ_BT))
         )
         return (2 * unit + older, 2 * unit + older + 1)
 
     def _begin_ns(self, unit):
-        return self.fields_of(unit)[0] * PERIOD_NS
+        return self.time_of(self.fields_of(unit)[0])
+
+    def _end_ns(self, unit):
+        return self.time_of(self.fields_of(unit)[-1] + 1)
 
     def due_ns(self):
         """When the next buffer is full; None while nothing comes."""
         if not self.queue.streaming or self.queue.failed or self.stalled or not self.plugged:
             return None
-        due_ns = (self.fields_of(self.unit)[-1] + 1) * PERIOD_NS
+        due_ns = self._end_ns(self.unit)
         held_from_ns, held_until_ns = self.held_ns
         return held_until_ns if held_from_ns <= due_ns < held_until_ns else due_ns
 
@@ -211,21 +244,26 @@ class Card:
 
     def skip_to(self, now_ns):
         """After a stall: what came meanwhile is gone."""
-        while (self.fields_of(self.unit)[-1] + 1) * PERIOD_NS < now_ns:
+        while self._end_ns(self.unit) < now_ns:
             self.unit += 1
 
     def _fill(self, memory, count, due_ns):
-        fourcc = abi.fourcc_name(self.pix.pixelformat)
-        stride = bytes_per_line(fourcc, self.pix.width, self.padding)
         numbers = self.fields_of(self.unit)
-        encode(arranged(numbers, self.order, self.pix.width), fourcc, stride, memory.bytes)
         filled = memory.filled
-        filled.bytesused = self.short.get(count, self.pix.sizeimage)
+        used = self._draw(numbers, count, memory.bytes)
+        filled.bytesused = self.short.get(count, used)
         filled.flags = self.stamp_flags | (abi.BUF_FLAG_ERROR if count in self.flagged else 0)
         filled.field = Arrangement.ANY if count in self.unlabelled else self._label(numbers, count)
         filled.timestamp.tv_sec, rest_ns = divmod(self.stamp(due_ns), 1_000_000_000)
         filled.timestamp.tv_usec = rest_ns // 1_000
         filled.sequence = self._sequence(count)
+
+    def _draw(self, numbers, _count, memory):
+        """Writes the picture of these fields; returns its size in bytes."""
+        fourcc = abi.fourcc_name(self.pix.pixelformat)
+        stride = bytes_per_line(fourcc, self.pix.width, self.padding)
+        encode(arranged(numbers, self.order, self.pix.width, self.rows()), fourcc, stride, memory)
+        return self.pix.sizeimage
 
     def _label(self, numbers, count):
         if self.order == Arrangement.ALTERNATE:

@@ -167,6 +167,19 @@ class FakeKernel:
     def _s_input(self, card, asked):
         card.set_input(asked.value)
 
+    def _enum_framesizes(self, card, asked):
+        card.tell_size(asked)
+
+    def _enum_frameintervals(self, card, asked):
+        card.tell_interval(asked)
+
+    def _g_parm(self, card, asked):
+        card.tell_parm(asked.parm.capture)
+
+    def _s_parm(self, card, asked):
+        card.set_parm(asked.parm.capture)
+        card.tell_parm(asked.parm.capture)
+
     def _enumstd(self, card, asked):
         if asked.index >= len(card.standards):
             raise refusal(errno.EINVAL if card.standards else errno.ENODATA)
@@ -174,12 +187,16 @@ class FakeKernel:
         asked.name = name.encode()
 
     def _g_std(self, card, asked):
+        if not card.standards:
+            raise refusal(errno.ENODATA)
         asked.value = card.standard
 
     def _s_std(self, card, asked):
         card.set_standard(asked.value)
 
     def _querystd(self, card, asked):
+        if not card.standards:
+            raise refusal(errno.ENODATA)
         asked.value = card.seen_standard()
 
     def _enum_fmt(self, card, asked):
@@ -194,12 +211,6 @@ class FakeKernel:
         pix = asked.fmt.pix
         card.set_format(pix.width, pix.height, abi.fourcc_name(pix.pixelformat), pix.field)
         asked.fmt.pix = card.pix
-
-    def _try_fmt(self, card, asked):
-        pix = asked.fmt.pix
-        asked.fmt.pix = card.granted_format(
-            pix.width, pix.height, abi.fourcc_name(pix.pixelformat), pix.field
-        )
 
     def _try_fmt(self, card, asked):
         pix = asked.fmt.pix

@@ -1,5 +1,6 @@
-"""The camera's fields and how a card lays them into memory."""
+"""The camera's fields, or whole pictures, and how a card lays them into memory."""
 
+import cv2
 import numpy as np
 
 from grabberd_v4l2.abi import Arrangement
@@ -10,13 +11,42 @@ STACKED = {Arrangement.SEQ_TB: 0, Arrangement.SEQ_BT: 1}
 SINGLE = (Arrangement.TOP, Arrangement.BOTTOM, Arrangement.ALTERNATE)
 
 
-def field_picture(number, columns=720):
-    """(288, columns) of the camera's field of that number; its parity is that of the number."""
-    lines = 2 * np.arange(ROWS) + number % 2
+def field_picture(number, columns=720, rows=ROWS):
+    """(rows, columns) of the camera's field of that number; its parity is that of the number."""
+    lines = 2 * np.arange(rows) + number % 2
     picture = (17 * number + 3 * lines[:, None] + np.arange(columns)).astype(np.uint8)
     picture[:, :4] = np.frombuffer(number.to_bytes(4, "big"), np.uint8)
     picture[:, 4] = number % 2
     return picture
+
+
+def whole_picture(number, columns, lines):
+    """(lines, columns) of a progressive camera's picture of that number."""
+    picture = (17 * number + 3 * np.arange(lines)[:, None] + np.arange(columns)).astype(np.uint8)
+    picture[:, :4] = np.frombuffer(number.to_bytes(4, "big"), np.uint8)
+    return picture
+
+
+def blocks_picture(number, columns, lines):
+    """The same for a camera that compresses: its number in blocks of 8×8, a gradient below them."""
+    picture = np.empty((lines, columns), np.uint8)
+    picture[:] = (np.arange(columns) * 200 // columns + 20 + number % 7).astype(np.uint8)
+    bits = np.array([number >> k & 1 for k in range(32)], np.uint8)
+    picture[:8, :256] = np.repeat(bits * 255, 8)
+    return picture
+
+
+def number_in_blocks(luma):
+    """The number of the picture that was compressed."""
+    bits = luma[:8, :256].reshape(8, 32, 8).mean(axis=(0, 2)) > 128
+    return sum(int(bit) << k for k, bit in enumerate(bits))
+
+
+def jpeg(picture):
+    """(n,) bytes as a camera sends them, with colour that says nothing."""
+    coloured = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
+    _, data = cv2.imencode(".jpg", coloured, [cv2.IMWRITE_JPEG_QUALITY, 90])
+    return data.ravel()
 
 
 def number_in(luma):
@@ -24,18 +54,18 @@ def number_in(luma):
     return int.from_bytes(bytes(luma[0, :4]), "big")
 
 
-def arranged(numbers, arrangement, columns):
+def arranged(numbers, arrangement, columns, rows=ROWS):
     """(lines, columns) of a buffer that holds these fields."""
     if arrangement in SINGLE:
-        return field_picture(numbers[0], columns)
-    frame = np.empty((2 * ROWS, columns), np.uint8)
+        return field_picture(numbers[0], columns, rows)
+    frame = np.empty((2 * rows, columns), np.uint8)
     for number in numbers:
         parity = number % 2
         if arrangement in STACKED:
-            first = ROWS * (parity != STACKED[arrangement])
-            frame[first : first + ROWS] = field_picture(number, columns)
+            first = rows * (parity != STACKED[arrangement])
+            frame[first : first + rows] = field_picture(number, columns, rows)
         else:
-            frame[parity::2] = field_picture(number, columns)
+            frame[parity::2] = field_picture(number, columns, rows)
     return frame
 
 
