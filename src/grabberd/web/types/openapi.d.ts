@@ -1539,7 +1539,7 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
-    "/docs": {
+    "/api/v1/docs": {
         parameters: {
             query?: never;
             header?: never;

@@ -110,7 +110,7 @@ export const labelValueIn = ({ t, texts }, name, value) => (name === "teat" && t
 
 /** A capture in a line: "Cow 112 · Front left · today 14:05, slipped". @param {Context} context @param {Pick<Capture, "labels" | "note" | "created_utc">} capture */
 export function lineOf(context, capture) {
-  return [labelsIn(context, capture), context.format.when(capture.created_utc), capture.note].filter(Boolean).join(" · ");
+  return [labelsIn(context, capture), context.format.instant(capture.created_utc), capture.note].filter(Boolean).join(" · ");
 }
 
 /** The time that an id such as 20260301T093000125Z-barn begins with, in words; an id of another kind as it is. @param {string} id @param {(utc: string) => string} words */
