@@ -29,7 +29,8 @@ class Scene:
         counts = np.bincount(self.fields[0][1].luma.ravel(), minlength=256)
         threshold = choose_threshold(counts, ThresholdRule(), bits)
         for n, (time_ns, field) in enumerate(self.fields):
-            whole = double_lines(field) if lines == "doubled" else field
+            whole = field if lines == "field" else double_lines(field)
+            whole = Field.progressive(whole.luma) if lines == "progressive" else whole
             yield NumberedField(n, time_ns, n, quantise(whole, bits, threshold))
 
     @cache  # noqa: B019 - a test module has one or two scenes
