@@ -201,7 +201,7 @@ class Tracker:
 
     def _moved(self, track: Track, elapsed_s: float) -> tuple[Array, Array]:
         """Positions (M, 3) in mm after that time, and their standard deviations (M,)."""
-        # The liner's wall moves up to 2 mm a field, .3 of the pitch: too far to be followed without velocity.
+        # The liner's wall moves up to 2 mm a field at 50 Hz, .3 of the pitch: too far to be followed without velocity.
         xyz_mm = track.xyz_mm + track.velocity_mm_s * elapsed_s
         return xyz_mm, np.hypot(track.sigma_mm, track.speed_sigma_mm_s * elapsed_s)
 
