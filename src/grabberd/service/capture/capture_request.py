@@ -95,5 +95,5 @@ class ArmedCapture:
     armed_utc: str
     request: CaptureRequest
     bits: int
-    lines: str
+    lines: str | None
     group: Group | None = None

@@ -1,5 +1,6 @@
 """Field pipeline: from a grabbed field to a slot of the ring, by number, lines, threshold and bits."""
 
+import logging
 import threading
 from collections import deque
 from collections.abc import Iterable
@@ -32,6 +33,9 @@ ARRIVALS = 16384
 """Number of fields whose arrival is remembered: those of a minute at 250 fields a second."""
 
 
+log = logging.getLogger(__name__)
+
+NOT_DOUBLED = "a progressive picture lacks no lines that could be doubled"
 LEAST_SLOTS = 32
 """Slots of a ring (paper 3.4)."""
 
@@ -64,7 +68,7 @@ class FieldPipeline:
 
     def __init__(self, config: DeviceConfig) -> None:
         bits, lines = config.ring.bits, config.ring.lines
-        self._slots_asked = config.ring.slots
+        self._slots_asked, self._asks_for_doubled = config.ring.slots, lines == "doubled"
         self._slots = self._slots_at(PAL_HZ)
         self._interpolation = config.ring.interpolation
         self._configuring = threading.Lock()
@@ -91,9 +95,7 @@ class FieldPipeline:
         with self._configuring:
             progressive = self.is_progressive
             if lines == "doubled" and progressive:
-                raise InputError(
-                    "a progressive picture lacks no lines that could be doubled", "leave out 'lines'"
-                )
+                raise InputError(NOT_DOUBLED, "leave out 'lines'")
             default_bits, default_lines = self._default
             bits = bits or default_bits
             lines = lines or (default_lines if bits == default_bits else _default_lines(bits))
@@ -115,6 +117,8 @@ class FieldPipeline:
         else:
             self._numbering.resume(since_ns)
         lines = "field" if info.field_order is FieldOrder.PROGRESSIVE else self.ring.lines
+        if lines != self.ring.lines and self._asks_for_doubled:
+            log.warning("%s; 'ring.lines' of the configuration has no effect", NOT_DOUBLED)
         self._slots = self._slots_at(info.rate_hz)
         if change or (lines, self._slots) != (self.ring.lines, self.ring.slots):
             with self._configuring:

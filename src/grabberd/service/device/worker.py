@@ -254,7 +254,8 @@ class Worker(threading.Thread):
             assert self._setup is not None, "a capture is measured only where there is a setup"
             tally = CoverageTally.of(self._setup.calibration, self._setup.object_model)
             self.rig.begin(self._setup, capture=True)
-            self.field_order.begin(self._setup, capture=True)
+            interlaced = not self._pipeline.is_progressive
+            self.field_order.begin(self._setup, capture=True, interlaced=interlaced)
             with closing(self._paced(recording.recorded())) as fields:
                 for measured in measure_fields(fields, self._setup, tally):
                     recording.add(measured)
@@ -274,7 +275,7 @@ class Worker(threading.Thread):
             self._stopping.wait(IDLE_S)
             return
         self.rig.begin(setup)
-        self.field_order.begin(setup)
+        self.field_order.begin(setup, interlaced=not self._pipeline.is_progressive)
         with closing(self._paced(self._ring_fields(setup))) as fields:
             for measured in measure_fields(fields, setup):
                 self._publish(measured, setup, 0)
