@@ -125,6 +125,9 @@ class CaptureDocument(Document):
     )
     bits: int
     lines: str | None = Field(description=LINES)
+    rate_hz: float | None = Field(
+        None, description="Nominal fields, or progressive pictures, per second; null where it is not known."
+    )
     fields: int = Field(
         description="Number of fields in the capture with their pictures, damaged ones and those without a "
         "signal included."

@@ -71,6 +71,7 @@ def armed_document(armed: ArmedCapture) -> CaptureDocument:
         group=armed.group and armed.group.document(None),
         bits=armed.bits,
         lines=armed.lines,
+        rate_hz=armed.rate_hz,
         labels=dict(armed.request.labels),
         note=armed.request.note,
     )
@@ -175,6 +176,7 @@ def _document(
         "first_field_s": _first_field_s(meta, first_time_ns),
         "bits": meta.bits,
         "lines": meta.lines if meta.is_interlaced else None,
+        "rate_hz": meta.rate_hz,
         "fields": fields,
         "ledger": ledger_document(ledger, meta.rate_hz),
         "runs": described,

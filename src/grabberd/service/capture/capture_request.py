@@ -86,7 +86,8 @@ class ArmedCapture:
         armed_utc: Time at which it was armed.
         request: Its options; `fields` counts from the trigger.
         bits: Bits per pixel of the ring.
-        lines: "doubled" or "field", as the ring has them.
+        lines: "doubled" or "field", as the ring has them; None for progressive pictures.
+        rate_hz: Fields per second of the device.
         group: The group it is triggered with, or None.
     """
 
@@ -96,4 +97,5 @@ class ArmedCapture:
     request: CaptureRequest
     bits: int
     lines: str | None
+    rate_hz: float
     group: Group | None = None

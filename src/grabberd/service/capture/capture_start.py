@@ -104,6 +104,7 @@ class CaptureStart:
             self.new.request,
             pipeline.ring.bits,
             None if pipeline.is_progressive else pipeline.ring.lines,
+            self.device.rate_hz,
             self.new.group,
         )
         return armed
