@@ -1,4 +1,4 @@
-"""One progressive picture to its points at the rates of digital cameras, beside what OpenCV needs to label it.
+"""A progressive picture to its points at digital cameras' rates, beside what OpenCV needs to label it.
 
 The pictures are drawn by OpenCV: a calibration frame of 108 targets that swings before two views.
 """
@@ -6,7 +6,6 @@ The pictures are drawn by OpenCV: a calibration frame of 108 targets that swings
 import cv2
 import numpy as np
 import yaml
-from processes.sized_pictures import Picture
 from tests.bench.core import FIELDS, PASSES, THRESHOLD, in_turns
 
 from grabberd.config import shipped_configs
@@ -15,6 +14,7 @@ from grabberd.geometry import Calibration
 from grabberd.kernel import in_use
 from grabberd.processes.measure import MeasureSetup
 from grabberd.reconstruction import ObjectModel
+from processes.sized_pictures import Picture
 
 CAMERAS = (
     ("1280×720", Picture(1280, 720, 0.0046), 60.0),
@@ -28,10 +28,10 @@ STROKE_MM, NOISE = 1.5, 3.0
 
 
 def table() -> str:
-    """Medians in microseconds, the ratio to the fastest of cv2.connectedComponentsWithStats, and of a core."""
+    """Medians in microseconds, the ratio to cv2's fastest labelling, and the share of a core."""
     cv2.setNumThreads(1)
     by = f"By the {in_use()}; medians of {PASSES} passes, ours and the peer's by turns; 2 × 108 targets.\n"
-    head = "| pictures | µs, picture → points | µs, cv2 labelling alone | ratio | points | of a core at this rate |"
+    head = "| pictures | µs, picture → points | µs, cv2 labelling alone | ratio | points | of a core |"
     rows = [_row(*camera, bits) for camera in CAMERAS for bits in BITS]
     return "\n".join([by, head, "|---|---|---|---|---|---|", *rows])
 
@@ -48,7 +48,7 @@ def _row(name: str, camera: Picture, rate_hz: float, bits: int) -> str:
 def _fields(camera: Picture, model: ObjectModel, rate_hz: float, bits: int) -> list[NumberedField]:
     rng = np.random.default_rng(bits)
     along = STROKE_MM * np.sin(2 * np.pi * np.arange(DRAWN) / DRAWN)
-    shown = [camera.draw(model.xyz_mm + [one, 0, 0], model.target_diameter_mm) for one in along]
+    shown = [camera.draw(model.xyz_mm + np.array([one, 0, 0]), model.target_diameter_mm) for one in along]
     fields = []
     for n in range(FIELDS):
         grey = shown[n % DRAWN] + rng.normal(0, NOISE, shown[0].shape)
@@ -63,7 +63,8 @@ def _frame() -> ObjectModel:
     file = shipped_configs() / "calibration-frames" / "paper-108.yaml"
     paper = yaml.safe_load(file.read_text("utf-8"))
     targets = [
-        target | {"x_mm": 6.5 * (target["row"] - 5.5), "z_mm": target["z_mm"] / 2} for target in paper["targets"]
+        target | {"x_mm": 6.5 * (target["row"] - 5.5), "z_mm": target["z_mm"] / 2}
+        for target in paper["targets"]
     ]
     return ObjectModel.from_document(paper | {"targets": targets})
 

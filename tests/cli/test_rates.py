@@ -1,4 +1,4 @@
-"""A progressive camera at any rate, from a folder of pictures to exported points, in scenes that OpenCV draws."""
+"""A progressive camera at any rate, from a folder of pictures to exported points; OpenCV draws them."""
 
 import csv
 from pathlib import Path
@@ -51,7 +51,7 @@ def draw(folder: Path, places_mm: np.ndarray, moved_mm: np.ndarray) -> Path:
     folder.mkdir()
     rng = np.random.default_rng(3)
     for number, along in enumerate(moved_mm):
-        shown = CAMERA.draw(places_mm + [along, 0, 0], 1.5)
+        shown = CAMERA.draw(places_mm + np.array([along, 0, 0]), 1.5)
         grey = np.clip(np.rint(shown + rng.normal(0, 3, shown.shape)), 0, 255).astype(np.uint8)
         cv2.imwrite(str(folder / f"{number:03}.png"), grey)
     return folder
@@ -68,7 +68,19 @@ def captured(folder: Path, name: str, pictures: Path, rate_hz: float, bits: int)
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a calibration frame's file, and the calibration that pictures of it have given."""
     folder = tmp_path_factory.mktemp("rates")
-    run("frame", "--rows", 12, "--columns", 9, "--pitch-mm", 6.5, "--depth-mm", 16, "--out", folder / "stand.yaml")
+    run(
+        "frame",
+        "--rows",
+        12,
+        "--columns",
+        9,
+        "--pitch-mm",
+        6.5,
+        "--depth-mm",
+        16,
+        "--out",
+        folder / "stand.yaml",
+    )
     places = ObjectModel.from_document(read_yaml(folder / "stand.yaml")).xyz_mm
     still = captured(folder, "still", draw(folder / "still", places, np.zeros(4)), 120, 8)
     run("calibrate", still, "--calibration-frame", folder / "stand.yaml", "--out", folder / "rig.json")
@@ -86,12 +98,15 @@ def test_every_picture_comes_out_as_points_at_its_own_time(rig: Path, rate_hz: f
     run("export", capture, "--format", "csv", "--out", rig / f"exported-{name}")
     (file,) = (rig / f"exported-{name}").glob("*points*.csv")
     with file.open() as opened:
-        rows = [(int(one["n"]), float(one["time_s"]), int(one["target"]), float(one["x_mm"])) for one in csv.DictReader(opened)]
+        rows = [
+            (int(one["n"]), float(one["time_s"]), int(one["target"]), float(one["x_mm"]))
+            for one in csv.DictReader(opened)
+        ]
     n, at_s, target, x_mm = (np.array(one) for one in zip(*rows, strict=True))
     assert np.array_equal(np.unique(n), np.arange(len(time_s)))
     assert len(rows) > 0.98 * len(places) * len(time_s)
     assert np.abs(at_s - n / rate_hz).max() < 1e-6
-    # When the object was where the points are, by the movement that was drawn: no clock of the program is in it.
+    # When the object was where the points are, by the movement that was drawn: no clock is in it.
     moved_mm = x_mm - places[target - 1, 0]
     speed_mm_s = 2 * np.pi * SWINGS_HZ * STROKE_MM * np.cos(2 * np.pi * SWINGS_HZ * at_s)
     late_s = ((moved_mm - swing_mm(at_s)) @ speed_mm_s) / (speed_mm_s @ speed_mm_s)
@@ -110,7 +125,9 @@ def test_the_ledger_tells_a_lost_picture_with_its_time(rig: Path) -> None:
     draw(pictures, np.zeros((1, 3)), np.zeros(18))
     kept = [n for n in range(20) if n not in (12, 13)]
     rows = [f"{n},{n * 10_000_000},{n},2,0,1,received,{i:03}.png" for i, n in enumerate(kept)]
-    (pictures / "fields.csv").write_text("\n".join(["n,time_ns,sequence,parity,y0,y_step,outcome,file", *rows]))
+    (pictures / "fields.csv").write_text(
+        "\n".join(["n,time_ns,sequence,parity,y0,y_step,outcome,file", *rows])
+    )
     capture = captured(rig, "gap", pictures, 100, 1)
     document = describe(capture)
     assert document.ledger.in_words == "2 fields lost at 0.12 s (time gap)"

@@ -1,6 +1,6 @@
 """Fields of the simulated grabber, and what is true in them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -46,9 +46,7 @@ def take_scene(count, **options):
     fields = []
     while len(fields) < count:
         with grabber.dequeue(1.0) as grabbed:
-            fields += [
-                (one.time_ns, Field.intact(one.field.luma.copy(), one.field.parity)) for one in grabbed
-            ]
+            fields += [(one.time_ns, replace(one.field, luma=one.field.luma.copy())) for one in grabbed]
     grabber.close()
     setup = MeasureSetup(
         calibration=Calibration.from_document(calibration_document(grabber.options)),

@@ -96,11 +96,13 @@ def test_fields_taken_together_give_the_same_bits(liner, way):
 
 @pytest.mark.parametrize("bits", [1, 8])
 def test_doubled_fields_and_progressive_pictures_of_one_size_keep_their_own_settings(liner, bits):
-    """As where a replay of one kind follows another: neither has the tables or the line shifts of the other."""
+    """As where one replay follows another: neither has the tables or the line shifts of the other."""
     doubled, whole = (list(liner.packed(bits, lines))[:10] for lines in ("doubled", "progressive"))
     both = [*doubled, *whole, *doubled]
     alone = [bytes_of(measure_fields(one, liner.setup)) for one in (doubled, whole, doubled)]
-    assert bytes_of(measure_fields(both, liner.setup, ahead=len(both))) == [one for own in alone for one in own]
+    assert bytes_of(measure_fields(both, liner.setup, ahead=len(both))) == [
+        one for own in alone for one in own
+    ]
 
 
 @pytest.mark.parametrize("bits", [1, 8])

@@ -45,7 +45,7 @@ def test_once_a_second_it_is_said_what_the_last_seconds_show(liner):
 @pytest.mark.parametrize("rate_hz", [25, 59.94, 120])
 def test_it_is_said_once_a_second_at_any_rate(liner, rate_hz):
     watch = RigWatch(liner.setup)
-    (first,) = [one for one in measure_fields([next(liner.packed(1, "doubled"))], liner.setup)]
+    (first,) = measure_fields([next(liner.packed(1, "doubled"))], liner.setup)
     times_ns = [round(n * 1e9 / rate_hz) for n in range(round(3.5 * rate_hz))]
     told = [at_ns for at_ns in times_ns if watch.see(first._replace(time_ns=at_ns))]
     assert [at_ns / 1e9 for at_ns in told] == pytest.approx([1.0, 2.0, 3.0], abs=0.2)

@@ -8,7 +8,7 @@ PX_PER_MM = 4.0
 
 
 def series_of(xyz_mm, sigma_mm=(0.05, 0.04, 0.12), target=None, first_n=0, calibration_mm=0.02, rate_hz=50):
-    """A series of places (F, T, 3), NaN where a target was not seen; fields 20 ms apart unless another rate is given."""
+    """A series of places (F, T, 3), NaN where a target was not seen; fields 20 ms apart by default."""
     xyz = np.array(xyz_mm, float)
     fields, targets = xyz.shape[:2]
     covariance = np.broadcast_to(np.diag(np.square(sigma_mm)), (fields, targets, 3, 3))

@@ -122,9 +122,7 @@ def _advice(order: "Order", device: DeviceConfig, info: "StreamInfo") -> str:
         option = f"field_order: {older}_first" if recording else f"older_field: {older}"
         return f"set '{option}' in the options of this device"
     if order == "same_instant":
-        return (
-            "it delivers half of the fields: use another grabber; 'grabberd devices' rates them"
-        )
+        return "it delivers half of the fields: use another grabber; 'grabberd devices' rates them"
     if order == "right":
         return "nothing to do"
     return "try again: move a hand or an object with targets in front of the camera, pause, and move it again"

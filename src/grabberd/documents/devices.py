@@ -159,8 +159,8 @@ class DeviceDocument(Document):
     group_id: str | None = Field(description="The group of that capture.")
     rig: RigDocument | None = Field(description="Null before the first second of measuring.")
     field_order: FieldOrderDocument | None = Field(
-        description="Sequence of the fields in time, by the latest movement; null before the first seconds, and for "
-        "progressive pictures."
+        description="Sequence of the fields in time, by the latest movement; null before the first seconds, "
+        "and for progressive pictures."
     )
     latest_analysis: DeviceAnalysis | None = Field(
         None, description="Null until one has ended; those of the last month are known after a restart."

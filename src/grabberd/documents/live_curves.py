@@ -17,7 +17,7 @@ class LiveWidths(Document):
 
 
 class LiveChannel(Document):
-    """The mean of a channel's readings, every 20 ms whatever the camera's rate; there is no entry for a time without readings."""
+    """The mean of a channel's readings, every 20 ms; there is no entry for a time without readings."""
 
     name: str
     quantity: Quantity

@@ -42,10 +42,16 @@ class CaptureOptions(Document):
 
     armed: bool = Field(False, description="Wait for a trigger: POST captures/{capture_id}/trigger.")
     fields: int | None = Field(
-        None, ge=1, le=MOST_FIELDS, description="Length in fields, or progressive pictures, including lost ones."
+        None,
+        ge=1,
+        le=MOST_FIELDS,
+        description="Length in fields, or progressive pictures, including lost ones.",
     )
     duration_s: float | None = Field(
-        None, gt=0, le=200_000, description="Length in seconds; that of an armed capture is from the trigger on."
+        None,
+        gt=0,
+        le=200_000,
+        description="Length in seconds; that of an armed capture is from the trigger on.",
     )
     bits: Bits | None = Field(None, description="Bits per pixel; default: as configured.")
     lines: LinesKind | None = Field(

@@ -150,9 +150,7 @@ def _fitting(
 class _Step:
     """State carried from field to field."""
 
-    def __init__(
-        self, setup: MeasureSetup, lines: tuple[int, int], tally: CoverageTally | None
-    ) -> None:
+    def __init__(self, setup: MeasureSetup, lines: tuple[int, int], tally: CoverageTally | None) -> None:
         self.lines = lines
         self._tally = tally
         known, rig = setup.calibration, Rig.of(setup.calibration)

@@ -13,7 +13,7 @@ RATES_HZ = [25.0, 50.0, 60_000 / 1001, 60.0, 100.0, 120.0]
 
 
 def progressive(rate_hz, kept, *, ppm=0.0, jitter=0.0, counted=False, seed=1):
-    """What becomes of a progressive camera's pictures `kept`, with its clock off and its stamps late by chance."""
+    """What becomes of a progressive camera's pictures `kept`, its clock off and its stamps late by chance."""
     period_ns = 1e9 / rate_hz * (1 + ppm * 1e-6)
     late = np.random.default_rng(seed).uniform(0, jitter, len(kept))
     numbering = Numbering(info(FieldOrder.PROGRESSIVE, rate_hz=rate_hz, counts_losses=counted))

@@ -48,7 +48,9 @@ def test_the_given_sigma_is_the_true_one(true, white):
     assert 0.8 < sigma_ratio(result, true) < 1.25
 
 
-@pytest.mark.parametrize(("rate_hz", "closes_s"), [(25, 0.15), (60, 0.15), (60, 0.08), (120, 0.15), (120, 0.08)])
+@pytest.mark.parametrize(
+    ("rate_hz", "closes_s"), [(25, 0.15), (60, 0.15), (60, 0.08), (120, 0.15), (120, 0.08)]
+)
 def test_at_every_rate_a_pulsation_is_smoothed_with_a_true_sigma_and_no_worse_than_single_fields(
     rate_hz, closes_s
 ):

@@ -169,7 +169,9 @@ def test_a_progressive_picture_has_all_its_lines_so_none_are_doubled() -> None:
         one.configure_ring(1, "doubled")
 
 
-@pytest.mark.parametrize(("rate_hz", "slots"), [(25.0, 32), (50.0, 32), (59.94, 38), (100.0, 64), (120.0, 77)])
+@pytest.mark.parametrize(
+    ("rate_hz", "slots"), [(25.0, 32), (50.0, 32), (59.94, 38), (100.0, 64), (120.0, 77)]
+)
 def test_the_ring_lasts_for_as_long_at_any_rate_but_has_32_slots_at_least(rate_hz: float, slots: int) -> None:
     one = FieldPipeline(DeviceConfig(driver="test"))
     one.opened(replace(INFO, rate_hz=rate_hz), now_ns(0))

@@ -22,8 +22,8 @@ REPEATED = "repeated"
 _WORD = 8
 _NOTHING: Words = np.empty(0, np.uint64)
 _REFERENCE_NS = 70_000_000
-"""Greatest age of the field that rows are compared with, unless the one before is older: by then the scene has moved
-on."""
+"""Greatest age of the field that rows are compared with, unless the one before is older: by then the
+scene has moved on."""
 _STAYS_S = 0.5
 """Time for which fields have the same shift after which the scene has changed, not the rows."""
 _BACK_COLUMNS, _BACK_ROWS = 2, 12

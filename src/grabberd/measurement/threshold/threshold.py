@@ -23,8 +23,8 @@ LEAST_BRIGHT_SHARE = 5e-5
 """Least share of bright pixels in a picture: a single target of 5 px has .0001."""
 LEAST_CONTRAST_LEVELS = 12.0
 DOUBLED, INTACT, WHOLE = (1, 2), (2, 2), (1, 1)
-"""Lines of a field: frame lines from row to row, and from one delivered line to the next. Those of a `WHOLE`, a
-progressive picture, do not shift."""
+"""Lines of a field: frame lines from row to row, and from one delivered line to the next. Those of a
+`WHOLE`, a progressive picture, do not shift."""
 
 
 @dataclass(frozen=True, slots=True)

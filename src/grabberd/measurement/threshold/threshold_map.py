@@ -14,9 +14,9 @@ from grabberd.measurement.labelling.labels import by_component
 from grabberd.measurement.labelling.runs import find_runs
 from grabberd.measurement.labelling.shapes import shapes_of
 from grabberd.measurement.threshold.threshold import (
+    DOUBLED,
     ThresholdRule,
     contrast_levels,
-    DOUBLED,
     height_levels,
     trinder_levels,
 )

@@ -26,7 +26,7 @@ _VAGUE = 0.1
 _CLEARLY = 1.05
 """Ratio of numbers of targets beyond which a followed sighting is preferred to an identified one."""
 OFTEN_S, SHORTEST_S = 0.02, 0.002
-"""Time between fields below which predictions become no less vague, and the shortest that is reckoned with."""
+"""Time between fields below which predictions become no less vague, and the shortest reckoned with."""
 _OTHERWISE = 0.5
 """Share of `TrackingSettings.astray_mm` beyond which targets found predict the rest instead of the track."""
 
@@ -100,10 +100,9 @@ class TrackingSettings:
     """Settings of an object's movement, and of when it counts as lost.
 
     Attributes:
-        speed_mm_s: Standard deviation of a velocity after identification, when nothing is known about it, where
-            fields are 20 ms or more apart; nearer ones leave a prediction as vague in mm as those.
-        acceleration_mm_s2: Standard deviation of the acceleration, where fields are 20 ms or more apart; nearer
-            ones leave a prediction as vague in mm as those.
+        speed_mm_s: Standard deviation of a velocity after identification, when nothing is known about it,
+            where fields are 20 ms or more apart; nearer ones leave a prediction as vague in mm as those.
+        acceleration_mm_s2: Standard deviation of the acceleration, likewise.
         longest_gap_s: Time without a followed field after which targets are identified anew.
         least_share: Targets are also identified anew if fewer are found than this share of those before, or
             of the blobs.
@@ -205,7 +204,7 @@ class Tracker:
 
     def _moved(self, track: Track, elapsed_s: float) -> tuple[Array, Array]:
         """Positions (M, 3) in mm after that time, and their standard deviations (M,)."""
-        # The liner's wall moves up to 2 mm a field at 50 Hz, .3 of the pitch: too far to be followed without velocity.
+        # The liner's wall moves up to 2 mm a field at 50 Hz, .3 of the pitch: too far without velocity.
         xyz_mm = track.xyz_mm + track.velocity_mm_s * elapsed_s
         return xyz_mm, np.hypot(track.sigma_mm, track.speed_sigma_mm_s * elapsed_s)
 
@@ -264,9 +263,9 @@ class Tracker:
 def _unsteady_s(elapsed_s: float) -> float:
     """Time for which the acceleration changes a velocity that was measured over `elapsed_s`.
 
-    A closing wall accelerates forty times as much as a usual one. At 50 fields a second its targets leave their
-    gates, and are identified anew; at 120 gates of the usual acceleration alone would be a sixth as wide, too
-    narrow for it and for anybody to notice.
+    A closing wall accelerates many times as much as usual. At 50 fields a second its targets leave their gates
+    and are identified anew. At 120, gates of the usual acceleration would be a sixth as wide: too narrow for
+    such a wall, and for anybody to notice.
     """
     return max(elapsed_s, OFTEN_S**2 / max(elapsed_s, SHORTEST_S))
 

@@ -145,7 +145,7 @@ def _without_fields(**known: object) -> CaptureDocument:
     """A capture of which no field is known."""
     nothing = dict.fromkeys(("verdict", "ended_because", "trigger_utc"))
     none_of = dict.fromkeys(("pre_trigger_fields", "bits", "fields", "size_bytes"), 0)
-    rest = {"lines": None, "note": "", "runs": [], "labels": {}, "pinned": False}
+    rest: dict[str, object] = {"lines": None, "note": "", "runs": [], "labels": {}, "pinned": False}
     ledger = ledger_document(Ledger(), PAL_HZ)  # of no field: any rate will do
     return CaptureDocument.model_validate({**nothing, **none_of, **rest, "ledger": ledger, **known})
 

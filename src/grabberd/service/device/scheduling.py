@@ -219,7 +219,7 @@ class Scheduling:
         )
 
     def _overrun(self, request_ns: int, timeout_s: float) -> int:
-        """Time by which a request took too long; if it was longer than it may, a field was due long before."""
+        """Time by which a request took too long; if it was longer than it may, a field was due before."""
         if request_ns - round(timeout_s * 1e9) < _NOTABLE * self._period_ns:
             return 0
         return request_ns - self._period_ns

@@ -77,7 +77,7 @@ def device_document(
 
 
 def _stream(stream: StreamInfo) -> JsonObject:
-    """What the driver granted; a stream without a video standard, of progressive pictures, has none."""
+    """The stream as granted; that of progressive pictures has no video standard."""
     return {**asdict(stream), "standard": stream.standard or None}
 
 

@@ -123,7 +123,11 @@ def _start(
 ) -> StartAdvice:
     if not instrument.accepts or not storage.minutes_left:
         return "refused"
-    return "doubtful" if any(part in _NEEDED and one.level == "bad" for part, one in parts.items()) else "allowed"
+    return (
+        "doubtful"
+        if any(part in _NEEDED and one.level == "bad" for part, one in parts.items())
+        else "allowed"
+    )
 
 
 def _grabber(status: DeviceStatus) -> HealthPartDocument:

@@ -133,8 +133,9 @@ def _rows(
     first_ns = reader.first_time_ns or 0
 
     for group in measured_groups(reader.received(and_damaged=and_damaged), setup, tally):
-        for one in group if order else ():
-            order.add(one.n, one.points)
+        if order is not None:
+            for one in group:
+                order.add(one.n, one.points)
         n, times_ns = np.array([(one.n, one.time_ns) for one in group], np.int64).T
         yield len(group), rows_of(n, times_ns, [one.points for one in group], reader.meta, first_ns)
 
