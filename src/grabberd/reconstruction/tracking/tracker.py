@@ -263,9 +263,9 @@ class Tracker:
 def _unsteady_s(elapsed_s: float) -> float:
     """Time for which the acceleration changes a velocity that was measured over `elapsed_s`.
 
-    A closing wall accelerates many times as much as usual. At 50 fields a second its targets leave their gates
-    and are identified anew. At 120, gates of the usual acceleration would be a sixth as wide: too narrow for
-    such a wall, and for anybody to notice.
+    A closing wall accelerates many times as much as usual. At 50 fields a second its targets leave their
+    gates and are identified anew. At 120, gates of the usual acceleration would be a sixth as wide: too
+    narrow for such a wall, and for anybody to notice.
     """
     return max(elapsed_s, OFTEN_S**2 / max(elapsed_s, SHORTEST_S))
 

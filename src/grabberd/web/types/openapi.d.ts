@@ -4843,7 +4843,7 @@ export interface components {
         ListedVerdict: "complete" | "incomplete" | "damaged";
         /**
          * LiveChannel
-         * @description The mean of a channel's readings, every 20 ms whatever the camera's rate; there is no entry for a time without readings.
+         * @description The mean of a channel's readings, every 20 ms; there is no entry for a time without readings.
          */
         LiveChannel: {
             /** Name */
