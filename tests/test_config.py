@@ -30,7 +30,7 @@ def test_one_device_with_a_driver_is_enough(tmp_path: Path) -> None:
     file = tmp_path / "grabberd.yaml"
     file.write_text(MINIMAL)
     device = load_config(file).devices["one"]
-    assert (device.ring.slots, device.ring.bits, device.threshold.kind) == (32, 1, "automatic")
+    assert (device.ring.slots, device.ring.bits, device.threshold.kind) == (None, 1, "automatic")
 
 
 def test_relative_paths_count_from_the_file(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 
-from grabberd.acquisition import PAL_HZ, Clock, FieldOrder, GrabbedField, Signal, StreamInfo, SystemClock
+from grabberd.acquisition import Clock, FieldOrder, GrabbedField, Signal, StreamInfo, SystemClock
 from grabberd.errors import (
     CaptureFileError,
     DeviceAbsent,
@@ -152,7 +152,7 @@ class ReplayGrabber:
 
     def _open_folder(self) -> Recording:
         if (self._path / MANIFEST).exists():
-            return ManifestRecording(self._path, self._rate_hz or PAL_HZ)
+            return ManifestRecording(self._path, self._rate_hz)
         return FolderRecording(self._path, self._pictures, self._order, self._first_parity, self._rate_hz)
 
     def _open_capture(self) -> Recording:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.acquisition import FieldOrder, GrabbedField, Outcome
+from grabberd.acquisition import NTSC_HZ, PAL_HZ, FieldOrder, GrabbedField, Outcome
 from grabberd.bounded_documents import LARGEST_TABLE, csv_records, read_text
 from grabberd.errors import DeviceRefused
 from grabberd.field import LARGEST_SIDE_PX, PROGRESSIVE, Field
@@ -18,6 +18,8 @@ from grabberd_replay.png import read_png
 from grabberd_replay.recording import Batch, Format, Recording
 
 MANIFEST = "fields.csv"
+_CLOCK_OFF = 5e-4
+"""Departure of a camera's clock from its nominal rate."""
 _NUMBERS = range(-(1 << 62), 1 << 62)
 _RANGES = {
     "n": range(1 << 31),
@@ -49,7 +51,7 @@ class ManifestRecording(Recording):
         PictureError: the first picture cannot be read.
     """
 
-    def __init__(self, directory: Path, rate_hz: float) -> None:
+    def __init__(self, directory: Path, rate_hz: float | None) -> None:
         self._directory = directory
         self._rows = read_manifest(directory / MANIFEST)
         self._header, _ = read_png(directory / self._rows[0].file)
@@ -58,7 +60,7 @@ class ManifestRecording(Recording):
         self.format = Format(
             columns=self._header.columns,
             field_rows=self._header.lines // (2 if self._woven else 1),
-            rate_hz=rate_hz,
+            rate_hz=rate_hz or _rate_hz(self._rows),
             field_order=_order_of(parities),
             pixel_format="GREY",
             counts_losses=_counts_like_numbers(self._rows),
@@ -98,6 +100,18 @@ def _order_of(parities: Collection[int]) -> FieldOrder:
     if PROGRESSIVE in parities:
         return FieldOrder.PROGRESSIVE
     return FieldOrder.ALTERNATE if len(parities) > 1 else FieldOrder.ONE_PARITY
+
+
+def _rate_hz(rows: Sequence[Row]) -> float:
+    """Nominal fields per second by the rows' numbers and times; PAL's where they do not tell."""
+    steps = np.diff([row.n for row in rows])
+    apart_ns = np.diff([row.time_ns for row in rows])
+    known = apart_ns > 0
+    if not known.any():
+        return PAL_HZ
+    seen_hz = float(np.median(steps[known] * 1e9 / apart_ns[known]))
+    nominal_hz = min((NTSC_HZ, max(float(round(seen_hz)), 1.0)), key=lambda one: abs(one - seen_hz))
+    return nominal_hz if abs(nominal_hz / seen_hz - 1) < _CLOCK_OFF else seen_hz
 
 
 def _counts_like_numbers(rows: Sequence[Row]) -> bool:

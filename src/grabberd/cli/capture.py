@@ -20,15 +20,14 @@ from grabberd.cli.options import (
     warn,
 )
 
-FIELD_S = 0.02
 """Length of a field; the API counts the length of an armed capture in fields from its trigger."""
 
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="Capture file to write, NAME.grab.")]
 DeviceOption = Annotated[
     str | None, typer.Option(help="A configured device, or replay:PATH to play back a recording instead.")
 ]
-FieldsOption = Annotated[int | None, typer.Option(min=1, help="Length in fields of 20 ms.")]
-DurationOption = Annotated[float | None, typer.Option("--duration-s", min=FIELD_S, help="Length in seconds.")]
+FieldsOption = Annotated[int | None, typer.Option(min=1, help="Length in fields, or progressive pictures.")]
+DurationOption = Annotated[float | None, typer.Option("--duration-s", min=0.001, help="Length in seconds.")]
 BitsOption = Annotated[int | None, typer.Option(min=1, max=8, help="Bits per pixel: 1 to 6, or 8.")]
 LinesOption = Annotated[str | None, typer.Option(help="doubled or field (intact).")]
 InterruptionOption = Annotated[
@@ -114,9 +113,7 @@ def _length(fields: int | None, duration_s: float | None, *, armed: bool) -> dic
         return {"fields": fields, "duration_s": duration_s}
     if fields is not None and duration_s is not None:
         raise typer.BadParameter("give --fields or --duration-s, not both")
-    if duration_s is not None:
-        fields = max(1, round(duration_s / FIELD_S))
-    return {"armed": True, "post_trigger_fields": fields}
+    return {"armed": True, "post_trigger_fields": fields, "duration_s": duration_s}
 
 
 def validated(request: dict[str, Any]) -> dict[str, Any]:

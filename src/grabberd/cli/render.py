@@ -75,7 +75,7 @@ def render(  # noqa: PLR0913, PLR0917 - options of a command
                 rendering.views(field, over=what == "overlay")
             case "animation":
                 fields = rendering.chosen(first, last, every)
-                per_s = rendering.pictures_per_s(speed, every)
+                per_s = rendering.pictures_per_s(format, speed, every)
                 name = f"{of}.{format}"
                 if of == "model":
                     direction = free or rendering.direction(side)

@@ -42,9 +42,17 @@ class CaptureOptions(Document):
 
     armed: bool = Field(False, description="Wait for a trigger: POST captures/{capture_id}/trigger.")
     fields: int | None = Field(
-        None, ge=1, le=MOST_FIELDS, description="Length in fields of 20 ms, including lost ones."
+        None,
+        ge=1,
+        le=MOST_FIELDS,
+        description="Length in fields, or progressive pictures, including lost ones.",
     )
-    duration_s: float | None = Field(None, gt=0, le=200_000, description="Length in seconds.")
+    duration_s: float | None = Field(
+        None,
+        gt=0,
+        le=200_000,
+        description="Length in seconds; that of an armed capture is from the trigger on.",
+    )
     bits: Bits | None = Field(None, description="Bits per pixel; default: as configured.")
     lines: LinesKind | None = Field(
         None, description="'doubled' (default at 1 bit) or 'field' (default for grey)."
@@ -77,8 +85,10 @@ class CaptureOptions(Document):
 
     @model_validator(mode="after")
     def _one_length(self) -> Self:
-        if self.armed and (self.fields is not None or self.duration_s is not None):
-            raise ValueError("an armed capture takes post_trigger_fields in place of fields or duration_s")
+        if self.armed and self.fields is not None:
+            raise ValueError("an armed capture takes post_trigger_fields in place of fields")
+        if self.post_trigger_fields is not None and self.duration_s is not None:
+            raise ValueError("give post_trigger_fields or duration_s, not both")
         if not self.armed and self.post_trigger_fields is not None:
             raise ValueError("post_trigger_fields requires an armed capture")
         if self.fields is not None and self.duration_s is not None:

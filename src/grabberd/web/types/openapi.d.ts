@@ -2636,6 +2636,7 @@ export interface components {
          *       "note": "new liners",
          *       "pinned": false,
          *       "pre_trigger_fields": 0,
+         *       "rate_hz": 50,
          *       "runs": [
          *         {
          *           "coverage": {
@@ -2706,8 +2707,16 @@ export interface components {
             first_field_s?: number | null;
             /** Bits */
             bits: number;
-            /** Lines */
-            lines: string;
+            /**
+             * Lines
+             * @description `doubled` or `field`; null for progressive pictures, which have all lines.
+             */
+            lines: string | null;
+            /**
+             * Rate Hz
+             * @description Nominal fields, or progressive pictures, per second; null where it is not known.
+             */
+            rate_hz?: number | null;
             /**
              * Fields
              * @description Number of fields in the capture with their pictures, damaged ones and those without a signal included.
@@ -2744,7 +2753,7 @@ export interface components {
             size_bytes: number;
             /** @description What its points tell about camera and mirrors: the worst verdict (fits, doubtful, moved, unmatched) and the means of shift_px and ratio; null where the points tell nothing. */
             rig?: components["schemas"]["JsonObject"] | null;
-            /** @description What the points of moving targets, measured during the capture, tell about the sequence of its fields in time; null where none were measured. */
+            /** @description What the points of moving targets, measured during the capture, tell about the sequence of its fields in time; null where none were measured, and for progressive pictures. */
             field_order?: components["schemas"]["FieldOrderDocument"] | null;
         };
         /**
@@ -2843,6 +2852,7 @@ export interface components {
          *           "note": "new liners",
          *           "pinned": false,
          *           "pre_trigger_fields": 0,
+         *           "rate_hz": 50,
          *           "runs": [
          *             {
          *               "coverage": {
@@ -2968,6 +2978,7 @@ export interface components {
          *           "note": "new liners",
          *           "pinned": false,
          *           "pre_trigger_fields": 0,
+         *           "rate_hz": 50,
          *           "runs": [
          *             {
          *               "coverage": {
@@ -3780,7 +3791,7 @@ export interface components {
             signal: string;
             /**
              * Rate Hz
-             * @description Fields per second; null while none arrive.
+             * @description Fields per second, or progressive pictures; null while none arrive.
              */
             rate_hz: number | null;
             /** Fields */
@@ -3856,7 +3867,7 @@ export interface components {
             group_id: string | null;
             /** @description Null before the first second of measuring. */
             rig: components["schemas"]["RigDocument"] | null;
-            /** @description Sequence of the fields in time, by the latest movement; null before the first seconds. */
+            /** @description Sequence of the fields in time, by the latest movement; null before the first seconds, and for progressive pictures. */
             field_order: components["schemas"]["FieldOrderDocument"] | null;
             /** @description Null until one has ended; those of the last month are known after a restart. */
             latest_analysis?: components["schemas"]["DeviceAnalysis"] | null;
@@ -3886,7 +3897,10 @@ export interface components {
             hint: string;
             /** @description Whether a capture may be started: `doubtful` if it would be of little use now, `refused` if there would be none. */
             start: components["schemas"]["StartAdvice"];
-            /** Parts */
+            /**
+             * Parts
+             * @description Every part, but `order` where a device gives progressive pictures.
+             */
             parts: {
                 [key: string]: components["schemas"]["HealthPartDocument"];
             };
@@ -5149,7 +5163,7 @@ export interface components {
              * @description Number of points found.
              */
             points: number;
-            /** @description What the points tell about the sequence of the fields in time. */
+            /** @description What the points tell about the sequence of the fields in time; null for progressive pictures. */
             field_order?: components["schemas"]["FieldOrderDocument"] | null;
             /**
              * Warnings
@@ -5218,12 +5232,12 @@ export interface components {
             armed?: boolean;
             /**
              * Fields
-             * @description Length in fields of 20 ms, including lost ones.
+             * @description Length in fields, or progressive pictures, including lost ones.
              */
             fields?: number | null;
             /**
              * Duration S
-             * @description Length in seconds.
+             * @description Length in seconds; that of an armed capture is from the trigger on.
              */
             duration_s?: number | null;
             /** @description Bits per pixel; default: as configured. */
@@ -5297,12 +5311,12 @@ export interface components {
             armed?: boolean;
             /**
              * Fields
-             * @description Length in fields of 20 ms, including lost ones.
+             * @description Length in fields, or progressive pictures, including lost ones.
              */
             fields?: number | null;
             /**
              * Duration S
-             * @description Length in seconds.
+             * @description Length in seconds; that of an armed capture is from the trigger on.
              */
             duration_s?: number | null;
             /** @description Bits per pixel; default: as configured. */
@@ -6348,8 +6362,11 @@ export interface components {
             slots: number;
             /** Bits */
             bits: number;
-            /** Lines */
-            lines: string;
+            /**
+             * Lines
+             * @description `doubled` or `field`; null for progressive pictures, which have all lines.
+             */
+            lines: string | null;
             /** Threshold */
             threshold: number;
             /**
