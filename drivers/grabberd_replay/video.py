@@ -17,10 +17,12 @@ _GRABBED_SIZES = ((720, 576), (720, 288), (720, 480), (720, 240))
 _MOST_PICTURES = 1 << 30
 # Codecs that return the pixels they were given, as OpenCV and as FFmpeg call them; all others displace edges,
 # and so targets.
-_LOSSLESS = frozenset({
-    *("FFV1", "HFYU", "FFVH", "MPNG", "ULY0", "ULY2", "ULRA", "ULRG", "LAGS", "MAGY", "ZLIB"),
-    *("HUFFYUV", "FFVHUFF", "PNG", "UTVIDEO", "LAGARITH", "MAGICYUV", "RAWVIDEO", "V210", "QTRLE"),
-})
+_LOSSLESS = frozenset(
+    {
+        *("FFV1", "HFYU", "FFVH", "MPNG", "ULY0", "ULY2", "ULRA", "ULRG", "LAGS", "MAGY", "ZLIB"),
+        *("HUFFYUV", "FFVHUFF", "PNG", "UTVIDEO", "LAGARITH", "MAGICYUV", "RAWVIDEO", "V210", "QTRLE"),
+    }
+)
 _OFF_STEP = 0.3
 """Share of a period by which a picture may miss the time that the rate gives it."""
 _TICK_S = 0.001
