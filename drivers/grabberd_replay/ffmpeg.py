@@ -192,7 +192,7 @@ class _Pipe:
         return None if rest else raw
 
     def announced(self) -> _Shown:
-        """What was said of the picture that was just read: it is written before the picture is.
+        """The announcement of the picture that was just read: it is written before the picture is.
 
         Raises:
             PictureError: nothing was said.

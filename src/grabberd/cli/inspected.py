@@ -78,7 +78,7 @@ class Inspected:
 
 
 def _marked(info: StreamInfo) -> Interlacing | None:
-    """How the lines belong together by a video's own mark."""
+    """The interlacing that a video is marked with; None if it says nothing of it."""
     marked = info.details.get("marked", "")
     return Interlacing(marked) if marked in set(Interlacing) else None
 
