@@ -21,7 +21,7 @@ SITE := src/grabberd/web/site/index.html
 SITE_SOURCES = README.md CHANGELOG.md $(shell find docs src/grabberd/public -name '*.md' -o -name '*.ipynb' -o -name '*.py' -o -name '*.png' -o -name '*.svg')
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs site format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto ffmpeg screenshots test-vm test-wheel test-install wheel check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs site format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -51,7 +51,7 @@ check-page: npm  ## the page's modules against the types of the API
 types: npm  ## the page's types, from docs/reference/openapi.json
 	@! command -v npm >/dev/null || { $(MAKE) --no-print-directory $(NODE) && npm run --silent types; }
 
-pytest: $(READY) browser mosquitto  ## the tests alone, on all processors
+pytest: $(READY) browser mosquitto ffmpeg  ## the tests alone, on all processors
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 test-browser: $(READY) browser  ## the operator's page in a real browser, before a real daemon
@@ -72,6 +72,11 @@ mosquitto:
 	@command -v mosquitto >/dev/null || test -x /usr/sbin/mosquitto || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
 	  && { apt-get install --yes --no-install-recommends mosquitto || { apt-get update && apt-get install --yes --no-install-recommends mosquitto; }; } ; } \
 	  || echo "*** mosquitto is missing, so the MQTT publisher is NOT tested: sudo apt-get install mosquitto ***"
+
+ffmpeg:
+	@{ command -v ffmpeg && command -v ffprobe; } >/dev/null || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
+	  && { apt-get install --yes --no-install-recommends ffmpeg || { apt-get update && apt-get install --yes --no-install-recommends ffmpeg; }; } ; } \
+	  || echo "*** FFmpeg is missing, so interlaced videos are NOT tested: sudo apt-get install ffmpeg ***"
 
 npm:
 	@command -v npm >/dev/null || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \

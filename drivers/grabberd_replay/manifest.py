@@ -13,6 +13,7 @@ from grabberd.bounded_documents import LARGEST_TABLE, csv_records, read_text
 from grabberd.errors import DeviceRefused
 from grabberd.field import LARGEST_SIDE_PX, PROGRESSIVE, Field
 from grabberd_replay.folder import colours_of
+from grabberd_replay.levels import Levels
 from grabberd_replay.pictures import Pictures
 from grabberd_replay.png import read_png
 from grabberd_replay.recording import Batch, Format, Recording
@@ -54,7 +55,8 @@ class ManifestRecording(Recording):
     def __init__(self, directory: Path, rate_hz: float | None) -> None:
         self._directory = directory
         self._rows = read_manifest(directory / MANIFEST)
-        self._header, _ = read_png(directory / self._rows[0].file)
+        self._header, first = read_png(directory / self._rows[0].file)
+        self._levels = Levels.of(first)
         self._woven = self._rows[0].y_step == 2 and self._is_woven()
         parities = {row.parity for row in self._rows}
         self.format = Format(
@@ -68,7 +70,9 @@ class ManifestRecording(Recording):
                 "pictures": str(self._pictures),
                 "size": f"{self._header.columns}x{self._header.lines}",
                 **colours_of(self._header),
+                **self._levels.details,
             },
+            remarks=self._levels.remarks,
         )
 
     def batches(self) -> Iterator[Batch]:
@@ -76,7 +80,8 @@ class ManifestRecording(Recording):
         name, luma = "", np.empty((0, 0), np.uint8)
         for row in self._rows:
             if row.file != name:
-                name, (_, luma) = row.file, read_png(self._directory / row.file, self._header)
+                path = self._directory / row.file
+                name, luma = row.file, self._levels.grey(path, read_png(path, self._header)[1])
             damage = None if row.outcome is Outcome.RECEIVED else str(row.outcome).replace("_", " ")
             yield (GrabbedField(self._field(luma, row), row.time_ns, row.sequence, damage),)
 

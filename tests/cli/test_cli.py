@@ -156,6 +156,7 @@ def test_a_daemon_that_cannot_write_its_disk_says_so_and_exits_with_74(tmp_path:
         ("driver: fake, options: {speed: 3}", "speed"),
         ("driver: fake, calibration: bad.json, object: bad.json", "schema"),
         ("driver: fake, calibration: list.json, object: bad.json", "has no keys"),
+        ("driver: fake, object: bad.json", "devices.one.object: the object file"),
     ],
 )
 def test_drivers_options_and_calibrations_are_checked_too(tmp_path: Path, line: str, says: str) -> None:

@@ -9,10 +9,12 @@ from grabberd.cli.options import (
     DEFAULT_URL,
     VERDICTS,
     ConfigOption,
+    DriverOption,
     JsonOption,
     TokenFileOption,
     check_absent,
     check_folder,
+    driver_options,
     group_file,
     labels_of,
     load,
@@ -62,6 +64,7 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     out: OutOption,
     config: ConfigOption = None,
     device: DeviceOption = None,
+    option: DriverOption = None,
     fields: FieldsOption = None,
     duration: DurationOption = None,
     bits: BitsOption = None,
@@ -82,6 +85,9 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
 
     Example: grabberd capture --url http://127.0.0.1:8050 --duration-s 60 --label cow=112 --out 112.grab
 
+    Example: grabberd capture --device replay:frames/ --option pictures=progressive --option rate_hz=60
+    --out frame.grab
+
     Example: grabberd capture --armed --pre-trigger 25 --fields 500 --out slip.grab
 
     Example: grabberd capture --together left,right --duration-s 60 --out 112.grab
@@ -94,13 +100,15 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
         raise typer.BadParameter("give either --device or --together, not both")
     if not group_devices:
         check_absent(out)
+    if option and (group_devices or url or armed):
+        raise typer.BadParameter("--option is for a device that no daemon holds")
     if group_devices or url or armed:
         daemon = (url or DEFAULT_URL, token_file)
         document = _capture_through(daemon, group_devices, device, request, out)
     else:
         from grabberd.cli.direct_capture import capture_directly  # noqa: PLC0415
 
-        document = capture_directly(load(config), config, device, request, out)
+        document = capture_directly(load(config), config, device, request, out, driver_options(option))
     if json:
         print_json(document)
     else:

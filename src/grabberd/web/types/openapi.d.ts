@@ -800,8 +800,8 @@ export interface paths {
         put?: never;
         /**
          * Calibrate, or store a calibration
-         * @description Calibrate from a sealed capture of the calibration frame, a job whose result names the calibration; or
-         *     store a complete calibration (201).
+         * @description Calibrate from sealed captures of the calibration frame, one or one for each of its poses, a job whose
+         *     result names the calibration; or store a complete calibration (201).
          */
         post: operations["make_calibration"];
         delete?: never;
@@ -2418,7 +2418,7 @@ export interface components {
         };
         /**
          * CalibrationRequest
-         * @description A calibration to make from a capture of the calibration frame, or a complete one to store.
+         * @description A calibration to make from captures of the calibration frame, or a complete one to store.
          * @example {
          *       "calibration_frame": "paper-108",
          *       "capture": "20260301T093000125Z-barn",
@@ -2431,6 +2431,11 @@ export interface components {
              * @description Id of a capture of the calibration frame.
              */
             capture?: string | null;
+            /**
+             * Captures
+             * @description Ids of several, in place of one: one for each pose of the calibration frame before the same rig. The first defines the coordinates.
+             */
+            captures?: string[] | null;
             /**
              * Calibration Frame
              * @description Name of a calibration frame that comes with the program, or its document; not needed if there is only one.
