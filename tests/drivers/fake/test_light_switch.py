@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from contract.drivers import ManualClock
+from grabberd.testing import ManualClock
 from grabberd.acquisition.channels import LoggerInfo, Readings
 from grabberd.errors import DeviceAbsent, DeviceLost
 from grabberd_fake import FakeLight, FakeLogger

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from contract.drivers import ManualClock
+from grabberd.testing import ManualClock
 from grabberd.acquisition.channels import Anomaly
 from grabberd.acquisition.channels.clock_relation import CLOCK_JUMPED
 from grabberd.acquisition.channels.missing_readings import MISSING

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contract.drivers import ManualClock
+from grabberd.testing import ManualClock
 from drivers.fake.taking import PERIOD, MakeGrabber, taken
 from grabberd.errors import DeviceRefused, StreamFailed
 from grabberd_fake import FakeGrabber, FakeLogger, JumpingClock, World

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from contract.drivers import ManualClock
+from grabberd.testing import ManualClock
 from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.csv_file import ROTATED, TRUNCATED, CsvLogger
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contract.drivers import ManualClock
+from grabberd.testing import ManualClock
 from drivers.loggers.iio_tree import IioTree
 from grabberd.acquisition.channels.missing_readings import MISSING
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused

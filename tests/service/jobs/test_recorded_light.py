@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contract.drivers import ManualClock
+from grabberd.testing import ManualClock
 from grabberd.acquisition import Outcome
 from grabberd.acquisition.channels import Quantity, Readings
 from grabberd.acquisition.ring import Slot
