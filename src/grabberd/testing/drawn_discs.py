@@ -1,5 +1,6 @@
 """Fields of discs at known places, drawn by OpenCV: no formula of the program's own is in them."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import cv2
@@ -8,14 +9,14 @@ from numpy.typing import NDArray
 
 from grabberd.field import BOTTOM, PROGRESSIVE, TOP, Field
 
-FINE = 16
+FINE = 8
 """Samples of a drawn disc for a pixel, in x and in y."""
 BACKGROUND, CONTRAST = 30, 150
 THRESHOLD = BACKGROUND + CONTRAST // 2
 WHITE = 255
 _COLUMNS, _LINES = 720, 576
 _PITCH_PX = 26
-_PATCH_PX = 24
+_PATCH_PX = 16
 _SPREAD_PX = 0.8
 
 
@@ -33,6 +34,7 @@ class DrawnDiscs(NamedTuple):
     noise: float
 
 
+@lru_cache(maxsize=16)
 def draw_discs(
     parity: int = TOP,
     *,
@@ -61,6 +63,7 @@ def draw_discs(
             places.append((left, top) + (centre - (FINE - 1) / 2) / FINE)
     grey = BACKGROUND + contrast * light + rng.normal(0, noise, light.shape)
     luma = np.clip(np.rint(grey), 0, WHITE).astype(np.uint8)
+    luma.setflags(write=False)  # whoever asks for the same again gets the same array
     return DrawnDiscs(field_of(luma, parity), np.array(places), noise)
 
 

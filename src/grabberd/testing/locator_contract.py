@@ -12,9 +12,9 @@ from grabberd.measurement.locators import Located, Locator
 from grabberd.testing.drawn_discs import THRESHOLD, DrawnDiscs, draw_discs, draw_nothing, with_lamp
 
 _NEAR_PX = 3.0
-"""Distance within which a blob belongs to a place; the discs are 24 px apart and more."""
+"""Distance within which a blob belongs to a place; the discs are 20 px apart and more."""
 _LINES = (TOP, BOTTOM, PROGRESSIVE)
-_SEEDS = (11, 12, 13)
+_SEEDS = (11, 12)
 
 
 class LocatorContract:
