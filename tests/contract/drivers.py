@@ -14,6 +14,7 @@ from grabberd_fake import FakeGrabber
 from grabberd_replay import ReplayGrabber
 from storage.captures import slots, write
 
+
 def fake(_: Path) -> Grabber:
     return FakeGrabber(clock=ManualClock(), scene="calibration_frame")
 

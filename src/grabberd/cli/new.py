@@ -18,7 +18,11 @@ KITS = Path(__file__).parent / "kits"
 """Templates of the packages' files, a folder for each kind; NAME and PACKAGE in their paths are replaced."""
 SUFFIX = ".template"
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
-_GROUPS: Mapping[Kind, str] = {"driver": "driver of a grabber", "logger": "driver of a logger", "locator": "locator"}
+_GROUPS: Mapping[Kind, str] = {
+    "driver": "driver of a grabber",
+    "logger": "driver of a logger",
+    "locator": "locator",
+}
 
 
 def new(
@@ -91,7 +95,9 @@ def check_name(kind: Kind, name: str) -> None:
         )
     taken = _taken(kind)
     if name in taken:
-        raise InputError(f"there is a {kind} {name!r} already", f"choose another name than {', '.join(taken)}")
+        raise InputError(
+            f"there is a {kind} {name!r} already", f"choose another name than {', '.join(taken)}"
+        )
     if find_spec(f"grabberd_{name}") is not None:
         raise InputError(
             f"there is a Python package grabberd_{name} already",

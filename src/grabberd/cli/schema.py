@@ -7,7 +7,8 @@ import typer
 
 def schema(
     name: Annotated[
-        str | None, typer.Argument(help="Form of a file; without it the names are listed.", show_default=False)
+        str | None,
+        typer.Argument(help="Form of a file; without it the names are listed.", show_default=False),
     ] = None,
 ) -> None:
     """Print the JSON Schema of a file that people write or programs read, for editors and other programs.

@@ -70,7 +70,9 @@ class GrabberContract:
             assert luma.dtype == np.uint8
             assert grabbed.damage is None
 
-    def test_its_rows_lie_on_the_frame_lines_of_their_parity(self, grabber: Grabber, info: StreamInfo) -> None:
+    def test_its_rows_lie_on_the_frame_lines_of_their_parity(
+        self, grabber: Grabber, info: StreamInfo
+    ) -> None:
         for field in (grabbed.field for grabbed in take(grabber)):
             assert (field.y0, field.y_step) in ((field.parity, 2), (0, 1))
 
