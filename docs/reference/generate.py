@@ -18,6 +18,7 @@ from grabberd.processes.columns import LABELS, WORD, Column, TableSpec
 from grabberd.processes.study.columns import TABLES as STUDY_TABLES
 from grabberd.processes.study.columns import captures_spec
 from grabberd.reconstruction.object_model import KEYS, TARGET_KEYS, FileKey
+from grabberd.schemas import SCHEMAS, schema_of
 from grabberd.service.calibrations.calibration_frames import CALIBRATION_FRAME_KEYS
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
@@ -197,6 +198,33 @@ What a profile says, kind by kind; how to use it: [profiles](../howto/profiles.m
 [inputs of an analysis](../howto/analyse.md#inputs), key by key
 ([material](../howto/pressure.md#what-is-computed)).
 """
+SCHEMAS_BEFORE = """\
+The form of every file that people write or programs read, as JSON Schema (draft 2020-12): for editors, which
+complete keys and mark mistakes as you type, and for programs that write such files.
+"""
+SCHEMAS_AFTER = """
+## In an editor
+
+    grabberd schema configuration > configuration.schema.json
+
+and as the first line of the file, for VS Code (with its YAML extension), Neovim, Emacs and all others that
+use the YAML language server:
+
+    # yaml-language-server: $schema=configuration.schema.json
+
+In an editor of JetBrains: Settings, JSON Schema Mappings. A calibration is JSON; map `*.calibration.json` to
+`calibration.schema.json`.
+
+## What a schema knows
+
+The form alone. What depends on several values, or on other files, is found by the program: two targets with
+one id, a covariance that is none, views that overlap, a file that is not there. `grabberd check-config` tells
+all of that, and `grabberd frame` and `grabberd profile add` likewise for theirs. YAML has moments and dates
+of its own: a schema sees `2026-05-01` as a text.
+
+A schema is never milder than the program about keys: an unknown one is refused by both. In the configuration
+and in profiles it is stricter about types: the program also takes `"8050"` for a port.
+"""
 MADE = "<!-- made by `make docs`; do not edit -->\n"
 
 
@@ -204,7 +232,7 @@ def documents() -> dict[str, str]:
     """Every generated file's name and content."""
     description = _openapi()
     return {
-        "openapi.json": json.dumps(description, indent=1, ensure_ascii=False) + "\n",
+        "openapi.json": _json(description),
         "http.md": "\n".join(_http(description)) + "\n",
         "configuration.md": "\n".join(_configuration()) + "\n",
         "points.md": "\n".join(_points()) + "\n",
@@ -212,7 +240,22 @@ def documents() -> dict[str, str]:
         "profiles.md": "\n".join(_profiles()) + "\n",
         "study.md": "\n".join(_study()) + "\n",
         "object-files.md": "\n".join(_object_files()) + "\n",
+        "schemas.md": "\n".join(_schemas()) + "\n",
+        **{f"schemas/{name}.schema.json": _json(schema_of(name)) for name in SCHEMAS},
     }
+
+
+def _json(document: dict[str, Any]) -> str:
+    return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+
+
+def _schemas() -> Iterator[str]:
+    yield f"{MADE}# Schemas of files\n"
+    yield SCHEMAS_BEFORE
+    yield "| `grabberd schema …` | | file |\n|---|---|---|"
+    for name, form in SCHEMAS.items():
+        yield f"| `{name}` | {form.title} | [{name}.schema.json](schemas/{name}.schema.json) |"
+    yield SCHEMAS_AFTER.rstrip("\n")
 
 
 def _openapi() -> dict[str, Any]:
@@ -379,4 +422,5 @@ def _analysis_table(name: str, table: TableSpec) -> Iterator[str]:
 
 if __name__ == "__main__":
     for name, text in documents().items():
+        (HERE / name).parent.mkdir(exist_ok=True)
         (HERE / name).write_text(text, encoding="utf-8")

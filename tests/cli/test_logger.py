@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from contract.drivers import ManualClock
 from grabberd.cli.app import app
 from grabberd.cli.logger_listening import Chosen, Heard, chosen, document, listen, print_heard
 from grabberd.config import load_config
 from grabberd.errors import ConfigError
+from grabberd.testing import ManualClock
 from grabberd_fake import FakeLogger
 
 CONFIG = """

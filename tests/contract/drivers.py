@@ -3,35 +3,16 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from drivers.replay.pictures import frames
 from drivers.replay.videos import avi
 from drivers.v4l2.bench import Bench, camera, card_with, pci_card
 from drivers.v4l2.fake_kernel.card import NTSC
 from grabberd.acquisition import NTSC_HZ
 from grabberd.acquisition.device import Grabber
+from grabberd.testing import FIELDS, GrabberBench, ManualClock
 from grabberd_fake import FakeGrabber
 from grabberd_replay import ReplayGrabber
 from storage.captures import slots, write
-
-FIELDS = 40
-
-
-class ManualClock:
-    """Stands still until somebody waits on it, and then jumps to the end of the wait."""
-
-    def __init__(self) -> None:
-        self.time_ns = 77_000_000_000
-
-    def now_ns(self) -> int:
-        return self.time_ns
-
-    def sleep(self, seconds: float) -> None:
-        self.time_ns += max(0, round(seconds * 1e9))
-
-    def sleep_until_ns(self, time_ns: int) -> None:
-        self.time_ns = max(self.time_ns, time_ns)
 
 
 def fake(_: Path) -> Grabber:
@@ -148,13 +129,20 @@ V4L2 = (
     v4l2_one_parity,
 )
 
-DRIVERS = {
-    made.__name__: made
-    for made in (fake, fake_free, capture, capture_in_real_time, woven_frames, single_fields, video, *V4L2)
-}
+RECORDINGS = (capture, capture_in_real_time, woven_frames, single_fields, video)
+SIMULATED = (fake, fake_free)
+ALL = {made.__name__: made for made in (*SIMULATED, *RECORDINGS, *V4L2)}
+UNPACED = ("fake_free", "capture", "woven_frames", "video")
+"""Those whose fields come as fast as they are read."""
 
 
-def copied(grabbed):
-    """A grabbed field that stays when its buffer is given back."""
-    field = grabbed.field
-    return grabbed._replace(field=type(field)(np.array(field.luma), field.parity, field.y0, field.y_step))
+def bench_of(name: str, directory: Path) -> GrabberBench:
+    """A grabber of this kind, as the contract's suite takes it."""
+    made = ALL[name]
+    return GrabberBench(
+        made(directory),
+        rate_hz=RATES_HZ.get(name, 50.0),
+        ends=made in RECORDINGS,
+        resets=made in SIMULATED,
+        waits=name not in UNPACED,
+    )

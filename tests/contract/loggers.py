@@ -2,42 +2,19 @@
 
 import time
 from pathlib import Path
-from typing import Protocol
 
-from contract.drivers import ManualClock
 from drivers.loggers.iio_tree import IioTree
 from drivers.loggers.light_lines import GpioChip, ModemLines
 from drivers.loggers.ports import Port
 from grabberd.acquisition.channels import Logger
+from grabberd.testing import COUNT, ManualClock
 from grabberd_fake import FakeLight, FakeLogger
 from grabberd_loggers.csv_file import CsvLogger
 from grabberd_loggers.iio.logger import IioLogger
 from grabberd_loggers.light.switched_light import SwitchedLight
 from grabberd_loggers.serial_port import SerialLogger
 
-COUNT = 40
 MS = 1_000_000
-
-
-class Bench(Protocol):
-    """A logger and its other end."""
-
-    logger: Logger
-    columns: int
-
-    def say(self, count: int = COUNT) -> None:
-        """Let so many readings come."""
-        ...
-
-    def spoil(self) -> None:
-        """Let nonsense come."""
-        ...
-
-    def unplug(self) -> None: ...
-
-    def now_ns(self) -> int: ...
-
-    def close(self) -> None: ...
 
 
 class FakeBench:

@@ -26,12 +26,13 @@ from grabberd.acquisition.discovery import FoundDevice, Verdict, discover
 from grabberd.acquisition.ledger import UNCERTAIN, Ledger, LedgerEntry, Outcome
 from grabberd.acquisition.numbering import FieldNumbering, Numbered
 from grabberd.acquisition.rebases import LedgerEvent, Rebase, numbers_off, too_high_by
-from grabberd.acquisition.registry import GRABBERS, LOGGERS
+from grabberd.acquisition.registry import GRABBERS, INSTALLED_LOCATORS, LOGGERS
 from grabberd.acquisition.ring import Policy, Ring, RingReader, Slot
 from grabberd.acquisition.standstill import Standstill
 
 __all__ = [
     "GRABBERS",
+    "INSTALLED_LOCATORS",
     "LOGGERS",
     "NTSC_HZ",
     "PAL_HZ",

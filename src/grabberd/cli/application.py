@@ -35,6 +35,8 @@ COMMANDS: Mapping[str, str] = {
     "backup": "backup",
     "restore": "backup",
     "check-config": "check_config",
+    "schema": "schema",
+    "new": "new",
 }
 """Commands, by name, and the modules in which they are."""
 GROUPS = ("jobs", "profile", "token", "storage")

@@ -7,7 +7,7 @@ bytes are empty and never touched, and grey values are gathered only where the t
 
 from grabberd.measurement.background import background_of
 from grabberd.measurement.blobs import Blobs
-from grabberd.measurement.location import measure
+from grabberd.measurement.location import measure, seen_in
 from grabberd.measurement.settings import METHODS, LocationSettings
 from grabberd.measurement.threshold.threshold import ThresholdRule, choose_threshold, trinder_levels
 from grabberd.measurement.threshold.threshold_map import threshold_map, with_seen_size
@@ -20,6 +20,7 @@ __all__ = [
     "background_of",
     "choose_threshold",
     "measure",
+    "seen_in",
     "threshold_map",
     "trinder_levels",
     "with_seen_size",

@@ -7,6 +7,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.errors import MeasurementError
 from grabberd.field import PROGRESSIVE, PackedField
 from grabberd.kernel import KERNEL
 from grabberd.measurement.blobs import Blobs
@@ -17,7 +18,7 @@ from grabberd.measurement.labelling.mask import target_bits
 from grabberd.measurement.labelling.runs import find_runs
 from grabberd.measurement.labelling.shapes import shapes_of
 from grabberd.measurement.line_shifts.line_jitter import Steadied, steadied
-from grabberd.measurement.locators.locator import Locator, Seen
+from grabberd.measurement.locators.locator import Located, Locator, Seen
 from grabberd.measurement.settings import AUTOMATIC, LOCATORS, LocationSettings
 
 
@@ -57,11 +58,30 @@ def measure_by_numpy(packed: PackedField, settings: LocationSettings) -> Blobs:
     """Locate all targets with numpy, for any method and bit depth: the reference that the kernel must
     equal.
     """
-    settings = settings_for(packed, settings)
-    runs, label, count = by_component(find_runs(target_bits(packed)))
-    seen = Seen(packed, runs, label, shapes_of(runs, label, count), settings)
-    located = _locator(settings.method, packed.bits)(seen)
+    seen = seen_in(packed, settings_for(packed, settings))
+    located = _located(seen)
     return _in_frame(seen, located.sigma_px, steadied(seen, located)).select(seen.of_size)
+
+
+def seen_in(packed: PackedField, settings: LocationSettings) -> Seen:
+    """The components of a field, as a locator takes them."""
+    runs, label, count = by_component(find_runs(target_bits(packed)))
+    return Seen(packed, runs, label, shapes_of(runs, label, count), settings)
+
+
+def _located(seen: Seen) -> Located:
+    settings = seen.settings
+    if settings.locator is None:
+        return _locator(settings.method, seen.packed.bits)(seen)
+    located = cast("Located", settings.locator(seen))
+    shape = (len(seen.shapes), 2)
+    if located.centres.shape != shape or located.sigma_px.shape != shape:
+        found = f"centres {located.centres.shape} and sigma_px {located.sigma_px.shape}"
+        raise MeasurementError(
+            f"locator {settings.method!r} returned {found} for {shape[0]} components",
+            "it must return a row for each component, in their order; choose method 'automatic' meanwhile",
+        )
+    return located
 
 
 @cache

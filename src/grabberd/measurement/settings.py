@@ -1,8 +1,9 @@
 """Settings of target location, and the locators that they can name."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 AUTOMATIC = "automatic"
 LOCATORS: Mapping[str, str] = MappingProxyType(
@@ -22,7 +23,7 @@ comparison (edge, correlation, vernier, tian-huhns) are not imported by a progra
 USUAL_LIMITS_PX = (2.5, 15.0)
 """Limits of a blob's diameter for targets of 5 to 6 pixels, those of the reference rig."""
 METHODS = (AUTOMATIC, *LOCATORS)
-"""Values of `LocationSettings.method`."""
+"""Values of `LocationSettings.method` for the locators of this room."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +31,7 @@ class LocationSettings:
     """Settings of target location.
 
     Attributes:
-        method: One of `METHODS`; "automatic" picks the most accurate for the field's bits, "locale" at 1 bit
+        method: One of `METHODS`, or the name of `locator`; "automatic" picks the most accurate for the field's bits, "locale" at 1 bit
             and "template" with more; "weighted" is nearly as accurate as "template" in half the time;
             "centroid" weights all pixels equally at 1 bit, and by g − T with more bits (paper eqs. 1, 2).
         min_diameter_px: Blobs smaller than a disc of this diameter, in frame pixels, are not targets; None
@@ -45,9 +46,11 @@ class LocationSettings:
         line_jitter_known: True if that is known well enough not to be estimated from each field.
         line_shifts: True to solve for the shifts and their standard deviation. None does so with more than 1
             bit, where it removes a third of the error in space; at 1 bit it removes a thirtieth.
+        locator: A locator from elsewhere, of the type `locators.Locator`; None takes the one of `method`.
 
     Raises:
-        ValueError: The method is unknown, or a limit is out of range.
+        ValueError: The method is unknown or, with a locator from elsewhere, this room's own; or a limit is
+            out of range.
     """
 
     method: str = "automatic"
@@ -59,9 +62,12 @@ class LocationSettings:
     line_jitter_px: float = 0.12
     line_jitter_known: bool = False
     line_shifts: bool | None = None
+    locator: Callable[[Any], Any] | None = None
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
+        if self.locator is not None and self.method in METHODS:
+            raise ValueError(f"method {self.method!r} has a locator of its own")
+        if self.locator is None and self.method not in METHODS:
             raise ValueError(f"unknown method {self.method!r}; choose from {', '.join(METHODS)}")
         least_px, most_px = self.limits_px
         if not 0 <= least_px < most_px:

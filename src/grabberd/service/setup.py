@@ -7,14 +7,16 @@ from typing import Any, TypeVar
 
 import yaml
 
-from grabberd.acquisition import GRABBERS
+from grabberd.acquisition import GRABBERS, INSTALLED_LOCATORS
 from grabberd.acquisition.device import Grabber
 from grabberd.bounded_documents import parse_yaml, read_text
 from grabberd.config import Config, DeviceConfig, RigConfig
 from grabberd.documents.named_types import JsonObject
 from grabberd.errors import CalibrationMismatch, ConfigError, DriverMissing, InputError, Problem
 from grabberd.geometry import Calibration, NominalRig
-from grabberd.measurement import LocationSettings
+from grabberd.measurement import METHODS, LocationSettings
+from grabberd.measurement.locators import Locator
+from grabberd.measurement.settings import AUTOMATIC
 from grabberd.processes.measure import MeasureSetup
 from grabberd.processes.target_sizes import px_per_mm_of
 from grabberd.reconstruction import ObjectModel
@@ -201,16 +203,38 @@ def location_settings(settings: JsonObject, scale: float | None = None) -> Locat
     Raises:
         InputError: A setting is invalid.
     """
-    known = {one.name for one in fields(LocationSettings)}
+    known = {one.name for one in fields(LocationSettings)} - {"locator"}
     own = {key: settings[key] for key in settings if key in known}
     limits = settings.get(TARGETS) or {}
     for name, key in (("min_diameter_px", "least_mm"), ("max_diameter_px", "most_mm")):
         if scale is not None and limits.get(key) is not None:
             own[name] = scale * limits[key]
     try:
-        return LocationSettings(**own)
+        return LocationSettings(**own, locator=_installed_locator(own.get("method", AUTOMATIC)))
     except ValueError as error:
         raise InputError(str(error), "'automatic' suits most fields") from error
+
+
+def _installed_locator(method: str) -> Locator | None:
+    """The locator of another package by its name; None for those of the program.
+
+    Raises:
+        InputError: There is none of that name, or its package is broken.
+    """
+    if method in METHODS:
+        return None
+    installed = INSTALLED_LOCATORS.available()
+    if method not in installed:
+        known = ", ".join((*METHODS, *installed))
+        raise InputError(
+            f"unknown method {method!r}; choose from {known}",
+            "correct the name, or install the package that brings it in the entry point group "
+            f"'{INSTALLED_LOCATORS.group}'; 'automatic' suits most fields",
+        )
+    try:
+        return INSTALLED_LOCATORS.load(method)
+    except DriverMissing as error:
+        raise InputError(error.message, error.hint) from error
 
 
 def misfit(rig: RigConfig, columns: int, lines: int) -> InputError:

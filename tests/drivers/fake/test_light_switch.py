@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from contract.drivers import ManualClock
 from grabberd.acquisition.channels import LoggerInfo, Readings
 from grabberd.errors import DeviceAbsent, DeviceLost
+from grabberd.testing import ManualClock
 from grabberd_fake import FakeLight, FakeLogger
 from grabberd_fake.light_options import LightOptions, lit
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from contract.drivers import ManualClock
 from grabberd.acquisition.channels import Anomaly
 from grabberd.acquisition.channels.clock_relation import CLOCK_JUMPED
 from grabberd.acquisition.channels.missing_readings import MISSING
 from grabberd.errors import DeviceAbsent, DeviceLost
+from grabberd.testing import ManualClock
 from grabberd_fake import FakeLogger, FakeOptions
 from grabberd_fake.vacuum import pulsation_kpa
 

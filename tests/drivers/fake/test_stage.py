@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contract.drivers import ManualClock
 from drivers.fake.taking import PERIOD, MakeGrabber, taken
 from grabberd.errors import DeviceRefused, StreamFailed
+from grabberd.testing import ManualClock
 from grabberd_fake import FakeGrabber, FakeLogger, JumpingClock, World
 from grabberd_fake.__main__ import main
 from grabberd_fake.liner_options import LinerOptions

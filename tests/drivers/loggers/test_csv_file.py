@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from contract.drivers import ManualClock
 from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
+from grabberd.testing import ManualClock
 from grabberd_loggers.csv_file import ROTATED, TRUNCATED, CsvLogger
 
 HEADER = "time_s,p1 [kPa]\n"

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contract.drivers import ManualClock
 from drivers.loggers.iio_tree import IioTree
 from grabberd.acquisition.channels.missing_readings import MISSING
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused
+from grabberd.testing import ManualClock
 from grabberd_loggers.iio.buffered import BACKWARD, OTHER_CLOCK
 from grabberd_loggers.iio.logger import IioLogger
 from grabberd_loggers.iio.polled import FAILED, MISSED, NOT_A_NUMBER

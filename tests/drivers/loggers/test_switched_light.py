@@ -5,9 +5,9 @@ from itertools import cycle
 import numpy as np
 import pytest
 
-from contract.drivers import ManualClock
 from grabberd.acquisition.channels import Dating, Readings
 from grabberd.errors import DeviceLost
+from grabberd.testing import ManualClock
 from grabberd_loggers.light.switched_light import (
     BIT_NS,
     OTHER_HAND,

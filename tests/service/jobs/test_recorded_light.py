@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contract.drivers import ManualClock
 from grabberd.acquisition import Outcome
 from grabberd.acquisition.channels import Quantity, Readings
 from grabberd.acquisition.ring import Slot
@@ -21,6 +20,7 @@ from grabberd.storage.capture.channels.reading_groups import (
     RecordedChannel,
     RecordedReadings,
 )
+from grabberd.testing import ManualClock
 from grabberd_fake import FakeLight, FakeLogger
 from grabberd_fake.liner_options import LinerOptions
 from grabberd_fake.vacuum import pulsation_kpa

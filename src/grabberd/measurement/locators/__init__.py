@@ -5,4 +5,13 @@ the most accurate with grey values, `weighted` nearly as accurate at half the co
 best at 1 bit, has a folder of its own. `locator` defines their common input and output, `windows` and
 `disc_image` what several of them use. Those that no default selects are imported only when asked for
 (`measurement.settings`).
+
+A package of its own may add a locator by an entry point in the group `grabberd.locators`: a function of the
+type `Locator`, whose name becomes a value of `location.method`. It needs nothing else than what is exported
+here; `LocationSettings.locator` brings it in.
 """
+
+from grabberd.measurement.locators.locator import GREY, Located, Locator, Seen, meant_for, noise_of
+from grabberd.measurement.locators.windows import Windows, windows_of
+
+__all__ = ["GREY", "Located", "Locator", "Seen", "Windows", "meant_for", "noise_of", "windows_of"]

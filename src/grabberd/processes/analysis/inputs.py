@@ -52,7 +52,7 @@ BY_LIGHT = "light"
 """Of `vacuum.offset`: the clocks are related by the light in the picture and in the log."""
 _HINT = "correct these inputs; docs/howto/analyse.md describes all of them"
 # Time and memory of an analysis grow with the phases.
-_MOST_PHASES = 200
+MOST_PHASES = 200
 DEFAULT_PHASES = 24
 _NOT_HOMOLOGOUS = (
     "homologous: the object's targets are other points of the wall in every field, so there are no strain, "
@@ -213,8 +213,8 @@ def _stated(reading: Reading, document: Mapping[str, Any]) -> _Stated:
     plane = _plane(reading, document.get("plane"))
     heights = _heights(reading, document.get("heights_mm"))
     phases = reading.integer(document, "phases", least=2) if "phases" in document else DEFAULT_PHASES
-    if phases > _MOST_PHASES:
-        reading.refuse("phases", phases, f"at most {_MOST_PHASES}")
+    if phases > MOST_PHASES:
+        reading.refuse("phases", phases, f"at most {MOST_PHASES}")
     sought = reading.number(document, "sought_kpa", positive=True) if "sought_kpa" in document else None
     unseen = reading.text(document, "unseen") if "unseen" in document else UNSEEN[0]
     if unseen not in UNSEEN:

@@ -162,7 +162,7 @@ class _Extra(_Part):
     rebases: list[_Event] = []
 
 
-class _Stored(_Part):
+class StoredMeta(_Part):
     """Ranges of the values of `CaptureMeta`."""
 
     id: Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_id)]
@@ -214,7 +214,7 @@ def check_meta(meta: CaptureMeta) -> None:
 
 def _check(stored: Any) -> None:
     try:
-        _Stored.model_validate(stored)
+        StoredMeta.model_validate(stored)
     except ValidationError as error:
         raise ValueError("; ".join(map(_problem, cast("list[Any]", error.errors())))) from None
 

@@ -1,0 +1,28 @@
+"""`grabberd schema`: prints the JSON Schema of a file's form."""
+
+from typing import Annotated
+
+import typer
+
+
+def schema(
+    name: Annotated[
+        str | None,
+        typer.Argument(help="Form of a file; without it the names are listed.", show_default=False),
+    ] = None,
+) -> None:
+    """Print the JSON Schema of a file that people write or programs read, for editors and other programs.
+
+    Example: grabberd schema configuration > configuration.schema.json
+    """
+    from grabberd.cli.options import print_json  # noqa: PLC0415
+    from grabberd.errors import NotFound  # noqa: PLC0415
+    from grabberd.schemas import SCHEMAS, schema_of  # noqa: PLC0415
+
+    if name is None:
+        for known, form in SCHEMAS.items():
+            typer.echo(f"{known:20} {form.title}")
+        return
+    if name not in SCHEMAS:
+        raise NotFound(f"there is no schema {name!r}", f"name one of: {', '.join(SCHEMAS)}")
+    print_json(schema_of(name))
