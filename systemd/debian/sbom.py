@@ -2,8 +2,8 @@
 
 sbom.py RELEASE WHEELS
 
-From the packages' own metadata; the digest of a package is that of the wheel it came in. The same release gives
-the same document: it has no serial number, and its time is SOURCE_DATE_EPOCH.
+From the packages' own metadata; the digest of a package is that of the wheel it came in. The same release
+gives the same document: it has no serial number, and its time is SOURCE_DATE_EPOCH.
 """
 
 import hashlib
@@ -34,7 +34,9 @@ def document(release: Path, wheels: Path) -> Component:
         "specVersion": "1.5",
         "version": 1,
         "metadata": {
-            "timestamp": datetime.fromtimestamp(int(os.environ.get("SOURCE_DATE_EPOCH", "0")), UTC).isoformat(),
+            "timestamp": datetime.fromtimestamp(
+                int(os.environ.get("SOURCE_DATE_EPOCH", "0")), UTC
+            ).isoformat(),
             "component": {**subject, "type": "application"},
         },
         "components": [one for one in packages if one is not subject] + libraries,
@@ -60,11 +62,11 @@ def _package(one: Distribution, digests: dict[tuple[str, str], str]) -> Componen
 def licences_of(one: Distribution) -> list[Component]:
     """As an SPDX expression where a package states one; otherwise by its classifiers or its own words."""
     about = one.metadata
-    if expression := about.get("License-Expression"):
-        return [{"expression": expression}]
+    if expressions := about.get_all("License-Expression"):
+        return [{"expression": expressions[0]}]
     classified = [line for line in about.get_all("Classifier") or [] if line.startswith("License ::")]
     names = [line.rpartition(" :: ")[2] for line in classified]
-    first_line = (about.get("License") or "").strip().partition("\n")[0]
+    first_line = next(iter(about.get_all("License") or [""])).strip().partition("\n")[0]
     return [{"license": {"name": name}} for name in names or [first_line] if name]
 
 

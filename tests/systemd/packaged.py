@@ -11,7 +11,13 @@ from .rehearsed import PYTHON, Done, Rehearsed
 from .small_release import SYSTEMD, write_wheel
 
 RELEASE = "usr/lib/grabberd"
-_DPKG = ("--force-depends", "--force-script-chrootless", "--force-confold", "--force-not-root", "--no-triggers")
+_DPKG = (
+    "--force-depends",
+    "--force-script-chrootless",
+    "--force-confold",
+    "--force-not-root",
+    "--no-triggers",
+)
 
 
 def write_bundle(folder: Path, version: str, schema: int = 1) -> Path:
