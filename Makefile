@@ -23,7 +23,7 @@ SITE := src/grabberd/web/site/index.html
 SITE_SOURCES = README.md CHANGELOG.md $(shell find docs src/grabberd/public -name '*.md' -o -name '*.ipynb' -o -name '*.py' -o -name '*.png' -o -name '*.svg')
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-pythons test-install test-deb test-container wheel sdist deb check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs site format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-pythons sizes test-install test-deb test-container wheel sdist deb check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs site format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -92,6 +92,11 @@ test-pythons: wheel  ## the wheel in every Python from 3.11 on that this machine
 
 test-install: wheel  ## pack a bundle, install it into an empty root without internet, upgrade and remove it there
 	WHEEL=$$(echo $(WHEELS)/grabberd-*.whl) bash tests/systemd/bundle_and_install.sh "$(SYSTEM_PYTHON)" "$(BIN)/python"
+
+sizes: wheel  ## how large each package of an installation is, and which of them a daemon loads
+	@rm -rf build/sizes && $(PYTHON) -m venv build/sizes
+	@build/sizes/bin/python -m pip install --quiet --no-compile --constraint constraints.txt $(WHEELS)/grabberd-*.whl
+	@build/sizes/bin/python tests/wheel/sizes.py 2>/dev/null
 
 test-deb: $(READY)  ## make the Debian package twice, compare, ask lintian; install it into an empty root and capture there
 	@WHEEL= bash tests/systemd/make_and_check_deb.sh "$(SYSTEM_PYTHON)" $(BIN)/python

@@ -1,4 +1,4 @@
-"""The first words of a daemon that a person starts at a terminal: where everything is, and what is lacking."""
+"""The first words of a daemon started at a terminal: where everything is, and what is lacking."""
 
 import importlib.util
 from collections.abc import Callable, Sequence
@@ -28,7 +28,7 @@ def first_words(
     captures: Path,
     has: Callable[[str], bool] = is_installed,
 ) -> str:
-    """A few lines: the page, the documentation, the configuration, the captures, and what is not installed."""
+    """A few lines: the page, documentation, configuration and captures, and what is not installed."""
     lines = [f"grabberd {__version__} ({in_use()})"]
     for address in addresses:
         lines += [f"  page           {address}", f"  documentation  {address}/docs"]
