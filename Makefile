@@ -12,6 +12,8 @@ SYSTEM_PYTHON ?= /usr/bin/python3
 STATE ?= .state
 PEERS := .venv-bench
 WHEELS := build/wheel
+SOURCES := build/source
+DEB := dist/deb
 # One more than there are processors: tests of whole daemons and of the page wait for half of their time.
 WORKERS ?= $(shell expr $$(nproc) + 1)
 NODE := node_modules/ready
@@ -21,7 +23,7 @@ SITE := src/grabberd/web/site/index.html
 SITE_SOURCES = README.md CHANGELOG.md $(shell find docs src/grabberd/public -name '*.md' -o -name '*.ipynb' -o -name '*.py' -o -name '*.png' -o -name '*.svg')
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto ffmpeg screenshots test-vm test-wheel test-install wheel check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs site format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto ffmpeg screenshots test-vm test-wheel test-pythons sizes test-install test-deb test-container wheel sdist deb check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs site format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -86,15 +88,36 @@ npm:
 test-vm: $(READY)  ## driver and service under a real kernel and systemd, in a virtual machine (WRITE=1: results into docs/)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/vm $(if $(WRITE),--write-tables)
 
-test-wheel: wheel  ## build the wheel, install it into an empty environment, run one capture there
-	bash tests/wheel/install_and_capture.sh "$(PYTHON)" $(WHEELS)/grabberd-*.whl
+test-wheel: wheel sdist  ## install wheel and source archive, with a compiler and without, into an empty environment; capture there
+	@! ls $(WHEELS)/grabberd-*abi3*.whl >/dev/null 2>&1 || $(BIN)/abi3audit --strict $(WHEELS)/grabberd-*.whl
+	bash tests/wheel/install_and_capture.sh "$(PYTHON)" $(WHEELS)/grabberd-*.whl $(SOURCES)/grabberd-*.tar.gz
+
+test-pythons: wheel  ## the wheel in every Python from 3.11 on that this machine has
+	bash tests/wheel/every_python.sh $(WHEELS)/grabberd-*.whl
 
 test-install: wheel  ## pack a bundle, install it into an empty root without internet, upgrade and remove it there
 	WHEEL=$$(echo $(WHEELS)/grabberd-*.whl) bash tests/systemd/bundle_and_install.sh "$(SYSTEM_PYTHON)" "$(BIN)/python"
 
-wheel: $(READY) site
+sizes: wheel  ## how large each package of an installation is, and which of them a daemon loads
+	@rm -rf build/sizes && $(PYTHON) -m venv build/sizes
+	@build/sizes/bin/python -m pip install --quiet --no-compile --constraint constraints.txt $(WHEELS)/grabberd-*.whl
+	@build/sizes/bin/python tests/wheel/sizes.py 2>/dev/null
+
+test-deb: $(READY)  ## make the Debian package twice, compare, ask lintian; install it into an empty root and capture there
+	@WHEEL= bash tests/systemd/make_and_check_deb.sh "$(SYSTEM_PYTHON)" $(BIN)/python
+
+test-container: $(READY)  ## build the image and run it, where podman or buildah can
+	@bash tests/container/build_and_run.sh $(BIN)/python
+
+wheel: $(READY) site  ## the wheel, tagged for the oldest glibc that its kernel runs with, into build/wheel
 	@rm -rf $(WHEELS)
-	@$(BIN)/python -m build --wheel --outdir $(WHEELS) . >$(VENV)/wheel.log 2>&1 || { cat $(VENV)/wheel.log; exit 1; }
+	@$(BIN)/python -m build --wheel --outdir $(WHEELS)/built . >$(VENV)/wheel.log 2>&1 || { cat $(VENV)/wheel.log; exit 1; }
+	@PATH="$(abspath $(BIN)):$$PATH" auditwheel --quiet repair --wheel-dir $(WHEELS) $(WHEELS)/built/*.whl >>$(VENV)/wheel.log 2>&1 \
+	  || { echo "wheel: tagged for computers like this one alone: $$(tail -1 $(VENV)/wheel.log)"; cp $(WHEELS)/built/*.whl $(WHEELS); }
+
+sdist: $(READY) site  ## the source archive, with the documentation's site, into build/source
+	@rm -rf $(SOURCES)
+	@$(BIN)/python -m build --sdist --outdir $(SOURCES) . >$(VENV)/source.log 2>&1 || { cat $(VENV)/source.log; exit 1; }
 
 check-units:  ## whether systemd accepts the units, and how exposed it finds the daemon
 	@systemd/check-units.sh
@@ -110,6 +133,12 @@ uninstall:  ## remove the service; captures and configuration stay
 
 bundle: $(READY)  ## pack wheels and installer for a computer without internet, into dist/
 	@bash systemd/bundle.sh $(BIN)/python dist
+
+deb: $(READY) wheel  ## make a Debian package, with what is in it (CycloneDX) and digests, into dist/deb
+	@rm -rf $(DEB)
+	@WHEEL=$$(echo $(WHEELS)/grabberd-*.whl) bash systemd/bundle.sh $(BIN)/python $(DEB)/bundle >/dev/null
+	@bash systemd/deb.sh $(DEB)/bundle/grabberd-*.tar.gz "$(SYSTEM_PYTHON)" $(DEB)
+	@rm -rf $(DEB)/bundle
 
 site: $(SITE)  ## build the documentation as a site, strictly; a daemon serves it at /docs
 

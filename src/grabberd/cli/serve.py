@@ -31,6 +31,7 @@ def serve(
     """
     from grabberd.api import create_app, serving, sockets  # noqa: PLC0415
     from grabberd.api.guard.front import Front  # noqa: PLC0415
+    from grabberd.cli.first_words import first_words  # noqa: PLC0415
     from grabberd.config import default_config_file  # noqa: PLC0415
     from grabberd.service.faults.descriptors import affordable_connections, raise_limit  # noqa: PLC0415
     from grabberd.service.heartbeat import Heartbeat  # noqa: PLC0415
@@ -76,5 +77,9 @@ def serve(
     )
     heartbeat = Heartbeat(notifier, service.liveness)
     server = serving.server_of(create_app(service, front), front, context, heartbeat)
+    if sys.stderr.isatty():
+        addresses = [sockets.describe(one, "https" if http.tls else "http") for one in listening]
+        captures = (settings.storage.directory or settings.state_directory) / "captures"
+        print(first_words(addresses, file, config is None, captures), file=sys.stderr)
     if not serving.run(server, listening):
         raise typer.Exit(1)
