@@ -1,0 +1,56 @@
+"""The retained messages by which other programs discover the devices, and those that are to be removed."""
+
+from collections.abc import Collection, Iterator, Sequence
+
+from grabberd.service.mqtt.messages import Message
+from grabberd.storage.state.state_store import StateStore
+
+ANNOUNCED = "mqtt_announced_topics"
+"""Key of the settings: topics on which the broker retains something only as long as it is wanted."""
+
+
+class Announcements:
+    """What is to be announced, compared with what was.
+
+    A retained message stays with the broker when nobody publishes it any longer. So the topics are kept, and
+    what is no longer wanted is removed by an empty message: the feature was turned off, or a device renamed.
+
+    Args:
+        store: Keeps the topics.
+        wanted: What is to be announced; nothing where that is turned off.
+        also: Topics that others publish on, for those alone who are told by the announcements.
+    """
+
+    def __init__(self, store: StateStore, wanted: Sequence[Message], also: Collection[str] = ()) -> None:
+        self._store = store
+        self._wanted = wanted
+        self._topics = {*(message.topic for message in wanted), *also}
+
+    @property
+    def any(self) -> bool:
+        """True if something is to be announced."""
+        return bool(self._wanted)
+
+    def due(self) -> Iterator[Message]:
+        """Everything to be announced, then an empty message for each topic to be removed.
+
+        Each is taken to have been published when the next one is asked for.
+
+        Raises:
+            StorageError: The state database cannot be used.
+        """
+        known = set(self._store.get(ANNOUNCED) or ())
+        if not self._topics <= known:
+            known |= self._topics  # kept before: what is published must be removable whatever happens next
+            self._keep(known)
+        yield from self._wanted
+        for topic in sorted(known - self._topics):
+            yield Message(topic, None, retained=True)
+            known.discard(topic)
+            self._keep(known)
+
+    def _keep(self, topics: set[str]) -> None:
+        if topics:
+            self._store.put({ANNOUNCED: sorted(topics)})
+        else:
+            self._store.remove(ANNOUNCED)
