@@ -13,7 +13,7 @@ from grabberd.client.lsl.points_layout import PointsLayout
 from grabberd.client.points_stream import follow_points
 from grabberd.errors import GrabberdError, InputError, NotReady
 
-ASK_EVERY_S = 0.25
+ASK_EVERY_S = 0.5
 AGAIN_S = 2.0
 NEWEST_CAPTURES = 20
 """So many captures may start and end between two questions without any being missed."""

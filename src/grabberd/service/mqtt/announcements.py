@@ -10,7 +10,7 @@ ANNOUNCED = "mqtt_announced_topics"
 
 
 class Announcements:
-    """What is to be announced, compared with what was.
+    """Compares what is to be announced with what was.
 
     A retained message stays with the broker when nobody publishes it any longer. So the topics are kept, and
     what is no longer wanted is removed by an empty message: the feature was turned off, or a device renamed.
@@ -32,7 +32,7 @@ class Announcements:
         return bool(self._wanted)
 
     def due(self) -> Iterator[Message]:
-        """Everything to be announced, then an empty message for each topic to be removed.
+        """Yields everything to be announced, then an empty message for each topic to be removed.
 
         Each is taken to have been published when the next one is asked for.
 

@@ -70,7 +70,7 @@ def create_publisher(
 
 
 def _announcements(config: Config, topics: "Topics", store: StateStore) -> "Announcements":
-    """What Home Assistant needs to discover the devices; nothing unless it is to."""
+    """Prepares what Home Assistant needs to discover the devices; nothing unless it is to."""
     from grabberd.service.mqtt.announcements import Announcements  # noqa: PLC0415 - an optional extra
     from grabberd.service.mqtt.home_assistant import discovery  # noqa: PLC0415
     from grabberd.service.mqtt.messages import LAST_CAPTURE  # noqa: PLC0415
