@@ -37,8 +37,8 @@ def test_what_is_no_longer_wanted_is_removed_once(store: StateStore) -> None:
     list(Announcements(store, [NORTH, SOUTH], ["grabberd/n/capture"]).due())
     assert list(Announcements(store, [SOUTH]).due()) == [
         SOUTH,
-        Message("grabberd/n/capture", None, True),
         *removed(NORTH),
+        Message("grabberd/n/capture", None, True),  # after what leads to it
     ]
     assert list(Announcements(store, []).due()) == removed(SOUTH)
     assert not list(Announcements(store, []).due())

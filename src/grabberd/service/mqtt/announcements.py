@@ -24,7 +24,7 @@ class Announcements:
     def __init__(self, store: StateStore, wanted: Sequence[Message], also: Collection[str] = ()) -> None:
         self._store = store
         self._wanted = wanted
-        self._topics = {*(message.topic for message in wanted), *also}
+        self._topics = [*(message.topic for message in wanted), *also]
 
     @property
     def any(self) -> bool:
@@ -39,18 +39,19 @@ class Announcements:
         Raises:
             StorageError: The state database cannot be used.
         """
-        known = set(self._store.get(ANNOUNCED) or ())
-        if not self._topics <= known:
-            known |= self._topics  # kept before: what is published must be removable whatever happens next
+        known: list[str] = self._store.get(ANNOUNCED) or []
+        if new := [topic for topic in self._topics if topic not in known]:
+            known += new  # kept before: what is published must be removable whatever happens next
             self._keep(known)
         yield from self._wanted
-        for topic in sorted(known - self._topics):
+        # In their sequence: what names a topic is removed before that topic's own message.
+        for topic in [topic for topic in known if topic not in self._topics]:
             yield Message(topic, None, retained=True)
-            known.discard(topic)
+            known.remove(topic)
             self._keep(known)
 
-    def _keep(self, topics: set[str]) -> None:
+    def _keep(self, topics: Sequence[str]) -> None:
         if topics:
-            self._store.put({ANNOUNCED: sorted(topics)})
+            self._store.put({ANNOUNCED: topics})
         else:
             self._store.remove(ANNOUNCED)

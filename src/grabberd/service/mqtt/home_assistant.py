@@ -48,7 +48,7 @@ def _count(outcome: str, words: str) -> Entity:
     return Entity("sensor", key, words, STATE, f"value_json.{key}", {**more, "entity_category": "diagnostic"})
 
 
-_WHY = ("health_part", "health_word", "hint", "cause", "state", "signal")
+_WHY = ("health_part", "health_word", "hint", "cause", "signal")
 _LEDGER = ("capture_id", "ended_because", "coverage_verdict", "coverage_in_words", "fields", "labels")
 ENTITIES = (
     Entity("sensor", "health", "Health", STATE, "value_json.health", {"icon": "mdi:heart-pulse"}, _WHY),
