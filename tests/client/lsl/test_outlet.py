@@ -16,10 +16,11 @@ from running import PATIENCE_S
 from api.conftest import sealed_in
 from api.daemons import Daemon, serving
 from grabberd.client.daemon import Daemon as Asked
+from grabberd.reconstruction.points import Points
 from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.storage import CaptureReader
 
-FIELDS = 150
+FIELDS, HALF_A_FIELD_S = 150, 0.01
 INLET = Path(__file__).parent / "inlet.py"
 
 
@@ -72,24 +73,30 @@ def record(daemon: Daemon, out: Path, lsl: dict[str, str]) -> Received:
     return Received(file, arrays, nominal)
 
 
-def in_the_capture(received: Received) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Samples whose times are those of the capture's fields, and these times."""
+def in_the_capture(received: Received) -> list[tuple[Points, NDArray[np.float32], float]]:
+    """The points of the capture's fields, with sample and time error of each that was received.
+
+    On a computer that is too busy the outlet misses some, and says how many.
+    """
     with CaptureReader(received.file) as reader:
-        times_s = np.array([time_ns for _, time_ns, _ in reader.timed_points()]) / 1e9
-    own_s = received.found["times_s"]
-    nearest = np.abs(own_s[:, None] - times_s[None, :]).argmin(axis=0)
-    return received.found["samples"][nearest], own_s[nearest]
+        # The first ones may have been measured, and sent, just before they belonged to a capture.
+        fields = list(reader.timed_points(first_n=2))
+    samples, own_s = received.found["samples"], received.found["times_s"]
+    found = []
+    for _, time_ns, points in fields:
+        nearest = int(np.abs(own_s - time_ns / 1e9).argmin())
+        if (error_s := abs(own_s[nearest] - time_ns / 1e9)) < HALF_A_FIELD_S:
+            found.append((points, samples[nearest], float(error_s)))
+    missed = sum(one["fields"] for one in received.events if one["event"] == "points_missed")
+    assert len(found) >= max(len(fields) - missed, FIELDS // 3)
+    return found
 
 
 def test_every_field_of_a_capture_comes_with_the_positions_of_its_file_bit_for_bit(
     received: Received,
 ) -> None:
-    samples, _ = in_the_capture(received)
     index = {target: k for k, target in enumerate(received.object["target"])}
-    with CaptureReader(received.file) as reader:
-        fields = list(reader.timed_points())
-    assert len(fields) == len(samples) == FIELDS
-    for (_, _, points), sample in zip(fields, samples, strict=True):
+    for points, sample, _ in in_the_capture(received):
         expected = np.full((len(index), 3), np.nan, np.float32)
         expected[[index[one] for one in points.target.tolist()]] = points.xyz_mm.astype(np.float32)
         own = np.ascontiguousarray(sample.reshape(-1, 6)[:, :3])
@@ -101,21 +108,16 @@ def test_every_field_of_a_capture_comes_with_the_positions_of_its_file_bit_for_b
 def test_their_standard_deviations_are_those_of_the_file_as_finely_as_it_keeps_them(
     received: Received,
 ) -> None:
-    samples, _ = in_the_capture(received)
     index = {target: k for k, target in enumerate(received.object["target"])}
-    with CaptureReader(received.file) as reader:
-        for (_, _, points), sample in zip(reader.timed_points(), samples, strict=True):
-            at = [index[one] for one in points.target.tolist()]
-            sigma_mm = np.sqrt(points.covariance_mm2[:, [0, 1, 2], [0, 1, 2]])
-            assert np.allclose(sample.reshape(-1, 6)[at, 3:], sigma_mm, rtol=1e-3, atol=0)
+    for points, sample, _ in in_the_capture(received):
+        at = [index[one] for one in points.target.tolist()]
+        sigma_mm = np.sqrt(points.covariance_mm2[:, [0, 1, 2], [0, 1, 2]])
+        assert np.allclose(sample.reshape(-1, 6)[at, 3:], sigma_mm, rtol=1e-3, atol=0)
 
 
 def test_they_bear_the_times_of_the_file(received: Received) -> None:
-    _, own_s = in_the_capture(received)
-    with CaptureReader(received.file) as reader:
-        times_s = np.array([time_ns for _, time_ns, _ in reader.timed_points()]) / 1e9
-    assert len(set(own_s)) == FIELDS
-    assert np.abs(own_s - times_s).max() < 1e-3
+    assert max(error_s for _, _, error_s in in_the_capture(received)) < 1e-3
+    assert (np.diff(received.found["times_s"]) > 0).all()
     assert abs(received.found["correction_s"]) < 1e-3
 
 

@@ -67,11 +67,13 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> FakeLsl:
     return module
 
 
-def streamed(*targets: int, object_name: str = "liner", skipped: int = 0) -> StreamedPoints:
+def streamed(*targets: int, object_name: str = "liner", skipped: int = 0, age_ns: int = 0) -> StreamedPoints:
     described = PointsDescription(
         number=1, device="north", rate_hz=50, calibration_id="c", object_name=object_name
     )
-    frame = field(*targets)._replace(time_ns=time.monotonic_ns(), utc_us=time.time_ns() // 1000)
+    frame = field(*targets)._replace(
+        time_ns=time.monotonic_ns() - age_ns, utc_us=(time.time_ns() - age_ns) // 1000
+    )
     return StreamedPoints(frame, described, skipped)
 
 
@@ -91,6 +93,22 @@ def test_an_object_with_other_targets_has_a_stream_of_its_own(fake: FakeLsl) -> 
     )
     assert (len(points.pushed), len(other.pushed), layouts) == (3, 1, [])
     assert points.own_id != other.own_id
+
+
+def test_times_grow_though_a_capture_measures_fields_before_its_trigger_afresh(fake: FakeLsl) -> None:
+    north = Outlets("north", lambda: LAYOUT, LslClock(time.monotonic))
+    for age_ns in (40_000_000, 20_000_000, 600_000_000, 20_000_000, 0):
+        north.push(streamed(7, age_ns=age_ns))
+    times_s = [time_s for _, time_s in fake.streams[1].pushed]
+    assert times_s == sorted(times_s)
+    assert len(times_s) in (3, 4)  # the second that is 20 ms old is a little younger than the first
+
+
+def test_a_clock_that_was_set_back_does_not_silence_the_stream(fake: FakeLsl) -> None:
+    north = Outlets("north", lambda: LAYOUT, LslClock(time.monotonic))
+    north.push(streamed(7))
+    north.push(streamed(7, age_ns=3_600_000_000_000))
+    assert len(fake.streams[1].pushed) == 2
 
 
 def test_fields_that_came_too_fast_are_told(fake: FakeLsl) -> None:

@@ -5,6 +5,7 @@ nobody waits here, and the daemon knows nothing of inlets at all.
 """
 
 import json
+import math
 import platform
 import threading
 from collections.abc import Callable
@@ -20,6 +21,8 @@ from grabberd.errors import ExtraMissing
 if TYPE_CHECKING:
     import pylsl
 
+REPEATED_S = 5.0
+"""A field that is older than the newest by no more than this has been pushed before; a ring lasts 0.64 s."""
 KEPT_S = 60
 """Samples kept for an inlet that is slow; of a minute's points of 83 targets, 6 MB."""
 
@@ -57,9 +60,14 @@ class Outlets:
         self._described: tuple[Any, ...] = ()
         self._near = True
         self._unsure = True
+        self._newest_s = -math.inf
 
     def push(self, one: StreamedPoints) -> None:
-        """Pushes the points of a field, to a new stream if what is said of them has changed."""
+        """Pushes the points of a field, to a new stream if what is said of them has changed.
+
+        A capture measures afresh what was measured before its trigger. That is not pushed again: a stream's
+        times grow.
+        """
         if one.skipped:
             self.tell(Event("points_missed", {"fields": one.skipped}))
         description = one.description
@@ -68,6 +76,9 @@ class Outlets:
             self._look_up(one, said)
         assert self._points is not None
         time_s = self._clock.time_of(one.frame, of_this_computer=self._near)
+        if self._newest_s - REPEATED_S < time_s <= self._newest_s:
+            return
+        self._newest_s = time_s
         self._points.push_sample(self._layout.sample(one.frame).tolist(), time_s)
 
     def begin(self) -> None:
