@@ -1,6 +1,8 @@
 """Events as they are told while the daemon answers, does not, and answers again."""
 
 import threading
+from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -11,7 +13,7 @@ from grabberd.client.lsl import feeding
 from grabberd.client.lsl.events import Event
 from grabberd.client.lsl.feeding import only_device
 from grabberd.client.lsl.outlets import Outlets
-from grabberd.errors import InputError, NotReady
+from grabberd.errors import GrabberdError, InputError, NotReady
 
 
 class Scripted:
@@ -50,6 +52,44 @@ def told_by(*answers: Any, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     daemon, outlets = Scripted(*answers), Heard()
     feeding._tell_events(cast("Daemon", daemon), cast("Outlets", outlets), daemon.stopped)
     return [event.name for event in outlets.told]
+
+
+def fed(*answers: Exception | int, monkeypatch: pytest.MonkeyPatch) -> tuple[int, list[str]]:
+    """Number of fields pushed, and what was said, as the daemon streams so many fields or fails, in turn."""
+    stopped, waiting, said, pushed = threading.Event(), list(answers), list[str](), list[int]()
+
+    def stream(*_: object) -> Iterator[int]:
+        answer = waiting.pop(0)
+        if not waiting:
+            stopped.set()
+        if isinstance(answer, Exception):
+            raise answer
+        yield from range(answer)
+        raise NotReady("it has ended", "start it again")
+
+    monkeypatch.setattr(feeding, "follow_points", stream)
+    monkeypatch.setattr(feeding, "AGAIN_S", 0)
+    monkeypatch.setattr(feeding, "_tell_events", lambda *_: None)
+    outlets = SimpleNamespace(device="north", begin=lambda: None, push=pushed.append)
+    feeding.feed(cast("Daemon", None), cast("Outlets", outlets), said.append, stopped)
+    return len(pushed), said
+
+
+def test_a_daemon_that_is_started_again_is_followed_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    away, refused = NotReady("nobody answers", "start one"), GrabberdError("too many streams", "close some")
+    pushed, said = fed(away, away, 3, away, refused, 1, monkeypatch=monkeypatch)
+    assert pushed == 4
+    assert said == [
+        "nobody answers; start one",
+        "it has ended; start it again",
+        "nobody answers; start one",
+        "too many streams; close some",
+    ]
+
+
+def test_one_that_refuses_from_the_beginning_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(GrabberdError, match="expired"):
+        fed(GrabberdError("the token has expired", "make another"), 1, monkeypatch=monkeypatch)
 
 
 def state(**fields: int) -> dict[str, Any]:

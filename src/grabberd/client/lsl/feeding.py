@@ -49,19 +49,25 @@ def feed(daemon: Daemon, outlets: Outlets, say: Callable[[str], None], stopped: 
         outlets: Outlets of one of its devices.
         say: Told what goes wrong, once for each reason.
         stopped: Ends it.
+
+    Raises:
+        GrabberdError: The daemon refuses to stream points, and has not done so before.
     """
     asking = threading.Thread(target=_tell_events, args=(daemon, outlets, stopped), daemon=True)
     asking.start()
     said: str | None = None
+    answered = False
     while not stopped.is_set():
         outlets.begin()
         try:
             for one in follow_points(daemon, outlets.device):
                 outlets.push(one)
-                said = None
+                said, answered = None, True
                 if stopped.is_set():
                     return
-        except NotReady as error:
+        except GrabberdError as error:
+            if not (answered or isinstance(error, NotReady)):
+                raise
             if error.message != said:
                 say(f"{error.message}; {error.hint}")
             said = error.message
