@@ -23,7 +23,7 @@ SITE := src/grabberd/web/site/index.html
 SITE_SOURCES = README.md CHANGELOG.md $(shell find docs src/grabberd/public -name '*.md' -o -name '*.ipynb' -o -name '*.py' -o -name '*.png' -o -name '*.svg')
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto ffmpeg screenshots test-vm test-wheel test-pythons sizes test-install test-deb test-container wheel sdist deb check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs site format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto ffmpeg promtool screenshots test-vm test-wheel test-pythons sizes test-install test-deb test-container wheel sdist deb check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs site format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -53,7 +53,7 @@ check-page: npm  ## the page's modules against the types of the API
 types: npm  ## the page's types, from docs/reference/openapi.json
 	@! command -v npm >/dev/null || { $(MAKE) --no-print-directory $(NODE) && npm run --silent types; }
 
-pytest: $(READY) browser mosquitto ffmpeg  ## the tests alone, on all processors
+pytest: $(READY) browser mosquitto ffmpeg promtool  ## the tests alone, on all processors
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 test-browser: $(READY) browser  ## the operator's page in a real browser, before a real daemon
@@ -79,6 +79,13 @@ ffmpeg:
 	@{ command -v ffmpeg && command -v ffprobe; } >/dev/null || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
 	  && { apt-get install --yes --no-install-recommends ffmpeg || { apt-get update && apt-get install --yes --no-install-recommends ffmpeg; }; } ; } \
 	  || echo "*** FFmpeg is missing, so interlaced videos are NOT tested: sudo apt-get install ffmpeg ***"
+
+# Unpacked, not installed: Debian's package would start a Prometheus of its own.
+promtool:
+	@command -v promtool >/dev/null || test -x $(VENV)/promtool/usr/bin/promtool || { command -v apt-get >/dev/null \
+	  && mkdir -p $(VENV)/promtool && cd $(VENV)/promtool && apt-get download --quiet=2 prometheus \
+	  && dpkg-deb --fsys-tarfile prometheus_*.deb | tar x ./usr/bin/promtool && rm prometheus_*.deb ; } \
+	  || echo "*** promtool is missing, so alert rules and dashboard are NOT tested: sudo apt-get install prometheus ***"
 
 npm:
 	@command -v npm >/dev/null || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \

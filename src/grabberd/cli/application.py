@@ -39,7 +39,7 @@ COMMANDS: Mapping[str, str] = {
     "new": "new",
 }
 """Commands, by name, and the modules in which they are."""
-GROUPS = ("jobs", "profile", "token", "storage")
+GROUPS = ("jobs", "outlet", "profile", "token", "storage")
 """Groups of commands, a module each."""
 
 
