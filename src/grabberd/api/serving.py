@@ -5,6 +5,7 @@ import contextlib
 import logging
 import socket
 import ssl
+import sys
 import threading
 from pathlib import Path
 from types import FrameType
@@ -58,6 +59,8 @@ class BeatingServer(uvicorn.Server):
         super().__init__(config)
         self._heartbeat = heartbeat
         self.forced_end: ForcedEnd | None = None
+        self.greeting = ""
+        """Line for the person who started it, printed once it serves."""
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Handles a signal to end."""
@@ -70,6 +73,8 @@ class BeatingServer(uvicorn.Server):
         await super().startup(sockets)
         for one in sockets or ():
             one.listen(WAITING)
+        if self.started and self.greeting:
+            print(self.greeting, file=sys.stderr, flush=True)
 
     async def main_loop(self) -> None:
         """Serves until it is told to stop."""

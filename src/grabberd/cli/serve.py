@@ -45,7 +45,7 @@ def serve(
     notifier = Notifier.from_environment(os.environ)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     keep_freed_memory()
-    set_up_logging()
+    for_person = set_up_logging()
     descriptors = raise_limit()
     settings = load(config)
     file: Path = config or default_config_file()
@@ -76,5 +76,8 @@ def serve(
     )
     heartbeat = Heartbeat(notifier, service.liveness)
     server = serving.server_of(create_app(service, front), front, context, heartbeat)
+    address = sockets.to_open(listening, "https" if context else "http", http.hosts)
+    if for_person and address:
+        server.greeting = f"Open {address}"
     if not serving.run(server, listening):
         raise typer.Exit(1)
