@@ -8,7 +8,7 @@ SECONDS=0
 progress() {
     awk '
         function say(text) { print "  " text; fflush() }
-        /^Collecting / { if (packages++ % 15 == 0) say("fetching packages, from number " packages) }
+        /^Collecting / { if (packages++ % 15 == 0) say("fetching package " packages " of about 45") }
         /^Building wheels?|Building editable/ { if (!built++) say("building grabberd itself, with its kernel in C") }
         /^Installing collected packages/ { say("unpacking " NF - 3 " packages, without a word for a while") }
     '

@@ -60,16 +60,20 @@ class Problem(NamedTuple):
         return f"{self.file}: {self.key}: {self.message}"
 
 
+WHOLE_FILE = "(file)"
+"""Key of a problem that the file has as a whole."""
+
+
 class ConfigError(GrabberdError):
     """The configuration is invalid; `problems` lists everything that is wrong with it."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         count = f"{len(problems)} problem" + ("" if len(problems) == 1 else "s")
         listing = "\n".join(f"  {problem}" for problem in problems)
-        super().__init__(
-            f"the configuration has {count}:\n{listing}",
-            "fix these keys; 'grabberd check-config FILE' checks without starting anything",
-        )
+        hint = "fix these keys; 'grabberd check-config FILE' checks without starting anything"
+        if all(problem.key == WHOLE_FILE for problem in problems):
+            hint = "name a configuration file (YAML); 'grabberd check-config FILE' checks one"
+        super().__init__(f"the configuration has {count}:\n{listing}", hint)
         self.problems = tuple(problems)
 
 

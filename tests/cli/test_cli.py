@@ -176,8 +176,32 @@ def test_problems_of_devices_loggers_and_mqtt_are_named_together(tmp_path):
         "mqtt: {host: broker}\n"
     )
     problems = {problem.key for problem in run("check-config", file).exception.problems}
-    assert {"devices.one.options", "loggers.vacuum.options"} <= problems
+    assert {"devices.one.driver", "loggers.vacuum.driver"} <= problems
     assert any(key.startswith(("mqtt", "site")) for key in problems)
+
+
+def test_a_wrong_key_hides_neither_an_unknown_driver_nor_a_wrong_option(tmp_path):
+    file = tmp_path / "grabberd.yaml"
+    file.write_text(
+        "devices:\n"
+        "  one: {driver: nonsuch, focal: 3}\n"
+        "  two: {driver: fake, options: {speed: 3, scene: moon}, rig: {distance: 240}}\n"
+        "  three: {driver: replay, options: {pth: fields, rate: 3}}\n"
+        "loggers: {vacuum: {driver: serial, options: {baud: 3}, chanels: {}}}\n"
+    )
+    problems = [(one.key, one.message) for one in run("check-config", file).exception.problems]
+    assert {key for key, _ in problems} == {
+        "devices.one.focal",
+        "devices.one.driver",
+        "devices.two.rig.distance",
+        "devices.two.options",
+        "devices.three.options",
+        "loggers.vacuum.channels",
+        "loggers.vacuum.chanels",
+        "loggers.vacuum.options",
+    }
+    options = {message.partition(":")[0] for key, message in problems if key.endswith(".options")}
+    assert options >= {"speed", "scene", "pth", "rate", "path", "baud"}
 
 
 def test_the_shipped_configuration_is_good() -> None:
