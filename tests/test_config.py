@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from grabberd.config import (
+    HttpConfig,
     default_config_file,
     default_state_directory,
     load_config,
@@ -146,7 +147,11 @@ def test_a_path_that_leads_nowhere_is_a_problem_of_its_key(tmp_path: Path, name:
 
 
 def test_a_file_without_keys_is_told_in_plain_words(tmp_path: Path) -> None:
-    for text, says in (("", "grabberd.yaml is empty: "), ("# later\n", "is empty: "), ("- a\n", "has no keys")):
+    for text, says in (
+        ("", "grabberd.yaml is empty: "),
+        ("# later\n", "is empty: "),
+        ("- a\n", "has no keys"),
+    ):
         assert says in problems_of(tmp_path, text)["(file)"]
 
 
@@ -204,3 +209,24 @@ def test_a_configuration_without_problems_is_sound_as_a_whole(tmp_path: Path) ->
     file = tmp_path / "grabberd.yaml"
     file.write_text(MINIMAL)
     assert load_sound_part(file).config == load_config(file)
+
+
+@pytest.mark.parametrize(
+    ("http", "url"),
+    [
+        ({}, "http://127.0.0.1:8050"),
+        ({"port": 8051}, "http://127.0.0.1:8051"),
+        ({"host": "0.0.0.0", "hosts": ["barn.local"]}, "http://127.0.0.1:8050"),
+        ({"host": "::", "port": 80}, "http://[::1]:80"),
+        ({"host": "192.168.1.5"}, "http://192.168.1.5:8050"),
+        ({"host": "0.0.0.0", "tls": True}, "https://127.0.0.1:8050"),
+        ({"host": "0.0.0.0", "tls": True, "hosts": ["barn.local"]}, "https://barn.local:8050"),
+    ],
+)
+def test_programs_on_this_computer_find_the_daemon_at_its_configured_address(
+    tmp_path: Path, http: dict[str, object], url: str
+) -> None:
+    (tmp_path / "pem").touch()
+    if http.pop("tls", False):
+        http["tls"] = {"certificate": str(tmp_path / "pem"), "key": str(tmp_path / "pem")}
+    assert HttpConfig.model_validate(http).url == url

@@ -14,7 +14,7 @@ progress() {
     '
 }
 
-echo "Installing NumPy, OpenCV, SciPy, FastAPI, Matplotlib and what these need: about 50 packages, 200 MB to download."
+echo "Installing NumPy, OpenCV, SciPy, FastAPI, Matplotlib and what these need: about 45 packages, half a gigabyte."
 echo "This takes one to three minutes, once, most of it the download. Details: $log"
 if ! "$python" -m pip install --disable-pip-version-check --no-input --progress-bar off \
     --constraint constraints.txt --editable '.[report]' 2>&1 | tee "$log" | progress; then

@@ -277,6 +277,13 @@ class StorageError(GrabberdError):
         self.cause = cause
 
 
+NO_PERMISSION = (
+    "run it as the user whose folder that is, such as the daemon's: sudo -u grabberd grabberd …; or use a "
+    "folder of your own (storage.directory in the configuration, or STATE_DIRECTORY)"
+)
+"""Hint where a file or folder belongs to another user."""
+
+
 class IndexRebuilding(StorageError):
     """The index of captures is being rebuilt at this moment."""
 

@@ -360,3 +360,29 @@ def test_importing_the_server_stays_light() -> None:
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
+
+
+def test_a_folder_in_place_of_a_capture_is_called_one(tmp_path: Path) -> None:
+    result = typed("export", tmp_path, "--out", tmp_path / "out")
+    assert f"{tmp_path} is a folder, not a capture file" in result.stderr
+
+
+def test_a_backup_that_is_not_there_is_not_called_damaged(tmp_path: Path) -> None:
+    result = typed("restore", tmp_path / "nowhere.zip")
+    assert "there is no backup" in result.stderr
+
+
+def test_another_user_s_state_is_told_with_whom_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object) -> None:
+        raise PermissionError(13, "Permission denied", "/var/lib/grabberd/state.sqlite")
+
+    monkeypatch.setattr("grabberd.cli.token._access", refused)
+    result = typed("token", "list")
+    assert result.returncode == 1
+    assert "no permission for /var/lib/grabberd/state.sqlite" in result.stderr
+    assert "sudo -u grabberd" in result.stderr
+
+
+def test_without_words_the_first_steps_are_shown_and_a_slip_is_answered_with_the_nearest_command() -> None:
+    assert "First steps:" in run().output
+    assert "Did you mean 'calibrate'" in run("calibarte").output

@@ -60,7 +60,7 @@ def bind(host: str, port: int) -> list[socket.socket]:
 
 def _refused(host: str, port: int, error: OSError) -> Conflict:
     """The error for an address that cannot be bound, with what to do about its reason."""
-    other = "serve on another one: grabberd serve --port N, make run PORT=N, or http.port in the configuration"
+    other = "serve on another: grabberd serve --port N, make run PORT=N, or http.port in the configuration"
     if error.errno == errno.EADDRINUSE:
         return Conflict(
             f"port {port} of {host} is in use: another program listens there, perhaps a grabberd that runs "

@@ -1,4 +1,4 @@
-"""The sound part of a configuration that has problems, so that drivers and files are checked in the same round."""
+"""The sound part of a configuration with problems: drivers and files are checked in the same round."""
 
 from collections.abc import Mapping
 from pathlib import Path
