@@ -32,7 +32,7 @@ WEBSOCKET_BYTES = 65_536
 """Enough for any client message: clients have nothing to send on the preview's WebSocket."""
 SHUTDOWN_S = 3
 """Time for responses to end; captures are sealed meanwhile."""
-GREETING_AFTER_S = 1.5
+GREETING_AFTER_S = 3.0
 WAITING = 1024
 """Connections that the kernel keeps until they are accepted."""
 
