@@ -28,9 +28,10 @@ ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
 
-run: $(RUNS)  ## start the daemon on the simulated grabber at http://127.0.0.1:8050
+run: $(RUNS)  ## start the daemon on the simulated grabber at http://127.0.0.1:8050 (PORT=8051: at another one)
 	@STATE_DIRECTORY="$(abspath $(STATE))" GRABBERD_URL= $(BIN)/grabberd profile import --examples >/dev/null
-	STATE_DIRECTORY="$(abspath $(STATE))" exec $(BIN)/grabberd serve
+	@echo "Starting the daemon on the simulated grabber; its captures are in $(STATE)/. Ctrl-C ends it."
+	@STATE_DIRECTORY="$(abspath $(STATE))" exec $(BIN)/grabberd serve $(if $(PORT),--port $(PORT))
 
 # Checks and installations wait for the disk, the network and each other's single processes: side by side they leave no
 # processor idle. The tests come after them, alone: they keep all processors at work by themselves.
@@ -211,10 +212,9 @@ clean:  ## remove what make made, but no captures
 
 INSTALLED_FROM := pyproject.toml constraints.txt hatch_build.py $(wildcard src/grabberd/kernel/*.[ch])
 
-# What running needs, with pip's own account of how far it is; the tests need more than twice as much.
+# What running needs; the tests need more than twice as much.
 $(RUNS): $(INSTALLED_FROM) | $(VENV)/made
-	@echo "Setting up $(VENV), once: packages and the compiled kernel."
-	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt --editable '.[report]'
+	@bash tools/set_up.sh $(BIN)/python $(VENV)/set-up.log
 	@touch $@
 
 $(READY): $(INSTALLED_FROM) | $(VENV)/made
@@ -225,7 +225,8 @@ $(VENV)/made:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is missing: sudo apt-get install python3 python3-venv"; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "$(PYTHON) is older than 3.11: sudo apt-get install python3.11"; exit 1; }
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { echo "the venv module is missing: sudo apt-get install python3-venv"; exit 1; }
-	$(PYTHON) -m venv $(VENV)
+	@echo "Making $(VENV), the program's own folder of Python packages; nothing outside of this folder changes."
+	@$(PYTHON) -m venv $(VENV)
 	@touch $@
 
 $(PEERS)/ready: tests/bench/peers/peers.txt

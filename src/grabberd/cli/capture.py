@@ -6,7 +6,6 @@ from typing import Annotated, Any
 import typer
 
 from grabberd.cli.options import (
-    DEFAULT_URL,
     VERDICTS,
     ConfigOption,
     DriverOption,
@@ -14,17 +13,17 @@ from grabberd.cli.options import (
     TokenFileOption,
     check_absent,
     check_folder,
+    daemon_url,
     driver_options,
     group_file,
     labels_of,
     load,
+    out_file,
     print_json,
     warn,
 )
 
-"""Length of a field; the API counts the length of an armed capture in fields from its trigger."""
-
-OutOption = Annotated[Path, typer.Option("--out", "-o", help="Capture file to write, NAME.grab.")]
+OutOption = Annotated[Path, out_file("the capture, NAME.grab")]
 DeviceOption = Annotated[
     str | None, typer.Option(help="A configured device, or replay:PATH to play back a recording instead.")
 ]
@@ -56,7 +55,13 @@ GroupOption = Annotated[
 ]
 ThroughOption = Annotated[
     str | None,
-    typer.Option("--url", help="Record through the daemon at this address.", envvar="GRABBERD_URL"),
+    typer.Option(
+        "--url",
+        help="Record through the daemon at this address; for --armed and --together, by default, that "
+        "of the configuration.",
+        envvar="GRABBERD_URL",
+        show_default=False,
+    ),
 ]
 
 
@@ -103,7 +108,7 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     if option and (group_devices or url or armed):
         raise typer.BadParameter("--option is for a device that no daemon holds")
     if group_devices or url or armed:
-        daemon = (url or DEFAULT_URL, token_file)
+        daemon = (daemon_url(url, config), token_file)
         document = _capture_through(daemon, group_devices, device, request, out)
     else:
         from grabberd.cli.direct_capture import capture_directly  # noqa: PLC0415

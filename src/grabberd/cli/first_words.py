@@ -1,7 +1,7 @@
 """The first words of a daemon started at a terminal: where everything is, and what is lacking."""
 
 import importlib.util
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 from grabberd import __version__
@@ -22,16 +22,14 @@ def is_installed(module: str) -> bool:
 
 
 def first_words(
-    addresses: Sequence[str],
+    address: str,
     config: Path,
     is_default: bool,
     captures: Path,
     has: Callable[[str], bool] = is_installed,
 ) -> str:
-    """A few lines: the page, documentation, configuration and captures, and what is not installed."""
-    lines = [f"grabberd {__version__} ({in_use()})"]
-    for address in addresses:
-        lines += [f"  page           {address}", f"  documentation  {address}/docs"]
+    """A few lines: documentation, configuration, captures, what is not installed, the address to open."""
+    lines = [f"grabberd {__version__} ({in_use()})", f"  documentation  {address}/docs"]
     of_default = " (the simulated grabber; for a real one, copy v4l2.yaml beside it and give --config)"
     lines.append(f"  configuration  {config}{of_default if is_default else ''}")
     lines.append(f"  captures       {captures}")
@@ -39,4 +37,4 @@ def first_words(
     if missing:
         lacking = ", ".join(PARTS[extra][1] for extra in missing)
         lines.append(f"  not installed  {lacking}: pip install 'grabberd[{','.join(missing)}]'")
-    return "\n".join([*lines, "Ctrl-C ends it."])
+    return "\n".join([*lines, "Ctrl-C ends it.", f"Open {address}"])

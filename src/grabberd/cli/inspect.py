@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from grabberd.cli.options import DriverOption, JsonOption, driver_options, print_result
+from grabberd.cli.options import DriverOption, JsonOption, driver_options, out_file, print_result
 from grabberd.errors import GrabberdError, InputError, StorageError, StreamEnded, StreamFailed
 
 if TYPE_CHECKING:
@@ -32,9 +32,7 @@ def inspect(
         float | None,
         typer.Option(min=0.1, max=1000, help="Pictures a second of a folder, or of a video that says none."),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="New file for a configuration that fits the pictures.")
-    ] = None,
+    out: Annotated[Path | None, out_file("a configuration that fits the pictures")] = None,
     json: JsonOption = False,
 ) -> None:
     """Look at size, lines, views and targets of pictures, and write a configuration that fits them.

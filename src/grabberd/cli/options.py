@@ -21,6 +21,15 @@ ConfigOption = Annotated[
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for scripts instead of text.")]
 UrlOption = Annotated[str, typer.Option("--url", help="Address of the daemon.", envvar="GRABBERD_URL")]
+ConfiguredUrlOption = Annotated[
+    str | None,
+    typer.Option(
+        "--url",
+        help="Address of the daemon; default: that in the configuration.",
+        envvar="GRABBERD_URL",
+        show_default=False,
+    ),
+]
 TokenFileOption = Annotated[
     Path | None,
     typer.Option(
@@ -38,6 +47,18 @@ DriverOption = Annotated[
         metavar="KEY=VALUE",
     ),
 ]
+
+
+def out_file(what: str) -> Any:
+    """The option of every command that writes a file; nothing is overwritten."""
+    return typer.Option("--out", "-o", help=f"New file to write: {what}.", show_default=False)
+
+
+def out_folder(what: str) -> Any:
+    """The option of every command that writes a folder."""
+    return typer.Option("--out", "-o", help=f"New or empty folder to write: {what}.", show_default=False)
+
+
 LineJitterOption = Annotated[
     float | None,
     typer.Option("--line-jitter-px", min=0, max=2, help="Line jitter assumed; default: the capture's."),
@@ -72,6 +93,13 @@ def load(config: Path | None) -> "Config":
     from grabberd.config import default_config_file, load_config  # noqa: PLC0415
 
     return load_config(config or default_config_file())
+
+
+def daemon_url(url: str | None, config: Path | None) -> str:
+    """Address of the daemon: the one given, or that in the configuration."""
+    if url is not None or config is None:
+        return url or DEFAULT_URL
+    return load(config).http.url
 
 
 def with_device(

@@ -46,7 +46,7 @@ def serve(
     notifier = Notifier.from_environment(os.environ)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     keep_freed_memory()
-    set_up_logging()
+    for_person = set_up_logging()
     descriptors = raise_limit()
     settings = load(config)
     file: Path = config or default_config_file()
@@ -77,9 +77,9 @@ def serve(
     )
     heartbeat = Heartbeat(notifier, service.liveness)
     server = serving.server_of(create_app(service, front), front, context, heartbeat)
-    if sys.stderr.isatty():
-        addresses = [sockets.describe(one, "https" if http.tls else "http") for one in listening]
+    address = sockets.to_open(listening, "https" if context else "http", http.hosts)
+    if for_person and address:
         captures = (settings.storage.directory or settings.state_directory) / "captures"
-        print(first_words(addresses, file, config is None, captures), file=sys.stderr)
+        server.greeting = first_words(address, file, config is None, captures)
     if not serving.run(server, listening):
         raise typer.Exit(1)

@@ -87,7 +87,9 @@ def _device(name: str, config: DeviceConfig, file: Path, problems: list[Problem]
     def attempt(key: str, make: Callable[[], T]) -> T | None:
         try:
             return make()
-        except (InputError, DriverMissing) as error:
+        except DriverMissing as error:
+            key, messages = "driver", [f"{error.message}; {error.hint}"]
+        except InputError as error:
             messages = [f"{error.message}; {error.hint}"]
         except ValueError as error:
             messages = str(error).splitlines()
