@@ -1,4 +1,4 @@
-"""A kit works from the first minute: it is made, installed, tested, and takes a capture, in an empty folder."""
+"""A kit works from the first minute: made in an empty folder, installed, tested, and taking a capture."""
 
 import json
 import os
@@ -30,7 +30,7 @@ def make(*words: object) -> Result:
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """Runs Python in a new environment, in which grabberd is as it is here and nothing comes from a network."""
+    """Runs Python in a new environment, with grabberd as it is here and nothing from a network."""
     pytest.importorskip("hatchling", reason="pip install 'grabberd[test]'")
     folder = tmp_path_factory.mktemp("environment")
     venv.create(folder, with_pip=True, system_site_packages=True, symlinks=True)
@@ -94,11 +94,17 @@ def test_a_capture_is_complete_with_it(
     )
     document = json.loads(said)
     assert document["verdict"] == "complete", said
-    if kind == "locator":
-        with CaptureReader.open(out) as capture:
-            points = capture.run(1)
     if kind == "logger":
-        assert [one["name"] for one in document["channels"]["channels"]] == ["pulsation"]
+        assert document["channels"] | {"in_words": ""} == {
+            "names": ["pulsation"],
+            "verdict": "complete",
+            "in_words": "",
+        }
+    if kind == "locator":
+        (measured,) = document["runs"]
+        assert measured["coverage"]["verdict"] == "measured_well"
+        with grabberd.open(out) as capture:
+            assert capture.meta.config["location"]["method"] == "barn_locator"
 
 
 @pytest.mark.slow

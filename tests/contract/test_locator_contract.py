@@ -1,6 +1,5 @@
 """The program's locators keep what `grabberd.testing` asks of one, each as far as it was made for."""
 
-from collections.abc import Iterator
 from importlib import import_module
 
 import numpy as np
@@ -86,11 +85,11 @@ class TestVernierAtOneBit(AtOneBit):
 
 
 @pytest.fixture
-def short() -> Iterator[LocationSettings]:
+def short() -> LocationSettings:
     def first_alone(seen: Seen) -> Located:
         return Located(seen.centroids[:1], np.ones((1, 2)))
 
-    yield LocationSettings(method="short", locator=first_alone)
+    return LocationSettings(method="short", locator=first_alone)
 
 
 def test_a_locator_that_leaves_components_out_is_named(short: LocationSettings) -> None:

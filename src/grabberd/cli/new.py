@@ -18,7 +18,7 @@ KITS = Path(__file__).parent / "kits"
 """Templates of the packages' files, a folder for each kind; NAME and PACKAGE in their paths are replaced."""
 SUFFIX = ".template"
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
-_GROUPS: Mapping[Kind, str] = {
+_KINDS: Mapping[Kind, str] = {
     "driver": "driver of a grabber",
     "logger": "driver of a logger",
     "locator": "locator",
@@ -33,7 +33,7 @@ def new(
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Write a package to begin a driver, a logger or a locator with: it works, and its tests are the contract's.
+    """Write a package to begin a driver, a logger or a locator with: it works, and runs the contract's tests.
 
     Example: grabberd new driver mycard
 
@@ -52,7 +52,8 @@ def new(
             file = folder / path
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(text, encoding="utf-8")
-    said = f"{folder}: a {_GROUPS[kind]} that works; go on with\n  pip install -e '{folder}[test]'\n  pytest {folder}"
+    said = f"{folder}: a {_KINDS[kind]} that works; go on with"
+    said += f"\n  pip install -e '{folder}[test]'\n  pytest {folder}"
     print_result({"folder": str(folder), "files": sorted(made)}, said, as_json=json)
 
 
@@ -70,7 +71,7 @@ def files(kind: Kind, words: Mapping[str, str]) -> Iterator[tuple[str, str]]:
 
 
 def words_of(name: str) -> dict[str, str]:
-    """What the templates call by other words, from the name."""
+    """Words that the templates are filled with, from the name."""
     from grabberd.config import shipped_configs  # noqa: PLC0415 - loads pydantic
 
     return {
