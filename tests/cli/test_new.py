@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import venv
@@ -16,6 +17,7 @@ import grabberd_fake
 from grabberd.cli.app import app
 from grabberd.errors import GrabberdError, InputError, StorageError
 
+ROOT = Path(__file__).parents[2]
 KINDS = ("driver", "logger", "locator")
 Run = Callable[..., str]
 
@@ -170,3 +172,20 @@ def test_nothing_is_written_over(tmp_path: Path) -> None:
     make("driver", "mycard", "--out", tmp_path / "kit")
     with pytest.raises((InputError, StorageError)):
         make("driver", "mycard", "--out", tmp_path / "kit")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_guide_has_the_commands_of_the_kit(kind: str, tmp_path: Path) -> None:
+    guide = (ROOT / "docs" / "howto" / f"write-a-{kind}.md").read_text()
+    (name,) = re.findall(rf"^    grabberd new {kind} (\w+)", guide, re.MULTILINE)
+    make(kind, name, "--out", tmp_path / "kit")
+    readme = (tmp_path / "kit" / "README.md").read_text()
+    assert set(commands(readme)) <= set(commands(guide))
+    files = {path.name for path in (tmp_path / "kit").rglob("*")}
+    assert set(re.findall(r"`(\w+\.py)`", guide)) <= files
+
+
+def commands(page: str) -> list[str]:
+    """The commands in a page's indented blocks, without comments."""
+    lines = re.findall(r"^    ((?:pip|pytest|grabberd) ?.*)$", page, re.MULTILINE)
+    return [line.split("   #")[0].strip() for line in lines]

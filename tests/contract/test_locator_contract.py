@@ -1,4 +1,8 @@
-"""The program's locators keep what `grabberd.testing` asks of one, each as far as it was made for."""
+"""The program's locators keep what `grabberd.testing` asks of one, each as far as it was made for.
+
+Left out are those kept for comparison whose σ does not hold on these discs at 8 bits (χ² on a field of top lines,
+on a progressive picture): correlation 11.2, 4.6; tian-huhns .59, .18; vernier .71, .34.
+"""
 
 from importlib import import_module
 
