@@ -1,7 +1,7 @@
 """The program's locators keep what `grabberd.testing` asks of one, each as far as it was made for.
 
-Left out are those kept for comparison whose σ does not hold on these discs at 8 bits (χ² on a field of top lines,
-on a progressive picture): correlation 11.2, 4.6; tian-huhns .59, .18; vernier .71, .34.
+Left out are those kept for comparison whose σ does not hold on these discs at 8 bits (χ² on a field of top
+lines, on a progressive picture): correlation 11.2, 4.6; tian-huhns .59, .18; vernier .71, .34.
 """
 
 from importlib import import_module
