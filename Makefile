@@ -12,6 +12,8 @@ SYSTEM_PYTHON ?= /usr/bin/python3
 STATE ?= .state
 PEERS := .venv-bench
 WHEELS := build/wheel
+SOURCES := build/source
+DEB := dist/deb
 # One more than there are processors: tests of whole daemons and of the page wait for half of their time.
 WORKERS ?= $(shell expr $$(nproc) + 1)
 NODE := node_modules/ready
@@ -21,14 +23,15 @@ SITE := src/grabberd/web/site/index.html
 SITE_SOURCES = README.md CHANGELOG.md $(shell find docs src/grabberd/public -name '*.md' -o -name '*.ipynb' -o -name '*.py' -o -name '*.png' -o -name '*.svg')
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs site format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto ffmpeg promtool screenshots test-vm test-wheel test-pythons sizes test-install test-deb test-container wheel sdist deb check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs site format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
 
-run: $(RUNS)  ## start the daemon on the simulated grabber at http://127.0.0.1:8050
+run: $(RUNS)  ## start the daemon on the simulated grabber at http://127.0.0.1:8050 (PORT=8051: at another one)
 	@STATE_DIRECTORY="$(abspath $(STATE))" GRABBERD_URL= $(BIN)/grabberd profile import --examples >/dev/null
-	STATE_DIRECTORY="$(abspath $(STATE))" exec $(BIN)/grabberd serve
+	@echo "Starting the daemon on the simulated grabber; its captures are in $(STATE)/. Ctrl-C ends it."
+	@STATE_DIRECTORY="$(abspath $(STATE))" exec $(BIN)/grabberd serve $(if $(PORT),--port $(PORT))
 
 # Checks and installations wait for the disk, the network and each other's single processes: side by side they leave no
 # processor idle. The tests come after them, alone: they keep all processors at work by themselves.
@@ -51,7 +54,7 @@ check-page: npm  ## the page's modules against the types of the API
 types: npm  ## the page's types, from docs/reference/openapi.json
 	@! command -v npm >/dev/null || { $(MAKE) --no-print-directory $(NODE) && npm run --silent types; }
 
-pytest: $(READY) browser mosquitto  ## the tests alone, on all processors
+pytest: $(READY) browser mosquitto ffmpeg promtool  ## the tests alone, on all processors
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 test-browser: $(READY) browser  ## the operator's page in a real browser, before a real daemon
@@ -73,6 +76,18 @@ mosquitto:
 	  && { apt-get install --yes --no-install-recommends mosquitto || { apt-get update && apt-get install --yes --no-install-recommends mosquitto; }; } ; } \
 	  || echo "*** mosquitto is missing, so the MQTT publisher is NOT tested: sudo apt-get install mosquitto ***"
 
+ffmpeg:
+	@{ command -v ffmpeg && command -v ffprobe; } >/dev/null || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
+	  && { apt-get install --yes --no-install-recommends ffmpeg || { apt-get update && apt-get install --yes --no-install-recommends ffmpeg; }; } ; } \
+	  || echo "*** FFmpeg is missing, so interlaced videos are NOT tested: sudo apt-get install ffmpeg ***"
+
+# Unpacked, not installed: Debian's package would start a Prometheus of its own.
+promtool:
+	@command -v promtool >/dev/null || test -x $(VENV)/promtool/usr/bin/promtool || { command -v apt-get >/dev/null \
+	  && mkdir -p $(VENV)/promtool && cd $(VENV)/promtool && apt-get download --quiet=2 prometheus \
+	  && dpkg-deb --fsys-tarfile prometheus_*.deb | tar x ./usr/bin/promtool && rm prometheus_*.deb ; } \
+	  || echo "*** promtool is missing, so alert rules and dashboard are NOT tested: sudo apt-get install prometheus ***"
+
 npm:
 	@command -v npm >/dev/null || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
 	  && { apt-get install --yes --no-install-recommends npm || { apt-get update && apt-get install --yes --no-install-recommends npm; }; } ; } \
@@ -81,15 +96,36 @@ npm:
 test-vm: $(READY)  ## driver and service under a real kernel and systemd, in a virtual machine (WRITE=1: results into docs/)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/vm $(if $(WRITE),--write-tables)
 
-test-wheel: wheel  ## build the wheel, install it into an empty environment, run one capture there
-	bash tests/wheel/install_and_capture.sh "$(PYTHON)" $(WHEELS)/grabberd-*.whl
+test-wheel: wheel sdist  ## install wheel and source archive, with a compiler and without, into an empty environment; capture there
+	@! ls $(WHEELS)/grabberd-*abi3*.whl >/dev/null 2>&1 || $(BIN)/abi3audit --strict $(WHEELS)/grabberd-*.whl
+	bash tests/wheel/install_and_capture.sh "$(PYTHON)" $(WHEELS)/grabberd-*.whl $(SOURCES)/grabberd-*.tar.gz
+
+test-pythons: wheel  ## the wheel in every Python from 3.11 on that this machine has
+	bash tests/wheel/every_python.sh $(WHEELS)/grabberd-*.whl
 
 test-install: wheel  ## pack a bundle, install it into an empty root without internet, upgrade and remove it there
 	WHEEL=$$(echo $(WHEELS)/grabberd-*.whl) bash tests/systemd/bundle_and_install.sh "$(SYSTEM_PYTHON)" "$(BIN)/python"
 
-wheel: $(READY) site
+sizes: wheel  ## how large each package of an installation is, and which of them a daemon loads
+	@rm -rf build/sizes && $(PYTHON) -m venv build/sizes
+	@build/sizes/bin/python -m pip install --quiet --no-compile --constraint constraints.txt $(WHEELS)/grabberd-*.whl
+	@build/sizes/bin/python tests/wheel/sizes.py 2>/dev/null
+
+test-deb: $(READY)  ## make the Debian package twice, compare, ask lintian; install it into an empty root and capture there
+	@WHEEL= bash tests/systemd/make_and_check_deb.sh "$(SYSTEM_PYTHON)" $(BIN)/python
+
+test-container: $(READY)  ## build the image and run it, where podman or buildah can
+	@bash tests/container/build_and_run.sh $(BIN)/python
+
+wheel: $(READY) site  ## the wheel, tagged for the oldest glibc that its kernel runs with, into build/wheel
 	@rm -rf $(WHEELS)
-	@$(BIN)/python -m build --wheel --outdir $(WHEELS) . >$(VENV)/wheel.log 2>&1 || { cat $(VENV)/wheel.log; exit 1; }
+	@$(BIN)/python -m build --wheel --outdir $(WHEELS)/built . >$(VENV)/wheel.log 2>&1 || { cat $(VENV)/wheel.log; exit 1; }
+	@PATH="$(abspath $(BIN)):$$PATH" auditwheel --quiet repair --wheel-dir $(WHEELS) $(WHEELS)/built/*.whl >>$(VENV)/wheel.log 2>&1 \
+	  || { echo "wheel: tagged for computers like this one alone: $$(tail -1 $(VENV)/wheel.log)"; cp $(WHEELS)/built/*.whl $(WHEELS); }
+
+sdist: $(READY) site  ## the source archive, with the documentation's site, into build/source
+	@rm -rf $(SOURCES)
+	@$(BIN)/python -m build --sdist --outdir $(SOURCES) . >$(VENV)/source.log 2>&1 || { cat $(VENV)/source.log; exit 1; }
 
 check-units:  ## whether systemd accepts the units, and how exposed it finds the daemon
 	@systemd/check-units.sh
@@ -105,6 +141,12 @@ uninstall:  ## remove the service; captures and configuration stay
 
 bundle: $(READY)  ## pack wheels and installer for a computer without internet, into dist/
 	@bash systemd/bundle.sh $(BIN)/python dist
+
+deb: $(READY) wheel  ## make a Debian package, with what is in it (CycloneDX) and digests, into dist/deb
+	@rm -rf $(DEB)
+	@WHEEL=$$(echo $(WHEELS)/grabberd-*.whl) bash systemd/bundle.sh $(BIN)/python $(DEB)/bundle >/dev/null
+	@bash systemd/deb.sh $(DEB)/bundle/grabberd-*.tar.gz "$(SYSTEM_PYTHON)" $(DEB)
+	@rm -rf $(DEB)/bundle
 
 site: $(SITE)  ## build the documentation as a site, strictly; a daemon serves it at /docs
 
@@ -170,10 +212,9 @@ clean:  ## remove what make made, but no captures
 
 INSTALLED_FROM := pyproject.toml constraints.txt hatch_build.py $(wildcard src/grabberd/kernel/*.[ch])
 
-# What running needs, with pip's own account of how far it is; the tests need more than twice as much.
+# What running needs; the tests need more than twice as much.
 $(RUNS): $(INSTALLED_FROM) | $(VENV)/made
-	@echo "Setting up $(VENV), once: packages and the compiled kernel."
-	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt --editable '.[report]'
+	@bash tools/set_up.sh $(BIN)/python $(VENV)/set-up.log
 	@touch $@
 
 $(READY): $(INSTALLED_FROM) | $(VENV)/made
@@ -184,7 +225,8 @@ $(VENV)/made:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is missing: sudo apt-get install python3 python3-venv"; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "$(PYTHON) is older than 3.11: sudo apt-get install python3.11"; exit 1; }
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { echo "the venv module is missing: sudo apt-get install python3-venv"; exit 1; }
-	$(PYTHON) -m venv $(VENV)
+	@echo "Making $(VENV), the program's own folder of Python packages; nothing outside of this folder changes."
+	@$(PYTHON) -m venv $(VENV)
 	@touch $@
 
 $(PEERS)/ready: tests/bench/peers/peers.txt

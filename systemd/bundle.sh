@@ -21,7 +21,7 @@ bundle=$work/$name
 mkdir "$bundle"
 "$python" -m pip download --quiet --only-binary=:all: --constraint "$root/constraints.txt" --dest "$bundle/wheels" "$@" "$wheel[report,mqtt]"
 
-cp "$root/systemd/installer.sh" "$root/systemd/release_checks.py" "$root/constraints.txt" "$root/docs/howto/install.md" "$bundle"
+cp "$root"/systemd/{installer.sh,release.sh,release_checks.py} "$root/constraints.txt" "$root/docs/howto/install.md" "$bundle"
 "$python" -c 'import sys, platform as p; print("Python %d.%d on" % sys.version_info[:2], p.machine())' >"$bundle/made-for"
 tar --create --gzip --sort=name --owner=0 --group=0 --file "$output/$name.tar.gz" --directory "$work" "$name"
 echo "$output/$name.tar.gz ($(du -h "$output/$name.tar.gz" | cut -f1)); there: tar xf it, cd $name, sudo sh installer.sh"

@@ -15,77 +15,28 @@
 # HEALTH_S: how long a daemon that was started may take to answer.
 set -eu
 
-PREFIX=/opt/grabberd
-LIB=/usr/local/lib
-LINK=/usr/local/bin/grabberd
-CONFIG=/etc/grabberd/grabberd.yaml
-STATE=/var/lib/grabberd
-CACHE=/var/cache/grabberd
-UNITS="grabberd.socket grabberd.service"
 CHECKS="imports version configuration state"
 SWITCH="files stop backup switch units start health"
 INSTALL_STEPS="space packages $CHECKS $SWITCH"
 ROLLBACK_STEPS="$CHECKS $SWITCH"
 FIRST_RELEASE_KB=800000
-DESTDIR=${DESTDIR:-}
-PYTHON=${PYTHON:-/usr/bin/python3}
-HEALTH_S=${HEALTH_S:-60}
+PREFIX=/opt/grabberd
+LIB=/usr/local/lib
+LINK=/usr/local/bin/grabberd
 here=$(cd "$(dirname "$0")" && pwd)
-# The releases before and after; which of the changes that can be undone have been made.
-old='' new='' old_version='' new_version='' is_rollback='' is_stopped='' is_switched='' is_saved='' is_restored='' made='' state='' saved=''
+# Which of the changes that can be undone have been made; release.sh has more.
+is_stopped='' is_switched='' made=''
+# shellcheck source=release.sh
+. "$here/release.sh"
 
-say() { echo "grabberd: $*"; }
-fail() { echo "grabberd: $*" >&2; exit 1; }
-is_live() { [ "${LIVE:-}" = yes ] || { [ -z "$DESTDIR" ] && [ -d /run/systemd/system ]; }; }
 check_root() { [ -n "$DESTDIR" ] || [ "$(id -u)" = 0 ] || fail "only root can do this: sudo make install"; }
 
-# Every file of the system that is ours: where it goes, and where in the release it comes from.
-system_files() {
-    cat <<-END
-	$LIB/systemd/system/grabberd.service share/grabberd/systemd/grabberd.service
-	$LIB/systemd/system/grabberd.socket share/grabberd/systemd/grabberd.socket
-	$LIB/sysusers.d/grabberd.conf share/grabberd/systemd/sysusers.conf
-	$LIB/tmpfiles.d/grabberd.conf share/grabberd/systemd/tmpfiles.conf
-	$LIB/udev/rules.d/72-grabberd.rules driver/udev/72-grabberd.rules
-	$LIB/modprobe.d/grabberd.conf driver/modprobe/grabberd.conf
-	END
-}
-
-check_python() {
-    command -v "$PYTHON" >/dev/null || fail "$PYTHON is missing: apt-get install python3 python3-venv"
-    "$PYTHON" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || fail "$PYTHON is older than 3.11"
-    "$PYTHON" -c 'import venv, ensurepip' 2>/dev/null || fail "the venv module is missing: apt-get install python3-venv"
-    case $("$PYTHON" -c 'import os, sys; print(os.path.realpath(sys.executable))') in
-        /home/* | /root/* | /run/user/*)
-            fail "the daemon cannot see $PYTHON, which is in somebody's home: PYTHON=/usr/bin/python3" ;;
-    esac
-    [ ! -f "$here/made-for" ] || [ "$(cat "$here/made-for")" = "$(python_kind)" ] ||
-        fail "this bundle is for $(cat "$here/made-for"); $PYTHON is $(python_kind)"
-}
-
-python_kind() { "$PYTHON" -c 'import sys, platform as p; print("Python %d.%d on" % sys.version_info[:2], p.machine())'; }
-
-# ---- what a link of $PREFIX names, and what a release says of itself
+# ---- what a link of $PREFIX names
 
 release_of() { # current or previous: its release; nothing, if there is none
     target=$(readlink "$root/$1") || return 0
     [ ! -d "$root/$target" ] || echo "$root/$target"
 }
-
-# As the daemon runs it: the installed configuration, the state directory of the unit.
-program() { # RELEASE ARGUMENTS OF PYTHON
-    release=$1
-    shift
-    STATE_DIRECTORY="$DESTDIR$STATE" "$release/bin/python" "$@"
-}
-
-grabberd() { # RELEASE ARGUMENTS OF grabberd
-    release=$1
-    shift
-    program "$release" -c 'from grabberd.cli import main; main()' "$@"
-}
-
-version_of() { program "$1" -c 'import grabberd; print(grabberd.__version__)'; }
 
 # ---- the checks, while the release of before runs
 
@@ -98,29 +49,6 @@ step_space() {
         fail "$PREFIX has $((free_kb / 1000)) MB free, a release needs $((need_kb / 1000)) MB: make room there"
 }
 
-step_packages() { # into $new
-    "$PYTHON" -m venv "$new"
-    if [ -d "$here/wheels" ]; then
-        set -- "$here"/wheels/grabberd-*.whl "$here/constraints.txt" --no-index --find-links "$here/wheels"
-    else
-        [ -n "$source" ] || fail "name what to install, or take the installer of a bundle: make bundle"
-        set -- "$source" "$constraints"
-    fi
-    what=$1 versions=$2
-    shift 2
-    "$new/bin/python" -m pip install --quiet --disable-pip-version-check "$@" --constraint "$versions" "$what[report,mqtt]"
-    ln -s "$("$new/bin/python" -c 'import grabberd_v4l2 as d; print(d.__path__[0])' |
-        sed "s|^$new/||")" "$new/driver"
-    [ -z "$DESTDIR" ] || grep -rIl "$DESTDIR" "$new/bin" "$new/pyvenv.cfg" | xargs -r sed -i "s|$DESTDIR||g"
-}
-
-step_imports() { program "$new" "$here/release_checks.py" imports; }
-
-step_version() {
-    grabberd "$new" --version >/dev/null
-    new_version=$(version_of "$new")
-}
-
 # A configuration that the release of before refuses as well is not this one's fault.
 step_configuration() {
     [ -e "$DESTDIR$CONFIG" ] || return 0
@@ -129,19 +57,6 @@ step_configuration() {
         fail "$new_version does not accept $CONFIG; what it says stands above"
     say "$CONFIG is refused by $new_version, but also by $old_version"
 }
-
-step_state() {
-    state=$(program "$new" "$here/release_checks.py" state-directory "$DESTDIR$CONFIG" 2>/dev/null) || state=$STATE
-    case $state in "$DESTDIR"*) ;; *) state=$DESTDIR$state ;; esac
-    saved=$state/before-upgrade
-    [ -f "$state/state.sqlite" ] || return 0
-    ! opens "$state/state.sqlite" || return 0
-    [ -n "$is_rollback" ] && [ -f "$saved/state.sqlite" ] && opens "$saved/state.sqlite" ||
-        fail "$new_version cannot open $state/state.sqlite; what it says stands above"
-    is_restored=yes
-}
-
-opens() { program "$new" "$here/release_checks.py" state "$1"; } # whether the new release opens a copy of it
 
 # ---- the switch
 
@@ -172,24 +87,6 @@ step_stop() {
     ! is_live || [ -z "$old" ] || systemctl stop $UNITS
 }
 
-# Nobody writes the state now. With its journal, if a crash left one: together they are what they were.
-step_backup() {
-    [ -f "$state/state.sqlite" ] || return 0
-    as_owner rm -rf "$saved.new"
-    as_owner mkdir -m 700 "$saved.new"
-    for file in state.sqlite state.sqlite-journal; do
-        [ ! -f "$state/$file" ] || as_owner cp -p "$state/$file" "$saved.new/$file"
-    done
-    sync "$saved.new"/*
-    is_saved=yes
-}
-
-# In the daemon's own folder root does nothing that its user could not do.
-as_owner() {
-    owner=$(stat -c %U "$state")
-    if [ "$(id -u)" = 0 ] && [ "$owner" != root ]; then runuser -u "$owner" -- "$@"; else "$@"; fi
-}
-
 step_switch() {
     [ -z "$is_restored" ] || as_owner cp -p "$saved/state.sqlite" "$state/state.sqlite.new"
     is_switched=yes
@@ -198,52 +95,6 @@ step_switch() {
         mv -f "$DESTDIR$to.new" "$DESTDIR$to"
     done
     [ -z "$is_restored" ] || put_state "$state/state.sqlite.new"
-}
-
-put_state() { # FILE in place of state.sqlite, without the journal that belongs to another
-    as_owner rm -f "$state/state.sqlite-journal"
-    as_owner mv -f "$1" "$state/state.sqlite"
-}
-
-step_units() {
-    is_live || return 0
-    systemd-sysusers
-    systemd-tmpfiles --create grabberd.conf
-    reload
-    # shellcheck disable=SC2086
-    is_masked || systemctl enable --quiet $UNITS
-}
-
-reload() {
-    systemctl daemon-reload
-    if command -v udevadm >/dev/null; then
-        udevadm control --reload
-        udevadm trigger --subsystem-match=video4linux --subsystem-match=usb
-    fi
-}
-
-is_masked() { [ "$(systemctl is-enabled grabberd.service 2>/dev/null)" = masked ]; }
-
-step_start() {
-    is_live || return 0
-    if is_masked; then
-        say "grabberd.service is masked, so it is not started"
-    elif [ -z "$old" ]; then # nothing else could run in its place
-        # shellcheck disable=SC2086
-        systemctl start $UNITS || say "the daemon does not run yet: journalctl -u grabberd says why"
-    else
-        # shellcheck disable=SC2086
-        systemctl start $UNITS || fail "$new_version does not start: journalctl -u grabberd says why"
-    fi
-}
-
-step_health() {
-    ! is_live || [ -z "$old" ] || is_masked || answers "$new_version" ||
-        fail "$new_version does not answer within $HEALTH_S s: journalctl -u grabberd says why"
-}
-
-answers() { # VERSION: whether the daemon answers, and as that
-    "$PYTHON" "$here/release_checks.py" answers "$(systemctl show grabberd.socket -p Listen --value)" "$1" "$HEALTH_S"
 }
 
 # ---- all steps, or none
@@ -315,10 +166,7 @@ run_again() { # the old release, if it was stopped; how that went, in words
 settle() {
     [ -z "$old" ] || mv -T "$root/previous.new" "$root/previous"
     find "$root/releases" -mindepth 1 -maxdepth 1 ! -path "$new" ! -path "${old:-$new}" -exec rm -rf {} +
-    if [ -n "$is_saved" ]; then
-        as_owner rm -rf "$saved"
-        as_owner mv -T "$saved.new" "$saved"
-    fi
+    keep_saved
     forget_staged
 }
 

@@ -4,7 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.config import default_config_file, default_state_directory, load_config, shipped_configs
+from grabberd.config import (
+    HttpConfig,
+    default_config_file,
+    default_state_directory,
+    load_config,
+    load_sound_part,
+    shipped_configs,
+)
 from grabberd.errors import ConfigError
 
 MINIMAL = "devices: {one: {driver: fake}}\n"
@@ -30,7 +37,7 @@ def test_one_device_with_a_driver_is_enough(tmp_path: Path) -> None:
     file = tmp_path / "grabberd.yaml"
     file.write_text(MINIMAL)
     device = load_config(file).devices["one"]
-    assert (device.ring.slots, device.ring.bits, device.threshold.kind) == (32, 1, "automatic")
+    assert (device.ring.slots, device.ring.bits, device.threshold.kind) == (None, 1, "automatic")
 
 
 def test_relative_paths_count_from_the_file(tmp_path: Path) -> None:
@@ -137,3 +144,89 @@ def test_a_path_that_leads_nowhere_is_a_problem_of_its_key(tmp_path: Path, name:
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
     text = f'devices: {{a: {{driver: fake, calibration: "{name}"}}}}'
     assert any("calibration" in str(one) for one in problems_of(tmp_path, text))
+
+
+def test_a_file_without_keys_is_told_in_plain_words(tmp_path: Path) -> None:
+    for text, says in (
+        ("", "grabberd.yaml is empty: "),
+        ("# later\n", "is empty: "),
+        ("- a\n", "has no keys"),
+    ):
+        assert says in problems_of(tmp_path, text)["(file)"]
+
+
+def test_a_folder_in_place_of_the_file_is_called_one(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="a folder, not a file") as caught:
+        load_config(tmp_path)
+    assert "name a configuration file" in caught.value.hint
+
+
+def test_a_name_that_is_none_is_answered_with_what_names_are_made_of(tmp_path: Path) -> None:
+    found = problems_of(tmp_path, "devices: {'B B': {driver: fake}}")
+    assert "small letters" in found["devices.B B"]
+
+
+def test_a_missing_key_is_said_so(tmp_path: Path) -> None:
+    assert problems_of(tmp_path, "devices: {one: {}}")["devices.one.driver"] == "this key is missing"
+
+
+SEVERAL = """
+devices:
+  typo: {driver: fake, options: {speed: 3}, rig: {distance: 240}}
+  sound: {driver: nonsuch, ring: {bits: 8}}
+loggers:
+  vacuum: {driver: lpt, chanels: {}}
+http: {port: hello}
+"""
+
+
+def test_what_is_sound_of_a_configuration_is_kept_for_further_checks(tmp_path: Path) -> None:
+    file = tmp_path / "grabberd.yaml"
+    file.write_text(SEVERAL)
+    config, problems, loggers = load_sound_part(file)
+    assert config is not None
+    assert {problem.key for problem in problems} == {
+        "devices.typo.rig.distance",
+        "loggers.vacuum.chanels",
+        "loggers.vacuum.channels",
+        "http.port",
+    }
+    assert config.devices["sound"].ring.bits == 8
+    assert config.devices["typo"].options == {"speed": 3}
+    assert loggers == {"vacuum": ("lpt", {})}
+
+
+@pytest.mark.parametrize("text", ["devices: 3", "device: {one: {driver: fake}}", "devices: {one: 3}"])
+def test_where_nothing_is_sound_the_problems_remain(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "grabberd.yaml"
+    file.write_text(text)
+    found = load_sound_part(file)
+    assert found.config is None
+    assert found.problems
+
+
+def test_a_configuration_without_problems_is_sound_as_a_whole(tmp_path: Path) -> None:
+    file = tmp_path / "grabberd.yaml"
+    file.write_text(MINIMAL)
+    assert load_sound_part(file).config == load_config(file)
+
+
+@pytest.mark.parametrize(
+    ("http", "url"),
+    [
+        ({}, "http://127.0.0.1:8050"),
+        ({"port": 8051}, "http://127.0.0.1:8051"),
+        ({"host": "0.0.0.0", "hosts": ["barn.local"]}, "http://127.0.0.1:8050"),
+        ({"host": "::", "port": 80}, "http://[::1]:80"),
+        ({"host": "192.168.1.5"}, "http://192.168.1.5:8050"),
+        ({"host": "0.0.0.0", "tls": True}, "https://127.0.0.1:8050"),
+        ({"host": "0.0.0.0", "tls": True, "hosts": ["barn.local"]}, "https://barn.local:8050"),
+    ],
+)
+def test_programs_on_this_computer_find_the_daemon_at_its_configured_address(
+    tmp_path: Path, http: dict[str, object], url: str
+) -> None:
+    (tmp_path / "pem").touch()
+    if http.pop("tls", False):
+        http["tls"] = {"certificate": str(tmp_path / "pem"), "key": str(tmp_path / "pem")}
+    assert HttpConfig.model_validate(http).url == url

@@ -1,7 +1,7 @@
 """Audit of a capture: its account of fields, compared with the numbers in the pictures.
 
 Every picture of the simulated grabber has the camera's own number in its corner, and camera field n is
-exposed at n times 20 ms of the clock. So each number and time in a capture file can be checked, and a wrong
+exposed at n periods of the clock. So each number and time in a capture file can be checked, and a wrong
 one is a lie, unless the file says of this very field that its number is uncertain by as much, or of one
 before it that the numbers from there on are off by as many.
 """
@@ -64,6 +64,7 @@ def audit(path: Path) -> Audit:
     """
     with CaptureReader(path) as reader:
         meta, ledger = reader.meta, reader.ledger
+        period_ns = round(1e9 / meta.rate_hz)
         if meta.device.get("driver") != "fake":
             raise CaptureFileError(
                 f"{path}: made with driver {meta.device.get('driver')!r}, not 'fake'",
@@ -76,15 +77,18 @@ def audit(path: Path) -> Audit:
         ]
     begin_n = None
     if meta.device.get("stream", {}).get("live"):
-        begin_ns = meta.start_ns - meta.extra.get("trigger", {}).get("n", 0) * PERIOD_NS
-        begin_n = math.ceil(begin_ns / PERIOD_NS)
+        begin_ns = meta.start_ns - meta.extra.get("trigger", {}).get("n", 0) * period_ns
+        begin_n = math.ceil(begin_ns / period_ns)
     uncertain = sum(_stated(one.reason) > 0 for one in judged)
     too_high = [(event.n, _too_high_by(event.reason)) for event in ledger.events]
-    return Audit(ledger.total, len(judged), uncertain, tuple(lies_of(judged, begin_n, too_high)))
+    return Audit(ledger.total, len(judged), uncertain, tuple(lies_of(judged, begin_n, too_high, period_ns)))
 
 
 def lies_of(
-    fields: Iterable[Judged], begin_n: int | None, too_high: Sequence[tuple[int, int]] = ()
+    fields: Iterable[Judged],
+    begin_n: int | None,
+    too_high: Sequence[tuple[int, int]] = (),
+    period_ns: int = PERIOD_NS,
 ) -> Iterator[str]:
     """Sentences about fields whose number or time is another one than the camera's.
 
@@ -92,6 +96,7 @@ def lies_of(
         fields: In the order of the file.
         begin_n: Camera field that the capture was to begin with; None where nobody knows.
         too_high: Fields from which on the file says that numbers are too high, and by how many.
+        period_ns: Time from field to field of the camera.
     """
     fields = list(fields)
 
@@ -107,8 +112,8 @@ def lies_of(
         off = places(one) + known
         if abs(off) > stated:
             yield f"field {one.n} is the camera's {one.camera_n}, {abs(off)} places from where it is entered"
-        late_ns = one.time_ns - one.camera_n * PERIOD_NS
-        if begin_n is not None and abs(late_ns) > PERIOD_NS * (1 + stated):
+        late_ns = one.time_ns - one.camera_n * period_ns
+        if begin_n is not None and abs(late_ns) > period_ns * (1 + stated):
             yield f"field {one.n} was exposed {-late_ns / 1e6:+.0f} ms from the time that is entered"
 
 

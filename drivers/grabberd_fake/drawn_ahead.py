@@ -1,7 +1,7 @@
 """Pictures that a process of their own draws before they are due.
 
 A camera's pictures cost the computer nothing. Drawn by the thread that takes them, they would take 3 ms of
-every field's 20, and on a busy computer it is the instrument that would lose fields for it.
+every field, and on a busy computer it is the instrument that would lose fields for it.
 """
 
 import mmap
@@ -21,13 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import StreamFailed
-from grabberd_fake.optics import COLUMNS
+from grabberd_fake.optics import COLUMNS, LINES
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.render import ROWS
 from grabberd_fake.world import World, random_of
 
 SLOTS = 32
-"""As many pictures are kept: .64 s, longer than a process waits for a processor on a busy computer."""
+"""As many pictures are kept: .64 s at 50 Hz, longer than a process waits for a busy processor."""
 _FIELD = struct.Struct("=q")
 _STARTED = -1
 """Sent instead of a field's number once the scene is built."""
@@ -38,7 +38,6 @@ _END_TIMEOUT_S = 1.0
 _MOST_SHARE = 0.5
 """Of a processor, for a process that comes before others; it needs a fifth."""
 _SHARE_OVER_NS = 2_000_000_000
-_SHAPE = (SLOTS, ROWS, COLUMNS)
 # -P: the current folder may hold a module of any name.
 _COMMAND = [sys.executable, "-P", "-c", f"from {__name__} import main; main()"]
 
@@ -75,7 +74,8 @@ class DrawnAhead:
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         memory = os.memfd_create("pictures")
         try:
-            os.ftruncate(memory, int(np.prod(_SHAPE)))
+            rows = LINES if options.driver.is_progressive else ROWS
+            os.ftruncate(memory, SLOTS * rows * COLUMNS)
             self._slots = _mapped(memory)
             process = _process(memory, theirs.fileno())
             self._end = weakref.finalize(self, _end, process, self._socket)
@@ -87,7 +87,7 @@ class DrawnAhead:
             theirs.close()
 
     def picture(self, field: int, out: NDArray[np.uint8]) -> None:
-        """Writes the luma of the camera's field number `field` into `out` (288, 720).
+        """Writes the luma of the camera's field number `field` into `out`, (288, 720) or (576, 720).
 
         Raises:
             StreamFailed: The process has ended, or draws nothing any more.
@@ -163,7 +163,8 @@ def _end(process: "subprocess.Popen[bytes]", ours: socket.socket) -> None:
 
 
 def _mapped(memory: int) -> NDArray[np.uint8]:
-    return np.frombuffer(mmap.mmap(memory, int(np.prod(_SHAPE))), np.uint8).reshape(_SHAPE)
+    size = os.fstat(memory).st_size
+    return np.frombuffer(mmap.mmap(memory, size), np.uint8).reshape(SLOTS, -1, COLUMNS)
 
 
 def main() -> None:

@@ -7,13 +7,14 @@ and a line in `KINDS`.
 
 import math
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 from grabberd_fake.reading import choice, flag, integer, number
 
 PERIOD_NS = 20_000_000
-"""Time from field to field."""
+"""Time from field to field, unless another rate is asked for."""
 
 FOREVER_S = 1e9
 
@@ -33,12 +34,25 @@ class Fault:
     """True if its fields reach the driver's buffers."""
     counted: ClassVar[bool] = True
     """True if the driver's sequence counts its fields."""
+    rate_hz: ClassVar[float] = 1e9 / PERIOD_NS
+    """Fields per second; see `paced`."""
+
+    def paced(self, rate_hz: float) -> Self:
+        """The same fault of a camera that gives so many fields a second."""
+        if rate_hz == self.rate_hz:
+            return self
+        one = copy(self)
+        object.__setattr__(one, "rate_hz", rate_hz)
+        return one
+
+    def _fields_in(self, seconds: float) -> int:
+        return math.ceil(seconds * self.rate_hz - 1e-9)
 
     @property
     def first(self) -> int:
         """Number of the first affected field."""
         # A decimal such as 0.06 s is not exact in binary: without the slack it could start a field too late.
-        return self.at_field if self.at_field is not None else math.ceil((self.at_s or 0.0) * 50 - 1e-9)
+        return self.at_field if self.at_field is not None else self._fields_in(self.at_s or 0.0)
 
     @property
     def fields(self) -> int:
@@ -76,7 +90,7 @@ class Lasting(Fault):
     @property
     def fields(self) -> int:
         """The duration in fields."""
-        return math.ceil(self.duration_s * 50 - 1e-9)
+        return self._fields_in(self.duration_s)
 
 
 STEPS = ("restart", "reopen", "reset")
@@ -92,7 +106,7 @@ class Recoverable(Lasting):
     @property
     def fields(self) -> int:
         """The duration in fields; practically endless if a step has to clear it."""
-        return super().fields if self.until == "time" else math.ceil(FOREVER_S * 50)
+        return super().fields if self.until == "time" else self._fields_in(FOREVER_S)
 
     def is_cleared_by(self, step: str) -> bool:
         """True if this recovery step ends the fault."""
@@ -152,7 +166,7 @@ class Timestamp(Lasting):
         if self.says == "zero":
             return 0
         if self.says == "backward":
-            return true_ns - 2 * (number - self.first + 1) * PERIOD_NS
+            return true_ns - 2 * (number - self.first + 1) * round(1e9 / self.rate_hz)
         return true_ns + 3_600_000_000_000
 
 
@@ -165,7 +179,7 @@ class ClockStep(Fault):
     @property
     def fields(self) -> int:
         """Practically endless."""
-        return math.ceil(FOREVER_S * 50)
+        return self._fields_in(FOREVER_S)
 
 
 @dataclass(frozen=True)
@@ -175,7 +189,7 @@ class Turn(Fault):
     @property
     def fields(self) -> int:
         """Practically endless."""
-        return math.ceil(FOREVER_S * 50)
+        return self._fields_in(FOREVER_S)
 
 
 @dataclass(frozen=True)
@@ -187,7 +201,7 @@ class Recount(Fault):
     @property
     def fields(self) -> int:
         """Practically endless."""
-        return math.ceil(FOREVER_S * 50)
+        return self._fields_in(FOREVER_S)
 
 
 @dataclass(frozen=True)
@@ -251,7 +265,7 @@ class Refuse(Lasting):
 
 @dataclass(frozen=True)
 class Standard(Lasting):
-    """The camera's standard changes: when reopened, 240 rows a field are granted, at 50 Hz as before."""
+    """The camera's standard changes: when reopened, 240 rows a field are granted, at the same rate."""
 
 
 @dataclass(frozen=True)
@@ -266,7 +280,7 @@ class Unplug(Fault):
     @property
     def fields(self) -> int:
         """The absence in fields."""
-        return math.ceil(self.back_after_s * 50 - 1e-9)
+        return self._fields_in(self.back_after_s)
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ F = TypeVar("F", bound=Fault)
 
 
 class Script:
-    """The faults of a grabber, looked up by field number."""
+    """The faults of a grabber that gives so many fields a second, looked up by field number."""
 
-    def __init__(self, faults: Sequence[Fault]) -> None:
-        self._faults = tuple(faults)
+    def __init__(self, faults: Sequence[Fault], rate_hz: float = Fault.rate_hz) -> None:
+        self._faults = tuple(fault.paced(rate_hz) for fault in faults)
         self._cleared_at: dict[Fault, int] = {}
 
     def at(self, number: int, kind: type[F]) -> F | None:

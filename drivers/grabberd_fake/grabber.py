@@ -14,7 +14,6 @@ from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal, Stream
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_fake.drawn_ahead import DrawnAhead
 from grabberd_fake.faults import (
-    PERIOD_NS,
     Busy,
     DeadInput,
     Fail,
@@ -31,7 +30,7 @@ from grabberd_fake.optics import COLUMNS
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.render import ROWS
 from grabberd_fake.stage import REARRANGED, STAGE_HINT, Stage
-from grabberd_fake.stream import ARRIVAL_NS, Pictures, Stream
+from grabberd_fake.stream import Pictures, Stream
 from grabberd_fake.world import World
 
 _NTSC_ROWS = 240
@@ -46,6 +45,7 @@ _ORDERS = {
     "alternate": FieldOrder.ALTERNATE,
     "top_first": FieldOrder.TOP_FIRST,
     "bottom_first": FieldOrder.BOTTOM_FIRST,
+    "progressive": FieldOrder.PROGRESSIVE,
 }
 _REPLUG = "plug the grabber in again; grabberd retries automatically"
 
@@ -90,7 +90,7 @@ class JumpingClock:
 
 
 class FakeGrabber:
-    """A camera before a simulated scene, 50 fields a second; `FakeOptions` lists its options.
+    """A camera before a simulated scene; `FakeOptions` lists its options.
 
     Without options it is the reference rig before the pulsating liner, at real pace. `NOT_SIMULATED` lists
     what it leaves out.
@@ -112,7 +112,7 @@ class FakeGrabber:
         self._clock = clock or RealClock()
         if self.options.pace == "free":
             self._clock = JumpingClock(self._clock.now_ns())
-        self._script = Script(self.options.faults)
+        self._script = Script(self.options.faults, self.options.driver.rate_hz)
         self._draws_ahead = clock is None and self.options.pace == "real"
         self._pictures: Pictures | None = None
         self._waited_ns = 0
@@ -237,14 +237,16 @@ class FakeGrabber:
         self._script.clear(step, self._number_now())
 
     def _rows_now(self) -> int:
-        return ROWS if self._script.at(self._number_now(), Standard) is None else _NTSC_ROWS
+        rows = ROWS if self._script.at(self._number_now(), Standard) is None else _NTSC_ROWS
+        return 2 * rows if self.options.driver.is_progressive else rows
 
     def _next_top_field(self) -> int:
-        return -(-self._clock.now_ns() // (2 * PERIOD_NS)) * 2
+        return -(-self._clock.now_ns() // (2 * self.options.driver.period_ns)) * 2
 
     def _field_now(self) -> int:
         """Camera field that arrived last."""
-        return (self._clock.now_ns() - ARRIVAL_NS) // PERIOD_NS
+        driver = self.options.driver
+        return (self._clock.now_ns() - driver.arrival_ns) // driver.period_ns
 
     def _number_now(self) -> int:
         """Current field as the script counts: 0 before its first field, −1 before its cue."""
@@ -271,7 +273,8 @@ class FakeGrabber:
             self._clock.sleep_until_ns(self._arrival_ns(fault.first + fault.fields))
 
     def _arrival_ns(self, number: int) -> int:
-        return (self._begins_with() + number) * PERIOD_NS + ARRIVAL_NS
+        driver = self.options.driver
+        return (self._begins_with() + number) * driver.period_ns + driver.arrival_ns
 
     def _wait(self, timeout_s: float) -> "Stream | None":
         """The stream once a field is waiting, or None after the timeout."""
@@ -326,22 +329,23 @@ class FakeGrabber:
 
     def _info(self) -> StreamInfo:
         assert self._stream is not None
-        rows = self._stream.rows
+        rows, driver = self._stream.rows, self.options.driver
+        standard = "PAL" if rows == ROWS else "NTSC"
         return StreamInfo(
             driver="fake",
             card="simulated grabber",
-            standard="PAL" if rows == ROWS else "NTSC",
+            standard="" if driver.is_progressive else standard,
             columns=COLUMNS,
             field_rows=rows,
-            rate_hz=1e9 / PERIOD_NS,
-            field_order=_ORDERS[self.options.driver.order],
+            rate_hz=driver.rate_hz,
+            field_order=_ORDERS[driver.order],
             pixel_format="GREY",
-            buffers=self.options.buffers * (1 if self.options.driver.order == "alternate" else 2),
+            buffers=self.options.buffers * driver.a_buffer,
             live=self.options.pace == "real",
             waits_for_reader=self.options.pace == "free",
-            counts_losses=self.options.driver.counts != "nothing" and self._script.counts_losses(),
+            counts_losses=driver.counts != "nothing" and self._script.counts_losses(),
             tells_signal=True,
-            time_sigma_ns=max(1_000, round(self.options.driver.jitter_ms * 1e6)),
+            time_sigma_ns=max(1_000, round(driver.jitter_ms * 1e6)),
             details={
                 "scene": self.options.scene,
                 "pace": self.options.pace,

@@ -8,7 +8,7 @@ the scene determine the truth; `picture` determines how the camera renders it.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from grabberd_fake.ellipse_options import EllipseOptions
@@ -127,23 +127,46 @@ class DriverOptions:
     """Way in which the driver hands fields over.
 
     Attributes:
-        order: `alternate`, a field a buffer; or frames of two, `top_first` or `bottom_first`.
+        order: `alternate`, a field a buffer; frames of two, `top_first` or `bottom_first`; or `progressive`,
+            pictures of 576 lines, without field integration and line jitter.
+        rate_hz: fields, or progressive pictures, per second.
         stamps: time of the `exposure`, or of the `arrival` with the reader.
         counts: what the sequence counts: `fields`, `frames`, whose fields share a number, or `nothing`.
         jitter_ms: timestamps are late by up to so much.
         late: share of timestamps that are late by `late_ms` more on average, exponentially.
     """
 
-    order: str = choice("alternate", "top_first", "bottom_first")
+    order: str = choice("alternate", "top_first", "bottom_first", "progressive")
+    rate_hz: float = number(50.0, 5, 250)
     stamps: str = choice("exposure", "arrival")
     counts: str = choice("fields", "frames", "nothing")
     jitter_ms: float = number(0.0, 0, 20)
     late: float = number(0.0, 0, 1)
     late_ms: float = number(25.0, 1, 1000)
 
+    @property
+    def is_progressive(self) -> bool:
+        """True if every picture has all lines."""
+        return self.order == "progressive"
+
+    @property
+    def a_buffer(self) -> int:
+        """Number of fields in a buffer."""
+        return 2 if self.order in ("top_first", "bottom_first") else 1
+
+    @property
+    def period_ns(self) -> int:
+        """Time from field to field."""
+        return round(1e9 / self.rate_hz)
+
+    @property
+    def arrival_ns(self) -> int:
+        """Delay from the middle of a field's exposure to its arrival in the driver."""
+        return self.period_ns // 2
+
     def check(self) -> Iterator[str]:
         """Problems that involve several keys."""
-        if self.order != "alternate" and self.counts == "frames":
+        if self.order not in ("alternate", "progressive") and self.counts == "frames":
             yield "counts: the fields of a frame come together; count 'fields' or 'nothing'"
 
 
@@ -182,7 +205,7 @@ class FakeOptions:
         rig: see `RigOptions`; `camera`: `CameraOptions`; `picture`: `PictureOptions`.
         light: a lamp in the picture, see `LightOptions`.
         driver: see `DriverOptions`.
-        pace: `real`: fields arrive at 50 Hz of the clock; `free`: as fast as they are read, 20 ms apart.
+        pace: `real`: fields arrive as the clock goes; `free`: as fast as they are read, each a period later.
         buffers: number of fields or frames that can wait for a reader; once all are full, new ones are lost.
         seed: seed of noise and jitter.
         faults: fault script; each entry has a `kind` and `at_s` or `at_field`, see `faults`.
@@ -216,7 +239,11 @@ class FakeOptions:
         Raises:
             ValueError: an option is unknown or not allowed; the message has a line for each.
         """
-        return read(cls, values, "")
+        options = read(cls, values, "")
+        if options.driver.is_progressive:
+            whole = replace(options.picture, field_integration=False, jitter_px=0.0)
+            options = replace(options, picture=whole)
+        return options
 
     def check(self) -> Iterator[str]:
         """Problems that involve several keys."""

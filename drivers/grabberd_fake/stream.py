@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from grabberd.acquisition.device import GrabbedField
 from grabberd.field import Field
 from grabberd_fake.faults import (
-    PERIOD_NS,
     Bunch,
     ClockStep,
     Damage,
@@ -22,12 +21,9 @@ from grabberd_fake.faults import (
     Turn,
 )
 from grabberd_fake.faults_script import Script
-from grabberd_fake.optics import COLUMNS
+from grabberd_fake.optics import COLUMNS, LINES
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.render import ROWS
-
-ARRIVAL_NS = PERIOD_NS // 2
-"""Delay from the middle of a field's exposure to its arrival in the driver."""
 
 # Luma of Rec. 601 blue and black, and of the eight colour bars.
 _NO_SIGNAL_LUMA = {"blue": 41, "black": 16}
@@ -44,7 +40,7 @@ class Pictures(Protocol):
     waited_ns: int
 
     def picture(self, field: int, out: NDArray[np.uint8]) -> None:
-        """Writes the luma of the camera's field number `field` into `out` (288, 720)."""
+        """Writes the luma of the camera's field number `field` into `out`, (288, 720) or (576, 720)."""
         ...
 
     def random(self, field: int) -> np.random.Generator:
@@ -66,13 +62,15 @@ class Stream:
         self.rows = rows
         self.origin = origin
         self._world, self._script, self._driver = world, script, options.driver
-        self._each = 1 if options.driver.order == "alternate" else 2
+        self._each = options.driver.a_buffer
+        self._period_ns, self._arrival_ns = options.driver.period_ns, options.driver.arrival_ns
         self._first = self._next = first + (options.driver.order == "bottom_first")
         self._waiting: deque[int] = deque()
         self._free = options.buffers
         self._newest_stamp_ns = -1
         lumas = options.buffers * self._each
-        self._lumas = deque(np.empty((ROWS, COLUMNS), np.uint8) for _ in range(lumas))
+        shape = (LINES if options.driver.is_progressive else ROWS, COLUMNS)
+        self._lumas = deque(np.empty(shape, np.uint8) for _ in range(lumas))
 
     def catch_up(self, now_ns: int) -> None:
         """Fills free buffers with what has arrived; without a free buffer a field or frame is lost."""
@@ -86,7 +84,7 @@ class Stream:
         self._next += max(behind // self._each * self._each, 0)
 
     def _newest_arrived(self, now_ns: int) -> int:
-        newest = (now_ns - ARRIVAL_NS) // PERIOD_NS
+        newest = (now_ns - self._arrival_ns) // self._period_ns
         bunch = self._script.at(newest - self.origin, Bunch)
         return newest if bunch is None else self.origin + bunch.first - 1
 
@@ -104,7 +102,7 @@ class Stream:
         bunch = self._script.at(field - self.origin, Bunch)
         if bunch is not None:
             field = self.origin + bunch.first + bunch.fields
-        return field * PERIOD_NS + ARRIVAL_NS
+        return field * self._period_ns + self._arrival_ns
 
     def take(self, now_ns: int) -> list[GrabbedField]:
         """The oldest waiting field or the fields of a frame; their buffer stays taken until `give_back`.
@@ -114,7 +112,7 @@ class Stream:
         first = self._waiting.popleft()
         members = range(first, first + self._each)
         stamp_ns = self._stamp_ns(members[-1], now_ns)
-        return [self._grabbed(field, stamp_ns - (members[-1] - field) * PERIOD_NS) for field in members]
+        return [self._grabbed(field, stamp_ns - (members[-1] - field) * self._period_ns) for field in members]
 
     def give_back(self) -> None:
         """Marks a buffer as free again."""
@@ -127,7 +125,8 @@ class Stream:
         self._draw(field, number, luma)
         damage = "the driver flags an error" if self._script.at(number, Damage) else None
         parity = (field + len(self._script.before(number, Turn))) % 2
-        picture = Field.intact(luma[: self.rows], parity)
+        rows = luma[: self.rows]
+        picture = Field.progressive(rows) if self._driver.is_progressive else Field.intact(rows, parity)
         return GrabbedField(picture, self._time_ns(number, stamp_ns), self._sequence(field), damage)
 
     def _sequence(self, field: int) -> int | None:
@@ -145,12 +144,12 @@ class Stream:
     def _stamp_ns(self, field: int, now_ns: int) -> int:
         """Timestamp of a buffer whose last field this is: never earlier than that of the one before."""
         if self._driver.stamps == "arrival":
-            return now_ns - ARRIVAL_NS
+            return now_ns - self._arrival_ns
         chance = self._world.random(field)
         late_ns = chance.uniform(0.0, self._driver.jitter_ms) * 1e6
         if chance.random() < self._driver.late:
             late_ns += chance.exponential(self._driver.late_ms) * 1e6
-        self._newest_stamp_ns = max(field * PERIOD_NS + round(late_ns), self._newest_stamp_ns + 1)
+        self._newest_stamp_ns = max(field * self._period_ns + round(late_ns), self._newest_stamp_ns + 1)
         return self._newest_stamp_ns
 
     def _time_ns(self, number: int, stamp_ns: int) -> int:

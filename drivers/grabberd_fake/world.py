@@ -1,8 +1,8 @@
 """The simulated world: picture and truth at any time.
 
-The camera runs freely on the clock: field k is exposed around k · 20 ms, and the even ones are top fields. So
-a field's picture and truth depend only on the options and its time, not on what was read or lost before
-(except that with automatic gain, the picture depends on earlier fields).
+The camera runs freely on the clock: field k is exposed around k periods of it, and the even ones are top
+fields. So a field's picture and truth depend only on the options and its time, not on what was read or lost
+before (except that with automatic gain, the picture depends on earlier fields).
 """
 
 from typing import NamedTuple
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd_fake.discs import Ellipses, disc_images, facing, smeared
-from grabberd_fake.faults import PERIOD_NS
 from grabberd_fake.light import light_image
 from grabberd_fake.light_options import share_lit
 from grabberd_fake.optics import Array, View
@@ -74,14 +73,15 @@ class World:
         )
 
     def picture(self, field: int, out: NDArray[np.uint8]) -> None:
-        """Writes the luma of the camera's field number `field` into `out` (288, 720)."""
-        parity = field % 2
-        rng = self.random(field)
-        shift_px = rng.normal(0, self._options.picture.jitter_px, ROWS)
-        canvas = self._renderer.draw(self._exposed(field * PERIOD_NS), parity, shift_px)
-        self._sensor.expose(canvas, rng, out)
+        """Writes the luma of the camera's field number `field` into `out`, (288, 720) or (576, 720)."""
+        driver, rng = self._options.driver, self.random(field)
+        exposed = self._exposed(field * driver.period_ns)
+        for parity in (0, 1) if driver.is_progressive else (field % 2,):
+            shift_px = rng.normal(0, self._options.picture.jitter_px, ROWS)
+            canvas = self._renderer.draw(exposed, parity, shift_px)
+            self._sensor.expose(canvas, rng, out[parity::2] if driver.is_progressive else out)
         if self._options.picture.stamp:
-            write_stamp(out, Stamp(field, parity))
+            write_stamp(out, Stamp(field, 0 if driver.is_progressive else field % 2))
 
     def random(self, field: int) -> np.random.Generator:
         """The random numbers of a field."""

@@ -35,6 +35,7 @@ CONTAINERS = (
     Container("Matroska", re.compile(rb"\x1a\x45\xdf\xa3")),
     Container("YUV4MPEG", re.compile(rb"YUV4MPEG2 ")),
     Container("MPEG", re.compile(rb"\x00\x00\x01[\xba\xb3]|\x47.{187}\x47", re.DOTALL)),
+    Container("DV", re.compile(rb"\x1f\x07\x00[\x3f\xbf]")),
     Container("NUT", re.compile(rb"nut/multimedia container")),
 )
 

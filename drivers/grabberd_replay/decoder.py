@@ -16,8 +16,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.acquisition import FieldOrder
 from grabberd.errors import DeviceRefused, PictureError
 from grabberd.field import LARGEST_SIDE_PX
+from grabberd_replay.ffprobe import INSTALL
 
 Picture = NDArray[np.uint8]
 
@@ -28,7 +30,7 @@ _ENVIRONMENT = {
 }
 # A second of identical pictures does not come from a camera, whose noise differs from picture to picture.
 _STILL_AT_MOST = 25
-_LUMA_HINT = "convert it once: ffmpeg -i {name} -vf extractplanes=y,setfield=prog -c:v ffv1 luma.mkv"
+_LUMA_HINT = "convert it elsewhere: ffmpeg -i {name} -vf extractplanes=y,setfield=prog -c:v ffv1 luma.mkv"
 
 
 class Layout(NamedTuple):
@@ -84,16 +86,23 @@ class Way(NamedTuple):
 class Decoder:
     """An opened video file.
 
+    Attributes:
+        header: properties of the video.
+        order: order of its fields, which OpenCV does not tell; None unless somebody else does.
+        fault: nothing: why there are no more pictures is not told either.
+
     Raises:
         DeviceRefused: the file has no readable video, or OpenCV does not deliver its pictures.
         PictureError: no picture can be read.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    fault = ""
+
+    def __init__(self, path: Path, order: FieldOrder | None = None) -> None:
+        self._path, self.order = path, order
         with _opened(path) as capture:
             self.header = _header(capture)
-        _check_size(path, self.header)
+        check_size(path, self.header)
         self._way = self._choose()
         self._check_that_pictures_change()
 
@@ -170,7 +179,7 @@ class Decoder:
             raise DeviceRefused(
                 f"{self._path}: its first pictures are identical bit for bit, as happens if OpenCV "
                 f"{cv2.__version__} cannot read an interlaced video (codec {self.header.codec})",
-                _LUMA_HINT.format(name=self._path.name),
+                f"{INSTALL}, which reads such videos, or {_LUMA_HINT.format(name=self._path.name)}",
             )
 
 
@@ -190,7 +199,12 @@ def _header(capture: cv2.VideoCapture) -> Header:
     )
 
 
-def _check_size(path: Path, header: Header) -> None:
+def check_size(path: Path, header: Header) -> None:
+    """Checks that pictures are of a size that can be held.
+
+    Raises:
+        DeviceRefused: they are not.
+    """
     if not (0 < header.lines <= LARGEST_SIDE_PX and 0 < header.columns <= LARGEST_SIDE_PX):
         raise DeviceRefused(
             f"{path} has pictures of {header}, expected at most {LARGEST_SIDE_PX} pixels each way",
@@ -231,7 +245,7 @@ def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
             raise DeviceRefused(
                 f"{path} has no readable video: it is truncated or damaged, has only sound, or uses a "
                 "codec that OpenCV does not know",
-                f"copy it again, or {_LUMA_HINT.format(name=path.name)}",
+                f"copy it again, or {INSTALL}, or {_LUMA_HINT.format(name=path.name)}",
             )
         yield capture
     finally:

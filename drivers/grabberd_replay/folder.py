@@ -7,6 +7,7 @@ from pathlib import Path
 
 from grabberd.acquisition import FieldOrder
 from grabberd.errors import DeviceRefused, PictureError
+from grabberd_replay.levels import Levels
 from grabberd_replay.pictures import Pictures, Splitter, recognise, usual_rate_hz
 from grabberd_replay.png import Header, read_png
 from grabberd_replay.recording import Batch, Recording
@@ -23,15 +24,25 @@ class FolderRecording(Recording):
     """
 
     def __init__(
-        self, directory: Path, pictures: Pictures, order: FieldOrder, first_parity: int, rate_hz: float | None
+        self,
+        directory: Path,
+        pictures: Pictures,
+        order: FieldOrder,
+        first_parity: int,
+        rate_hz: float | None,
+        bits: int | None = None,
     ) -> None:
         self._paths = in_order(directory)
-        self._header, _ = read_png(self._paths[0])
+        self._header, first = read_png(self._paths[0])
+        self._levels = Levels.of(first, bits)
         pictures = recognise(self._paths[0], pictures, self._header.lines, self._header.columns)
         rate_hz = rate_hz or usual_rate_hz(directory, pictures, self._header.lines)
         self._splitter = Splitter(pictures, order, first_parity, rate_hz)
         self.format = self._splitter.format(
-            self._header.lines, self._header.columns, details=colours_of(self._header)
+            self._header.lines,
+            self._header.columns,
+            details={**colours_of(self._header), **self._levels.details},
+            remarks=self._levels.remarks,
         )
 
     def batches(self) -> Iterator[Batch]:
@@ -40,7 +51,8 @@ class FolderRecording(Recording):
         for number, path in enumerate(self._paths):
             if path.name in missing:
                 raise _missing(path.parent / missing[path.name], self._header)
-            yield self._splitter.batch(read_png(path, self._header)[1], number)
+            _, samples = read_png(path, self._header)
+            yield self._splitter.batch(self._levels.grey(path, samples), number)
 
 
 def in_order(directory: Path) -> list[Path]:

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 
-from grabberd.acquisition import PAL_HZ, Clock, FieldOrder, GrabbedField, Signal, StreamInfo, SystemClock
+from grabberd.acquisition import Clock, FieldOrder, GrabbedField, Signal, StreamInfo, SystemClock
 from grabberd.errors import (
     CaptureFileError,
     DeviceAbsent,
@@ -17,6 +17,7 @@ from grabberd.errors import (
 from grabberd_replay.capture import CaptureRecording
 from grabberd_replay.containers import KINDS, container_of
 from grabberd_replay.folder import FolderRecording
+from grabberd_replay.levels import KNOWN_BITS
 from grabberd_replay.manifest import MANIFEST, ManifestRecording
 from grabberd_replay.pictures import Pictures, older_parity, parity_named
 from grabberd_replay.recording import Batch, Format, Recording
@@ -40,10 +41,13 @@ class ReplayGrabber:
         pictures: kind of the pictures: "frames" (woven), "fields", "doubled" (fields whose missing lines have
             been interpolated), "progressive", or "auto", by their size; ignored for a capture file or a
             folder with a `fields.csv`.
-        field_order: order of the fields of a frame: "top_first" (PAL) or "bottom_first".
+        field_order: order of the fields of a frame: "top_first" (PAL) or "bottom_first"; by default as a
+            video is marked, else the top field first.
         first_parity: parity of the first field, "top" or "bottom", if pictures are fields or doubled.
         rate_hz: fields per second, or progressive pictures, for a folder without times or a video with a
             wrong rate; by default the video's own rate, or that of the standard: 50 or 59.94.
+        bits: significant bits of pictures that are stored with 16 bits a sample: 8, 10, 12, 14 or 16, of
+            which the upper 8 are used; by default as the first picture's values show.
         pace: "free": as fast as fields are read; "real": when they are due.
         clock: clock for the real pace; the computer's by default.
 
@@ -57,18 +61,21 @@ class ReplayGrabber:
         self,
         path: str | Path,
         pictures: str = "auto",
-        field_order: str = "top_first",
+        field_order: str | None = None,
         first_parity: str = "top",
         rate_hz: float | None = None,
+        bits: int | None = None,
         pace: str = "free",
         clock: Clock | None = None,
     ) -> None:
         if rate_hz is not None and not rate_hz > 0:
             raise ValueError(f"rate_hz is the number of fields a second, not {rate_hz}")
-        self._path = Path(path)
+        if bits is not None and bits not in KNOWN_BITS:
+            raise ValueError(f"bits is one of {', '.join(map(str, KNOWN_BITS))}, not {bits}")
+        self._path, self._bits = Path(path), bits
         self._pictures = Pictures(pictures)
-        self._order = FieldOrder(field_order)
-        older_parity(self._order)
+        self._order = None if field_order is None else FieldOrder(field_order)
+        older_parity(self._order or FieldOrder.TOP_FIRST)
         self._first_parity = parity_named(first_parity)
         self._rate_hz = rate_hz
         self._pace = Pace(pace)
@@ -152,8 +159,11 @@ class ReplayGrabber:
 
     def _open_folder(self) -> Recording:
         if (self._path / MANIFEST).exists():
-            return ManifestRecording(self._path, self._rate_hz or PAL_HZ)
-        return FolderRecording(self._path, self._pictures, self._order, self._first_parity, self._rate_hz)
+            return ManifestRecording(self._path, self._rate_hz)
+        order = self._order or FieldOrder.TOP_FIRST
+        return FolderRecording(
+            self._path, self._pictures, order, self._first_parity, self._rate_hz, self._bits
+        )
 
     def _open_capture(self) -> Recording:
         try:

@@ -8,16 +8,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.acquisition import FieldOrder, GrabbedField, Outcome
+from grabberd.acquisition import NTSC_HZ, PAL_HZ, FieldOrder, GrabbedField, Outcome
 from grabberd.bounded_documents import LARGEST_TABLE, csv_records, read_text
 from grabberd.errors import DeviceRefused
 from grabberd.field import LARGEST_SIDE_PX, PROGRESSIVE, Field
 from grabberd_replay.folder import colours_of
+from grabberd_replay.levels import Levels
 from grabberd_replay.pictures import Pictures
 from grabberd_replay.png import read_png
 from grabberd_replay.recording import Batch, Format, Recording
 
 MANIFEST = "fields.csv"
+_CLOCK_OFF = 5e-4
+"""Departure of a camera's clock from its nominal rate."""
 _NUMBERS = range(-(1 << 62), 1 << 62)
 _RANGES = {
     "n": range(1 << 31),
@@ -49,16 +52,17 @@ class ManifestRecording(Recording):
         PictureError: the first picture cannot be read.
     """
 
-    def __init__(self, directory: Path, rate_hz: float) -> None:
+    def __init__(self, directory: Path, rate_hz: float | None) -> None:
         self._directory = directory
         self._rows = read_manifest(directory / MANIFEST)
-        self._header, _ = read_png(directory / self._rows[0].file)
+        self._header, first = read_png(directory / self._rows[0].file)
+        self._levels = Levels.of(first)
         self._woven = self._rows[0].y_step == 2 and self._is_woven()
         parities = {row.parity for row in self._rows}
         self.format = Format(
             columns=self._header.columns,
             field_rows=self._header.lines // (2 if self._woven else 1),
-            rate_hz=rate_hz,
+            rate_hz=rate_hz or _rate_hz(self._rows),
             field_order=_order_of(parities),
             pixel_format="GREY",
             counts_losses=_counts_like_numbers(self._rows),
@@ -66,7 +70,9 @@ class ManifestRecording(Recording):
                 "pictures": str(self._pictures),
                 "size": f"{self._header.columns}x{self._header.lines}",
                 **colours_of(self._header),
+                **self._levels.details,
             },
+            remarks=self._levels.remarks,
         )
 
     def batches(self) -> Iterator[Batch]:
@@ -74,7 +80,8 @@ class ManifestRecording(Recording):
         name, luma = "", np.empty((0, 0), np.uint8)
         for row in self._rows:
             if row.file != name:
-                name, (_, luma) = row.file, read_png(self._directory / row.file, self._header)
+                path = self._directory / row.file
+                name, luma = row.file, self._levels.grey(path, read_png(path, self._header)[1])
             damage = None if row.outcome is Outcome.RECEIVED else str(row.outcome).replace("_", " ")
             yield (GrabbedField(self._field(luma, row), row.time_ns, row.sequence, damage),)
 
@@ -98,6 +105,18 @@ def _order_of(parities: Collection[int]) -> FieldOrder:
     if PROGRESSIVE in parities:
         return FieldOrder.PROGRESSIVE
     return FieldOrder.ALTERNATE if len(parities) > 1 else FieldOrder.ONE_PARITY
+
+
+def _rate_hz(rows: Sequence[Row]) -> float:
+    """Nominal fields per second by the rows' numbers and times; PAL's where they do not tell."""
+    steps = np.diff([row.n for row in rows])
+    apart_ns = np.diff([row.time_ns for row in rows])
+    known = apart_ns > 0
+    if not known.any():
+        return PAL_HZ
+    seen_hz = float(np.median(steps[known] * 1e9 / apart_ns[known]))
+    nominal_hz = min((NTSC_HZ, max(float(round(seen_hz)), 1.0)), key=lambda one: abs(one - seen_hz))
+    return nominal_hz if abs(nominal_hz / seen_hz - 1) < _CLOCK_OFF else seen_hz
 
 
 def _counts_like_numbers(rows: Sequence[Row]) -> bool:

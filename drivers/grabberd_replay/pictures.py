@@ -34,13 +34,24 @@ _EITHER_LINES = (480, 486, 576, 1080)
 """Lines of frames of other widths as well as of progressive pictures."""
 
 
-def recognise(path: Path, pictures: Pictures, lines: int, columns: int) -> Pictures:
+def recognise(
+    path: Path, pictures: Pictures, lines: int, columns: int, *, interlaced: bool = False
+) -> Pictures:
     """Kind of pictures of this size in `path`.
+
+    Args:
+        path: where they are from.
+        pictures: their kind as it was given.
+        lines: their height.
+        columns: their width.
+        interlaced: True if they are marked as frames of two fields.
 
     Raises:
         DeviceRefused: the kind cannot be told from the size, or frames have an odd number of lines.
     """
     found = _by_size(lines, columns) if pictures is Pictures.AUTO else pictures
+    if interlaced and pictures is Pictures.AUTO and found is not Pictures.FIELDS:
+        found = Pictures.FRAMES
     hint = "give their kind by the option 'pictures': 'grabberd inspect' tells it from what they show"
     if found is None:
         raise DeviceRefused(

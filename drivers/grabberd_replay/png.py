@@ -17,31 +17,44 @@ _GREY, _WITH_ALPHA = (0, 4), (4, 6)
 """Colour types of the header."""
 _COLOUR_TYPE = 25
 """Byte of the colour type in a file."""
+_BITS = 8
+"""Bits of a sample of most pictures, and of all that are measured."""
 LARGEST_BYTES = 64 << 20
 """Size of a file: all pixels of the largest picture in four uncompressed colours."""
+Samples = NDArray[np.uint8] | NDArray[np.uint16]
 
 
 class Header(NamedTuple):
-    """Header of a PNG; `coloured` is true if grey has to be computed from colours."""
+    """Header of a PNG.
+
+    Attributes:
+        lines, columns: size of the picture.
+        coloured: true if grey has to be computed from colours.
+        bits: 16 if a sample is stored in so many bits, else 8.
+    """
 
     lines: int
     columns: int
     coloured: bool
+    bits: int = 8
 
     def __str__(self) -> str:
-        return f"{self.columns}x{self.lines} {'coloured' if self.coloured else 'grey'}"
+        deep = "" if self.bits == _BITS else f" of {self.bits} bits"
+        return f"{self.columns}x{self.lines} {'coloured' if self.coloured else 'grey'}{deep}"
 
 
-def read_png(path: Path, expected: Header | None = None) -> tuple[Header, NDArray[np.uint8]]:
+def read_png(path: Path, expected: Header | None = None) -> tuple[Header, Samples]:
     """Header and grey values of a picture; colours become luma by Rec. 601, as in a grabber.
+
+    Values are as they stand in the file, of 8 or of 16 bits: `Levels` scales the latter.
 
     Args:
         path: path of the picture.
         expected: header that the picture should have.
 
     Raises:
-        PictureError: the picture is missing, no PNG, truncated, damaged, has more than 8 bits or transparent
-            pixels, or differs from `expected`.
+        PictureError: the picture is missing, no PNG, truncated, damaged, has transparent pixels, or differs
+            from `expected`.
     """
     data = _bytes(path, expected)
     header = _header(path, data, expected)
@@ -49,22 +62,26 @@ def read_png(path: Path, expected: Header | None = None) -> tuple[Header, NDArra
     if expected is not None and header != expected:
         raise PictureError(
             f"{path} is {header}, expected {expected} like the first picture",
-            "leave it out or bring it to the size and colours of the others",
+            "leave it out or give it the size, colours and bits of the others; what came before it is kept",
         )
     if data[_COLOUR_TYPE] in _WITH_ALPHA:
         _check_opaque(path, data)
     mode = cv2.IMREAD_COLOR if header.coloured else cv2.IMREAD_GRAYSCALE
-    picture = cv2.imdecode(np.frombuffer(data, np.uint8), mode)
+    deep = cv2.IMREAD_ANYDEPTH if header.bits > _BITS else 0
+    picture = cv2.imdecode(np.frombuffer(data, np.uint8), mode | deep)
     if picture is None or picture.shape[:2] != (header.lines, header.columns):
         raise _damaged(path, header, "its content cannot be decoded")
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if header.coloured else picture
-    return header, np.asarray(grey, np.uint8)
+    return header, np.asarray(grey, np.uint16) if header.bits > _BITS else np.asarray(grey, np.uint8)
 
 
 def _check_opaque(path: Path, data: bytes) -> None:
     """Refuses a picture whose alpha channel hides something: what lies beneath is not what was seen."""
     picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    if picture is not None and picture.ndim == 3 and (hidden := int((picture[..., -1] < 255).sum())):
+    if picture is None or picture.ndim != 3:
+        return
+    opaque = (1 << 8 * picture.itemsize) - 1
+    if hidden := int((picture[..., -1] < opaque).sum()):
         raise PictureError(
             f"{path} has an alpha channel with {hidden} transparent pixels, expected opaque ones alone",
             "export it without transparency",
@@ -95,17 +112,12 @@ def _header(path: Path, data: bytes, expected: Header | None) -> Header:
         hint = "copy it again, or export it as PNG"
         raise PictureError(f"{path} is {kind} ({len(data)} bytes), expected {what}PNG", hint)
     columns, lines, depth, colour = struct.unpack(">IIBB", data[16:26])
-    if depth > 8:
-        raise PictureError(
-            f"{path} has {depth} bits a sample, expected at most 8",
-            "convert it to 8 bits; grabbers give no more",
-        )
     if not (0 < lines <= LARGEST_SIDE_PX and 0 < columns <= LARGEST_SIDE_PX):
         raise PictureError(
             f"{path} has {columns}x{lines} pixels by its header, expected at most {LARGEST_SIDE_PX} each way",
             "leave it out, or export it at the size that the grabber gave",
         )
-    return Header(lines, columns, colour not in _GREY)
+    return Header(lines, columns, colour not in _GREY, max(_BITS, depth))
 
 
 def _check_chunks(path: Path, data: bytes, header: Header) -> None:

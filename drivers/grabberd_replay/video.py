@@ -2,18 +2,66 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Protocol
 
 from grabberd.acquisition import NTSC_HZ, PAL_HZ, FieldOrder
 from grabberd.errors import PictureError
 from grabberd_replay.containers import Container
 from grabberd_replay.decoder import Decoder, Header, Picture
+from grabberd_replay.ffmpeg import PipedDecoder
+from grabberd_replay.ffprobe import INSTALL, probe
 from grabberd_replay.pictures import Pictures, Splitter, recognise, usual_rate_hz
 from grabberd_replay.recording import Batch, Recording
 
 _GRABBED_SIZES = ((720, 576), (720, 288), (720, 480), (720, 240))
 _MOST_PICTURES = 1 << 30
-# Codecs that return the pixels they were given; all others displace edges, and so targets.
-_LOSSLESS = ("FFV1", "HFYU", "FFVH", "MPNG", "ULY0", "ULY2", "ULRA", "ULRG", "LAGS", "MAGY", "ZLIB")
+# Codecs that return the pixels they were given, as OpenCV and as FFmpeg call them; all others displace edges,
+# and so targets.
+_LOSSLESS = frozenset(
+    {
+        *("FFV1", "HFYU", "FFVH", "MPNG", "ULY0", "ULY2", "ULRA", "ULRG", "LAGS", "MAGY", "ZLIB"),
+        *("HUFFYUV", "FFVHUFF", "PNG", "UTVIDEO", "LAGARITH", "MAGICYUV", "RAWVIDEO", "V210", "QTRLE"),
+    }
+)
+_OFF_STEP = 0.3
+"""Share of a period by which a picture may miss the time that the rate gives it."""
+_TICK_S = 0.001
+"""Step of the coarsest times: Matroska's."""
+
+
+class Decoding(Protocol):
+    """A video that is decoded picture by picture: by OpenCV, or by the program `ffmpeg`."""
+
+    header: Header
+    order: FieldOrder | None
+    fault: str
+
+    @property
+    def luma(self) -> str:
+        """Description of how the grey values are obtained."""
+        ...
+
+    @property
+    def uncompressed(self) -> bool:
+        """True if pictures are read directly from the file."""
+        ...
+
+    def pictures(self) -> Iterator[tuple[float, Picture]]:
+        """Time in s and grey values of every picture."""
+        ...
+
+
+def decoding(path: Path) -> Decoding:
+    """Opens a video: coded ones by `ffmpeg` where it is installed, all others by OpenCV.
+
+    Raises:
+        DeviceRefused: the file has no readable video.
+        PictureError: no picture can be read.
+    """
+    known = probe(path)
+    if known is None or known.codec == "rawvideo":
+        return Decoder(path, known.order if known else None)
+    return PipedDecoder(path, known)
 
 
 class VideoRecording(Recording):
@@ -29,20 +77,22 @@ class VideoRecording(Recording):
         path: Path,
         container: Container,
         pictures: Pictures,
-        order: FieldOrder,
+        order: FieldOrder | None,
         first_parity: int,
         rate_hz: float | None,
     ) -> None:
         self._path = path
-        self._decoder = Decoder(path)
-        header = self._decoder.header
+        self._decoder = decoding(path)
+        header, marked = self._decoder.header, self._decoder.order
         self._pictures_per_s = header.pictures_per_s
         self._expected = header.pictures if header.pictures_per_s else 0
         # Without a count in the container FFmpeg estimates one from its length: a second of slack.
         self._may_lack = 0 if container.counts else round(header.pictures_per_s or 0)
-        pictures = recognise(path, pictures, header.lines, header.columns)
+        interlaced = marked in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST)
+        pictures = recognise(path, pictures, header.lines, header.columns, interlaced=interlaced)
         own_hz = rate_hz or _rate_hz(path, pictures, header)
-        self._splitter = Splitter(pictures, order, first_parity, own_hz)
+        usual = marked if interlaced and marked else FieldOrder.TOP_FIRST
+        self._splitter = Splitter(pictures, order or usual, first_parity, own_hz)
         self.format = self._splitter.format(
             header.lines,
             header.columns,
@@ -50,6 +100,7 @@ class VideoRecording(Recording):
                 "container": container.name,
                 "codec": _codec(self._decoder),
                 "luma": self._decoder.luma,
+                **({"marked": str(marked)} if marked else {}),
             },
             remarks=tuple(_remarks(self._decoder, self._splitter)),
         )
@@ -58,15 +109,18 @@ class VideoRecording(Recording):
         """Fields of one picture at a time.
 
         Raises:
-            PictureError: the video ends before its header says, changes its size, or has no constant rate.
+            PictureError: the video ends before its header says, changes its size, or has no constant rate, or
+                a picture is damaged.
         """
         number = -1
         for number, luma in self._numbered():
             yield self._splitter.batch(luma, number)
-        if number + 1 < self._expected - self._may_lack:
+        fault = self._decoder.fault
+        if number + 1 < self._expected - self._may_lack or fault:
+            of = f" of {self._expected}" if self._expected else ""
             raise PictureError(
-                f"{self._path} ends after {number + 1} of {self._expected} pictures: it is truncated, or the "
-                "next one cannot be decoded",
+                f"{self._path} ends after {number + 1}{of} pictures: it is truncated, or the "
+                f"next one cannot be decoded{f' ({fault})' if fault else ''}",
                 "copy it again; what came before it is kept",
             )
 
@@ -77,17 +131,7 @@ class VideoRecording(Recording):
         for time_s, luma in self._decoder.pictures():
             begin_s = time_s if begin_s is None else begin_s
             number = self._number(time_s - begin_s, last)
-            if number >= _MOST_PICTURES:
-                raise PictureError(
-                    f"{self._path}: a picture is {time_s:.0f} s after the start, as no recording is",
-                    "its times are damaged: convert it once more; what came before it is kept",
-                )
-            if number <= last:
-                raise PictureError(
-                    f"{self._path}: the picture at {time_s:.3f} s comes too soon for "
-                    f"{self._pictures_per_s:g} pictures a second",
-                    "its rate varies: convert it to a constant rate; what came before it is kept",
-                )
+            self._check_number(number, last, time_s, time_s - begin_s)
             yield number, luma
             last = number
 
@@ -97,8 +141,30 @@ class VideoRecording(Recording):
             return last + 1
         return round(since_s * self._pictures_per_s)
 
+    def _check_number(self, number: int, last: int, time_s: float, since_s: float) -> None:
+        """Check that a picture was taken in one of the steps of a constant rate, after the last one.
 
-def _codec(decoder: Decoder) -> str:
+        Raises:
+            PictureError: it was not.
+        """
+        if number >= _MOST_PICTURES:
+            raise PictureError(
+                f"{self._path}: a picture is {time_s:.0f} s after the start, as no recording is",
+                "its times are damaged: convert it once more; what came before it is kept",
+            )
+        rate = self._pictures_per_s or 0.0
+        off = abs(since_s * rate - number) if rate and since_s > 0.0 else 0.0
+        if number <= last or off > _OFF_STEP + _TICK_S * rate:
+            how = "comes too soon" if number <= last else f"is {off:.2f} periods off its time"
+            raise PictureError(
+                f"{self._path}: the picture at {time_s:.3f} s {how} for {rate:g} pictures a second: its rate "
+                "varies",
+                "record at a constant rate; if the camera's was constant and only the file's times are "
+                "wrong, export its pictures to a folder and give rate_hz; what came before it is kept",
+            )
+
+
+def _codec(decoder: Decoding) -> str:
     return "uncompressed" if decoder.uncompressed else decoder.header.codec or "unknown"
 
 
@@ -109,16 +175,30 @@ def _rate_hz(path: Path, pictures: Pictures, header: Header) -> float:
     return usual_rate_hz(path, pictures, header.lines)
 
 
-def _remarks(decoder: Decoder, splitter: Splitter) -> Iterator[str]:
+def _remarks(decoder: Decoding, splitter: Splitter) -> Iterator[str]:
     """Remarks on a video that did not come from a grabber or a progressive camera as it is."""
-    header, codec = decoder.header, _codec(decoder)
+    codec = _codec(decoder)
     if not decoder.uncompressed and codec.upper() not in _LOSSLESS:
         yield (
             f"Its codec {codec} is usually lossy: targets are displaced by more than their sigma "
             "says. Record uncompressed, or with FFV1 or HuffYUV."
         )
+    if not decoder.uncompressed and isinstance(decoder, Decoder):
+        yield f"Damaged pictures of it go unnoticed, since OpenCV conceals them: {INSTALL}."
     if splitter.pictures is Pictures.PROGRESSIVE:
         return
+    yield from _of_fields(decoder, splitter)
+
+
+def _of_fields(decoder: Decoding, splitter: Splitter) -> Iterator[str]:
+    header, marked = decoder.header, decoder.order
+    if splitter.pictures is Pictures.FRAMES and marked is FieldOrder.PROGRESSIVE:
+        yield (
+            "It is marked as progressive, but has the size of interlaced frames and is played as such; "
+            "recorders often forget the mark: 'grabberd inspect' tells by what moves, 'pictures' decides."
+        )
+    if splitter.pictures is Pictures.FRAMES and marked not in (None, FieldOrder.PROGRESSIVE, splitter.order):
+        yield f"It is marked as {marked}, but played as {splitter.order}, as the option 'field_order' asks."
     if (header.columns, header.lines) not in _GRABBED_SIZES:
         yield (
             f"Its size {header} is that of no grabber (720x576, 720x480, or half the lines): if it was "

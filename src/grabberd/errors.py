@@ -60,16 +60,20 @@ class Problem(NamedTuple):
         return f"{self.file}: {self.key}: {self.message}"
 
 
+WHOLE_FILE = "(file)"
+"""Key of a problem that the file has as a whole."""
+
+
 class ConfigError(GrabberdError):
     """The configuration is invalid; `problems` lists everything that is wrong with it."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         count = f"{len(problems)} problem" + ("" if len(problems) == 1 else "s")
         listing = "\n".join(f"  {problem}" for problem in problems)
-        super().__init__(
-            f"the configuration has {count}:\n{listing}",
-            "fix these keys; 'grabberd check-config FILE' checks without starting anything",
-        )
+        hint = "fix these keys; 'grabberd check-config FILE' checks without starting anything"
+        if all(problem.key == WHOLE_FILE for problem in problems):
+            hint = "name a configuration file (YAML); 'grabberd check-config FILE' checks one"
+        super().__init__(f"the configuration has {count}:\n{listing}", hint)
         self.problems = tuple(problems)
 
 
@@ -271,6 +275,13 @@ class StorageError(GrabberdError):
     def __init__(self, message: str, hint: str, cause: Cause | None = None) -> None:
         super().__init__(message, hint)
         self.cause = cause
+
+
+NO_PERMISSION = (
+    "run it as the user whose folder that is, such as the daemon's: sudo -u grabberd grabberd …; or use a "
+    "folder of your own (storage.directory in the configuration, or STATE_DIRECTORY)"
+)
+"""Hint where a file or folder belongs to another user."""
 
 
 class IndexRebuilding(StorageError):

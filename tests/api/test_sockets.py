@@ -18,6 +18,7 @@ from grabberd.api.sockets import (
     describe,
     inherited,
     is_private,
+    to_open,
 )
 from grabberd.errors import ConfigError, Conflict
 
@@ -111,10 +112,26 @@ def test_what_others_reach_is_refused_without_tokens_and_named() -> None:
 def test_an_address_that_is_taken_or_not_there_is_said_plainly() -> None:
     [taken] = bind("127.0.0.1", 0)
     with closing(taken):
-        with pytest.raises(Conflict, match=r"127\.0\.0\.1 port"):
-            bind("127.0.0.1", taken.getsockname()[1])
+        port = taken.getsockname()[1]
+        with pytest.raises(Conflict, match=rf"port {port} of 127\.0\.0\.1 is in use") as caught:
+            bind("127.0.0.1", port)
+        assert "--port N" in caught.value.hint
+        assert f":{port}" in caught.value.hint
         with pytest.raises(Conflict, match=r"192\.0\.2\.1"):
             bind("192.0.2.1", 0)
+
+
+def test_a_person_opens_the_first_address_that_a_browser_reaches(unix: socket.socket) -> None:
+    listening = bind("127.0.0.1", 0) + bind("0.0.0.0", 0)
+    try:
+        loopback, everywhere = (one.getsockname()[1] for one in listening)
+        assert to_open([unix, *listening], "http") == f"http://127.0.0.1:{loopback}"
+        assert to_open(listening[1:], "https") == f"https://127.0.0.1:{everywhere}"
+        assert to_open(listening[1:], "https", ["barn.local"]) == f"https://barn.local:{everywhere}"
+        assert to_open([unix], "http") is None
+    finally:
+        for one in listening:
+            one.close()
 
 
 def test_a_name_is_listened_on_at_all_its_addresses() -> None:

@@ -20,6 +20,7 @@ from tests.bench import (
     content_found,
     core,
     core_numbers,
+    core_progressive,
     demonstration,
     frame_poses,
     goals,
@@ -84,6 +85,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "From a field to its points": core.table,
         "Over the number of targets": core_numbers.table,
     },
+    "progressive": {"From a progressive picture to its points": core_progressive.table},
     "empty": {
         "A ramp with the empty liner, and what it is worth": pressure_ramp.table,
         "An empty liner taken for one on a teat": pressure_empty.table,

@@ -62,6 +62,12 @@ def _row(name: str, grabbed: list[tuple[int, Field]], bits: int, lines: str, set
         )
         for n, (time_ns, field) in enumerate(grabbed)
     ]
+    took, peer, points = in_turns(fields, setup)
+    return f"| {name} | {took:.0f} | {peer:.0f} | {took / peer:.2f} | {points:.1f} |"
+
+
+def in_turns(fields: list[NumberedField], setup: MeasureSetup) -> tuple[float, float, float]:
+    """Medians in microseconds of ours and of the fastest labelling, taken by turns, and points a field."""
     masks = [(unpack(one.packed).luma > THRESHOLD).astype(np.uint8) for one in fields]
     ours: list[float] = []
     peers: list[list[float]] = [[], []]
@@ -70,8 +76,7 @@ def _row(name: str, grabbed: list[tuple[int, Field]], bits: int, lines: str, set
         ours += times
         for taken, variant in zip(peers, (_default, _fastest), strict=True):
             taken.extend(_times_us([lambda m=m, v=variant: v(m) for m in masks]))
-    took, peer = float(np.median(ours)), min(float(np.median(one)) for one in peers)
-    return f"| {name} | {took:.0f} | {peer:.0f} | {took / peer:.2f} | {points:.1f} |"
+    return float(np.median(ours)), min(float(np.median(one)) for one in peers), points
 
 
 def _measured(fields: list[NumberedField], setup: MeasureSetup) -> tuple[list[float], float]:

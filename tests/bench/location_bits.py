@@ -71,7 +71,7 @@ def _row(doubled: bool, jitter_px: float, noise: float) -> str:
 def _threshold(pictures: list[tuple[Field, np.ndarray]], jitter_px: float, doubled: bool) -> int:
     rule = ThresholdRule(spread_px=SPREAD_PX, line_jitter_px=jitter_px)
     histogram = np.bincount(pictures[0][0].luma.ravel(), minlength=256)
-    return choose_threshold(histogram, rule, 1, 1 if doubled else 2)
+    return choose_threshold(histogram, rule, 1, (1 if doubled else 2, 2))
 
 
 def _pair(rms_px: np.ndarray) -> str:

@@ -156,6 +156,7 @@ def test_a_daemon_that_cannot_write_its_disk_says_so_and_exits_with_74(tmp_path:
         ("driver: fake, options: {speed: 3}", "speed"),
         ("driver: fake, calibration: bad.json, object: bad.json", "schema"),
         ("driver: fake, calibration: list.json, object: bad.json", "has no keys"),
+        ("driver: fake, object: bad.json", "devices.one.object: the object file"),
     ],
 )
 def test_drivers_options_and_calibrations_are_checked_too(tmp_path: Path, line: str, says: str) -> None:
@@ -176,8 +177,32 @@ def test_problems_of_devices_loggers_and_mqtt_are_named_together(tmp_path):
         "mqtt: {host: broker}\n"
     )
     problems = {problem.key for problem in run("check-config", file).exception.problems}
-    assert {"devices.one.options", "loggers.vacuum.options"} <= problems
+    assert {"devices.one.driver", "loggers.vacuum.driver"} <= problems
     assert any(key.startswith(("mqtt", "site")) for key in problems)
+
+
+def test_a_wrong_key_hides_neither_an_unknown_driver_nor_a_wrong_option(tmp_path):
+    file = tmp_path / "grabberd.yaml"
+    file.write_text(
+        "devices:\n"
+        "  one: {driver: nonsuch, focal: 3}\n"
+        "  two: {driver: fake, options: {speed: 3, scene: moon}, rig: {distance: 240}}\n"
+        "  three: {driver: replay, options: {pth: fields, rate: 3}}\n"
+        "loggers: {vacuum: {driver: serial, options: {baud: 3}, chanels: {}}}\n"
+    )
+    problems = [(one.key, one.message) for one in run("check-config", file).exception.problems]
+    assert {key for key, _ in problems} == {
+        "devices.one.focal",
+        "devices.one.driver",
+        "devices.two.rig.distance",
+        "devices.two.options",
+        "devices.three.options",
+        "loggers.vacuum.channels",
+        "loggers.vacuum.chanels",
+        "loggers.vacuum.options",
+    }
+    options = {message.partition(":")[0] for key, message in problems if key.endswith(".options")}
+    assert options >= {"speed", "scene", "pth", "rate", "path", "baud"}
 
 
 def test_the_shipped_configuration_is_good() -> None:
@@ -336,3 +361,29 @@ def test_importing_the_server_stays_light() -> None:
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
+
+
+def test_a_folder_in_place_of_a_capture_is_called_one(tmp_path: Path) -> None:
+    result = typed("export", tmp_path, "--out", tmp_path / "out")
+    assert f"{tmp_path} is a folder, not a capture file" in result.stderr
+
+
+def test_a_backup_that_is_not_there_is_not_called_damaged(tmp_path: Path) -> None:
+    result = typed("restore", tmp_path / "nowhere.zip")
+    assert "there is no backup" in result.stderr
+
+
+def test_another_user_s_state_is_told_with_whom_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object) -> None:
+        raise PermissionError(13, "Permission denied", "/var/lib/grabberd/state.sqlite")
+
+    monkeypatch.setattr("grabberd.cli.token._access", refused)
+    result = typed("token", "list")
+    assert result.returncode == 1
+    assert "no permission for /var/lib/grabberd/state.sqlite" in result.stderr
+    assert "sudo -u grabberd" in result.stderr
+
+
+def test_without_words_the_first_steps_are_shown_and_a_slip_is_answered_with_the_nearest_command() -> None:
+    assert "First steps:" in run().output
+    assert "Did you mean 'calibrate'" in run("calibarte").output

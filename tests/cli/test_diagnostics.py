@@ -68,3 +68,33 @@ def test_a_token_in_the_environment_goes_before_it(
     monkeypatch.setenv("STATE_DIRECTORY", str(folder))
     monkeypatch.setenv("GRABBERD_TOKEN", "grabberd_wrong")
     assert isinstance(run(tmp_path / "barn.zip", running.url).exception, GrabberdError)
+
+
+def test_without_an_address_the_configured_one_is_asked(
+    daemon: tuple[Daemon, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("GRABBERD_URL", raising=False)
+    running, folder = daemon
+    config = tmp_path / "grabberd.yaml"
+    port = running.url.rpartition(":")[2]
+    config.write_text(
+        f"devices: {{one: {{driver: fake}}}}\nstorage: {{directory: {folder}}}\nhttp: {{port: {port}}}\n"
+    )
+    result = CliRunner().invoke(
+        app, ["diagnostics", "--config", str(config), "--out", str(tmp_path / "barn.zip")]
+    )
+    assert result.exit_code == 0, result.output
+    with zipfile.ZipFile(tmp_path / "barn.zip") as archive:
+        assert "state.json" in archive.namelist()
+
+
+def test_the_key_goes_to_a_configured_address_only_if_it_is_this_computer_s(
+    daemon: tuple[Daemon, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from grabberd.cli.diagnostics import _key_of_the_machine  # noqa: PLC0415
+
+    _, folder = daemon
+    monkeypatch.setenv("STATE_DIRECTORY", str(folder))
+    own, foreign = "http://127.9.9.9:8050", "http://192.0.2.1:8050"
+    assert _key_of_the_machine(None, own, configured=True) == folder / "machine.key"
+    assert _key_of_the_machine(None, foreign, configured=True) is None

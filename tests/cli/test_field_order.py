@@ -32,7 +32,8 @@ class Grabber:
     def open(self):
         if self.what == "busy":
             raise DeviceRefused("/dev/video0 is in use by another program", "end that program")
-        order = FieldOrder.ONE_PARITY if self.what == "one parity" else FieldOrder.ALTERNATE
+        known = {"one parity": FieldOrder.ONE_PARITY, "progressive": FieldOrder.PROGRESSIVE}
+        order = known.get(self.what, FieldOrder.ALTERNATE)
         return StreamInfo(
             "barn", "Bt878", "PAL", 720, 288, 50.0, order, "GREY", 8, True, True, True, 1_000_000
         )
@@ -165,6 +166,14 @@ def test_one_parity_has_no_order(tmp_path):
     error = check(configured(tmp_path, "barn", what="one parity")).exception
     assert isinstance(error, DeviceRefused)
     assert "one field of every frame" in error.message
+
+
+@pytest.mark.usefixtures("barn")
+def test_progressive_pictures_have_no_order(tmp_path):
+    error = check(configured(tmp_path, "barn", what="progressive")).exception
+    assert isinstance(error, DeviceRefused)
+    assert "progressive pictures, without fields" in error.message
+    assert "nothing to do" in error.hint
 
 
 @pytest.mark.usefixtures("barn")

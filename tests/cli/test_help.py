@@ -10,6 +10,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from cli.examples import commands
 from grabberd import __version__
 from grabberd.cli.app import app
 
@@ -44,6 +45,37 @@ def test_the_version_says_what_is_slower_without_a_compiled_kernel(
 
 def test_the_readme_is_short() -> None:
     assert len(README.splitlines()) <= 90
+
+
+WRITING = {
+    *("capture", "frame", "calibrate", "analyse", "study", "test", "export", "render", "reprocess"),
+    *("inspect", "diagnostics", "backup", "profile export"),
+}
+"""Commands that write a file or a folder of the user's choice."""
+
+
+def test_whatever_writes_names_its_file_or_folder_in_the_same_way() -> None:
+    found = {
+        " ".join(names): option
+        for names, command in commands()
+        for option in command.params
+        if "--out" in option.opts
+    }
+    assert set(found) == WRITING
+    for name, option in found.items():
+        assert option.opts == ["--out", "-o"], name
+        assert option.help.startswith(("New file to write: ", "New or empty folder to write: ")), name
+
+
+def test_no_command_takes_what_it_writes_by_its_place() -> None:
+    for _, command in commands():
+        assert not [one for one in command.params if one.name == "out" and one.param_type_name == "argument"]
+
+
+def test_it_also_runs_as_a_module_of_python() -> None:
+    for words, code in ((["--version"], 0), (["--help"], 0), (["no-such-command"], 2)):
+        command = [sys.executable, "-m", "grabberd", *words]
+        assert subprocess.run(command, capture_output=True, check=False).returncode == code
 
 
 def test_help_comes_before_anything_that_computes_is_loaded() -> None:

@@ -5,12 +5,16 @@ import shutil
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 import yaml
 from typer.testing import CliRunner, Result
 
+from drivers.replay.videos import by_ffmpeg, needs_ffmpeg
 from drivers.v4l2.bench import Bench, camera
 from grabberd.cli.app import app
+from grabberd.field import unpack
+from grabberd.storage import CaptureReader
 from processes.drawn_footage import footage
 
 VGA = {"columns": 640, "lines": 480, "split": 300, "diameter_px": 5.0, "pitch_px": 24.0}
@@ -42,7 +46,7 @@ def test_what_it_writes_captures_the_pictures_as_they_are(folder: Path, tmp_path
     captured = run("capture", "--config", config, "--fields", 30, "--out", tmp_path / "c.grab", "--json")
     assert captured.exit_code == 0, captured.output
     document = json.loads(captured.stdout)
-    assert (document["verdict"], document["lines"]) == ("complete", "field")
+    assert (document["verdict"], document["lines"], document["rate_hz"]) == ("complete", None, 60.0)
     again = json.loads(run("inspect", tmp_path / "c.grab", "--json").stdout)
     assert (again["interlacing"], again["lines"], again["rate_hz"]) == ("progressive", 480, 60.0)
     assert again["problems"] == []
@@ -101,3 +105,81 @@ def test_a_digital_camera_is_named_with_what_it_was_looked_at_in(
     assert (device["driver"], device["options"]) == ("v4l2", chosen)
     assert (device["rig"]["columns"], device["rig"]["lines"]) == (640, 480)
     assert device["rig"]["views"]["left"]["end_column"] == pytest.approx(300, abs=12)
+
+
+# --- what is stated beside ---
+
+
+def test_options_of_the_driver_are_given_word_by_word_and_written(folder: Path, tmp_path: Path) -> None:
+    config = tmp_path / "rig.yaml"
+    words = ("--option", "pictures=progressive", "--option", "rate_hz=60")
+    assert run("inspect", folder, *words, "--out", config).exit_code == 0
+    options = yaml.safe_load(config.read_text())["devices"]["camera"]["options"]
+    assert options == {"path": str(folder), "pictures": "progressive", "rate_hz": 60}
+    out = tmp_path / "a.grab"
+    captured = run("capture", "--config", config, "--device", f"replay:{folder}", *words, "-o", out, "--json")
+    assert captured.exit_code == 0, captured.output
+    assert json.loads(captured.stdout)["fields"] == 40
+    field_by_field = run("inspect", folder, "--option", "pictures=fields", "--rate-hz", 60, "--json")
+    assert json.loads(field_by_field.stdout)["lines"] == 960
+
+
+@pytest.mark.parametrize("word", ["pictures", "=frames", "pictures=[a"])
+def test_an_option_that_is_no_key_and_value_is_refused(folder: Path, word: str) -> None:
+    result = run("inspect", folder, "--option", word)
+    assert result.exit_code == 2
+    assert "--option" in result.output
+
+
+def test_an_option_that_no_driver_knows_is_refused_by_name(folder: Path) -> None:
+    result = run("inspect", folder, "--option", "colour=red")
+    assert "colour" in str(result.exception)
+
+
+def test_options_of_a_device_that_a_daemon_holds_are_refused(tmp_path: Path) -> None:
+    result = run(
+        "capture", "--url", "http://127.0.0.1:1", "--option", "rate_hz=60", "-o", tmp_path / "a.grab"
+    )
+    assert result.exit_code == 2
+    assert "no daemon holds" in result.output
+
+
+@needs_ffmpeg
+@pytest.mark.parametrize(("mark", "first"), [("tff", "top_first"), ("bff", "bottom_first")])
+def test_an_interlaced_video_is_captured_in_the_order_that_it_shows(
+    tmp_path: Path, mark: str, first: str
+) -> None:
+    video, config, out = tmp_path / "a.mkv", tmp_path / "rig.yaml", tmp_path / "a.grab"
+    pictures = [*footage(first, 40, **VGA)]
+    by_ffmpeg(video, pictures, "-vf", f"setfield={mark}", "-c:v", "ffv1", "-flags", "+ilme")
+    found = json.loads(run("inspect", video, "--out", config, "--json").stdout)
+    assert (found["interlacing"], found["rate_hz"]) == (first, 50.0)
+    assert not any("marked" in one for one in found["problems"])
+    captured = run("capture", "--config", config, "--bits", 8, "--out", out, "--json")
+    assert captured.exit_code == 0, captured.output
+    assert json.loads(captured.stdout)["fields"] == 80
+    with CaptureReader(out) as reader:
+        fields = [unpack(one.packed) for one in reader.received()]
+    for number, field in enumerate(fields):
+        assert field.parity == (number + (first == "bottom_first")) % 2
+        assert (field.luma == pictures[number // 2][field.parity :: 2]).all()
+
+
+@needs_ffmpeg
+def test_pictures_are_believed_more_than_a_mark_and_a_mark_more_than_nothing(tmp_path: Path) -> None:
+    wrong, still = tmp_path / "wrong.mkv", tmp_path / "still.mkv"
+    options = ("-c:v", "ffv1", "-flags", "+ilme")
+    pictures = [*footage("bottom_first", 40, **VGA)]
+    by_ffmpeg(wrong, pictures, "-vf", "setfield=tff", *options)
+    found = json.loads(run("inspect", wrong, "--json").stdout)
+    assert found["interlacing"] == "bottom_first"
+    assert any("marked as top_first, but its pictures show bottom_first" in one for one in found["problems"])
+    noise, (calm,) = np.random.default_rng(1), footage("progressive", 1, **VGA)
+    by_ffmpeg(
+        still,
+        [np.clip(calm + noise.normal(0, 2, calm.shape), 0, 255).astype(np.uint8)] * 3,
+        *("-vf", "setfield=bff", *options),
+    )
+    found = json.loads(run("inspect", still, "--json").stdout)
+    assert found["interlacing"] == "bottom_first"
+    assert any("own mark says bottom_first" in one for one in found["problems"])

@@ -168,6 +168,11 @@ def test_a_package_that_is_there_is_not_hidden(tmp_path: Path) -> None:
         make("driver", "loggers", "--out", tmp_path / "kit")
 
 
+def test_an_empty_folder_is_filled(tmp_path: Path) -> None:
+    make("driver", "mycard", "-o", tmp_path)
+    assert (tmp_path / "pyproject.toml").is_file()
+
+
 def test_nothing_is_written_over(tmp_path: Path) -> None:
     make("driver", "mycard", "--out", tmp_path / "kit")
     with pytest.raises((InputError, StorageError)):

@@ -97,7 +97,7 @@ def test_what_cannot_be_is_refused_with_a_hint(capture: Path, tmp_path: Path) ->
     out = tmp_path / "out"
     assert isinstance(refusal(capture, "--field", 99, "--out", out), NotFound)
     assert isinstance(refusal(capture, "--run", 7, "--out", out), NotFound)
-    fast = refusal(capture, "--what", "animation", "--speed", 4, "--out", out)
+    fast = refusal(capture, "--what", "animation", "--speed", 4, "--format", "gif", "--out", out)
     assert isinstance(fast, InputError)
     assert "--every 4" in fast.hint
     late = refusal(capture, "--what", "animation", "--from", 50, "--to", 60, "--out", out)

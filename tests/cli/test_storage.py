@@ -72,7 +72,7 @@ def test_captures_are_verified_all_or_by_name(barn: Path) -> None:
 
 def test_a_backup_comes_back(barn: Path, tmp_path: Path) -> None:
     out = tmp_path / "barn.zip"
-    assert run("backup", out).exit_code == 0
+    assert run("backup", "--out", out).exit_code == 0
     StateStore(barn / "state.sqlite").put({"threshold": 99})
     result = run("restore", out, "--json")
     assert result.exit_code == 0, result.output
@@ -86,7 +86,7 @@ def test_while_a_daemon_runs_a_backup_is_made_and_a_restore_refused(barn: Path, 
     lock = DirectoryLock(barn)
     lock.acquire()
     try:
-        assert run("backup", tmp_path / "barn.zip").exit_code == 0
+        assert run("backup", "--out", tmp_path / "barn.zip").exit_code == 0
         for words in (("restore", tmp_path / "barn.zip"), ("storage", "index")):
             error = run(*words).exception
             assert isinstance(error, StorageError)
@@ -168,7 +168,7 @@ def test_recovered_settings_are_accepted_by_a_command(barn: Path) -> None:
 def test_a_restored_backup_brings_no_folder_of_captures_with_it(barn: Path, tmp_path: Path) -> None:
     store = StateStore(barn / "state.sqlite")
     store.put({CAPTURES_FOLDER: "that of another computer"})
-    assert run("backup", tmp_path / "barn.zip").exit_code == 0
+    assert run("backup", "--out", tmp_path / "barn.zip").exit_code == 0
     assert run("restore", tmp_path / "barn.zip").exit_code == 0
     folder = CapturesFolder(barn / "captures", lambda: store.get(CAPTURES_FOLDER))
     assert folder.take()
@@ -222,3 +222,10 @@ def test_captures_are_converted_or_kept(barn: Path) -> None:
     assert [document["file"] for document in documents] == [str(old), str(broken)]
     assert documents[0]["before_bytes"] == documents[0]["after_bytes"]
     assert documents[1]["hint"]
+
+
+def test_before_a_daemon_has_run_retention_would_delete_nothing(tmp_path, monkeypatch):
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path / "none" / "state"))
+    result = run("storage", "retention")
+    assert result.exit_code == 0, result.exception
+    assert "0 of 0 captures" in result.output

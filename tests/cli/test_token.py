@@ -35,7 +35,9 @@ def test_a_token_is_printed_once_and_opens_the_door(folder: Path) -> None:
     assert Access(folder).of_token(secret) == Identity(Role.OPERATOR, "token", "tablet")
     listed = run("token", "list", "--json")
     assert [(row["name"], row["role"]) for row in json.loads(listed.stdout)] == [("tablet", "operator")]
-    assert secret not in listed.output + run("token", "list").output
+    shown = run("token", "list").output
+    assert secret not in listed.output + shown
+    assert "valid until revoked" in " ".join(shown.split())
 
 
 def test_two_tokens_have_nothing_in_common(folder: Path) -> None:

@@ -82,6 +82,7 @@ def test_a_disarmed_capture_is_the_same_but_for_its_end() -> None:
         {"fields": 3, "duration_s": 1},
         {"armed": True, "fields": 3},
         {"post_trigger_fields": 3},
+        {"armed": True, "post_trigger_fields": 3, "duration_s": 1},
         {"fields": 3, "pre_trigger_fields": 3},
     ],
 )

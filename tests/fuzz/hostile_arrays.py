@@ -87,7 +87,7 @@ def _grey(random: Random, kernel: Any) -> None:
         rows,
         stride,
         columns,
-        random.randrange(2),
+        random.randrange(3),
         random.randrange(2),
         random.choice((1, 2)),
         random.randrange(256),

@@ -61,7 +61,8 @@ def grey_pictures(rng):
                 data[rng.random(shape) < rng.choice([0.0, 0.5, 0.95])] = rng.choice([0, 255])
                 columns = stride if bits == 8 else 8 * stride - int(rng.integers(8))
                 threshold = int(rng.choice([-5, 0, 60, 254, 255, 999]))
-                yield PackedField(data, bits, columns, int(rng.integers(2)), 0, y_step, threshold)
+                parity = int(rng.integers(3 if y_step == 1 else 2))
+                yield PackedField(data, bits, columns, parity, 0, y_step, threshold)
 
 
 def grey_settings(rng):

@@ -9,7 +9,7 @@ from grabberd.field import Field, double_lines, quantise
 from grabberd.kernel import KERNEL
 from grabberd.measurement import LocationSettings
 from grabberd.measurement.compiled.grey_location import measure_grey, takes_grey
-from grabberd.measurement.location import measure_by_numpy
+from grabberd.measurement.location import measure_by_numpy, settings_for
 from grabberd.measurement.locators.locator import GREY
 from measurement.rendering import grid_of_discs
 from measurement.test_any_picture import picture
@@ -21,12 +21,14 @@ pytestmark = pytest.mark.skipif(
 
 SINGLE_PX = 2e-6
 """Both add products of single precision numbers, in another order."""
+LINES = ("intact", "doubled", "progressive")
 NARROW_PX = 3
 SHARE_OF_SIGMA = 0.01
 """What shapes that are no discs leave undetermined, that is multiplied by."""
 
 
 def both(packed, wanted):
+    wanted = settings_for(packed, wanted)
     assert takes_grey(packed, wanted)
     expected, found = measure_by_numpy(packed, wanted), measure_grey(KERNEL, packed, wanted)
     assert len(found) == len(expected)
@@ -43,24 +45,23 @@ def assert_jitter_is_same(expected, found, relative):
         assert found.line_jitter_px == pytest.approx(expected.line_jitter_px, rel=relative)
 
 
-@example(36779249, "noise", (40, 2), 3, False, 0.12, None)
-@example(0, "holes", (8, 2), 8, False, 0.0, None)
-@example(1, "blots", (2, 7), 8, False, 0.0, None)
-@example(2, "holes", (18, 2), 6, False, 0.0, None)
+@example(36779249, "noise", (40, 2), 3, "intact", 0.12, None)
+@example(0, "holes", (8, 2), 8, "intact", 0.0, None)
+@example(1, "blots", (2, 7), 8, "intact", 0.0, None)
+@example(2, "holes", (18, 2), 6, "intact", 0.0, None)
 @settings(max_examples=120, deadline=None)
 @given(
     st.integers(0, 2**31),
     st.sampled_from(["noise", "blots", "bars", "holes"]),
     st.tuples(st.integers(2, 40), st.integers(2, 200)),
     st.sampled_from(GREY),
-    st.booleans(),
+    st.sampled_from(LINES),
     st.sampled_from([0.0, 0.12]),
     st.sampled_from([None, False]),
 )
-def test_of_any_picture(seed, kind, size, bits, doubled, jitter_px, shifts):
+def test_of_any_picture(seed, kind, size, bits, lines, jitter_px, shifts):
     luma = picture(np.random.default_rng(seed), kind, *size).astype(np.uint8)
-    field = Field.intact(luma, seed % 2)
-    packed = quantise(double_lines(field) if doubled else field, bits, 80)
+    packed = quantise(of_lines(luma, seed % 2, lines), bits, 80)
     wanted = LocationSettings(min_diameter_px=0.5, line_jitter_px=jitter_px, line_shifts=shifts)
     expected, found = both(packed, wanted)
     # Solving multiplies what rounding does to the normal equations by the variance: 9 px² if 2 px wide.
@@ -77,20 +78,28 @@ def test_of_any_picture(seed, kind, size, bits, doubled, jitter_px, shifts):
         assert_jitter_is_same(expected, found, 1e-3)
 
 
+def of_lines(luma, parity, lines):
+    if lines == "progressive":
+        return Field.progressive(luma)
+    field = Field.intact(luma, parity)
+    return double_lines(field) if lines == "doubled" else field
+
+
 def picture_end(packed):
     """The centre of the last pixel, in frame pixels."""
     return packed.columns - 1, packed.y0 + (packed.rows - 1) * packed.y_step
 
 
 @pytest.mark.parametrize("bits", [2, 4, 8])
-@pytest.mark.parametrize("doubled", [False, True])
+@pytest.mark.parametrize("lines", LINES)
 @pytest.mark.parametrize(
     "how",
     [{}, {"line_jitter_known": True}, {"line_shifts": False}, {"line_jitter_px": 0.0}, {"noise_levels": 4.0}],
 )
-def test_of_a_field_of_targets(bits, doubled, how):
+def test_of_a_field_of_targets(bits, lines, how):
     intact, _ = grid_of_discs(np.random.default_rng(bits), parity=bits // 4 % 2, noise=0.02, jitter_px=0.12)
-    packed = quantise(double_lines(intact) if doubled else intact, bits, 90)
+    luma = double_lines(intact).luma if lines == "progressive" else intact.luma  # discs as high as wide
+    packed = quantise(of_lines(luma, intact.parity, lines), bits, 90)
     expected, found = both(packed, LocationSettings(**how))
     assert len(found) > 500
     assert np.allclose(found.xy_px, expected.xy_px, rtol=0, atol=SINGLE_PX)

@@ -1,6 +1,6 @@
 """Fields of the simulated grabber, and what is true in them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -29,7 +29,8 @@ class Scene:
         counts = np.bincount(self.fields[0][1].luma.ravel(), minlength=256)
         threshold = choose_threshold(counts, ThresholdRule(), bits)
         for n, (time_ns, field) in enumerate(self.fields):
-            whole = double_lines(field) if lines == "doubled" else field
+            whole = field if lines == "field" else double_lines(field)
+            whole = Field.progressive(whole.luma) if lines == "progressive" else whole
             yield NumberedField(n, time_ns, n, quantise(whole, bits, threshold))
 
     @cache  # noqa: B019 - a test module has one or two scenes
@@ -45,9 +46,7 @@ def take_scene(count, **options):
     fields = []
     while len(fields) < count:
         with grabber.dequeue(1.0) as grabbed:
-            fields += [
-                (one.time_ns, Field.intact(one.field.luma.copy(), one.field.parity)) for one in grabbed
-            ]
+            fields += [(one.time_ns, replace(one.field, luma=one.field.luma.copy())) for one in grabbed]
     grabber.close()
     setup = MeasureSetup(
         calibration=Calibration.from_document(calibration_document(grabber.options)),

@@ -13,6 +13,7 @@ from grabberd.kernel import KERNEL
 from grabberd.measurement import LocationSettings, location
 from grabberd.processes import measure as process
 from grabberd.processes.engine import MOST_FIELDS, Engine
+from grabberd.processes.locating import Locating
 from grabberd.processes.measure import measure_fields
 from grabberd.reconstruction import CoverageTally, ImageNoise, Tracker
 from grabberd.reconstruction.correspondence import compiled_predictors
@@ -27,7 +28,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 FIELDS = 70
-WAYS = [(1, "doubled"), (1, "field"), (8, "field"), (4, "field")]
+WAYS = [(1, "doubled"), (1, "field"), (8, "field"), (4, "field"), (1, "progressive"), (8, "progressive")]
 ROUNDED_PX = 1e-5
 """numpy adds log likelihoods as single precision numbers, in another order; so it does with fitted discs."""
 
@@ -85,12 +86,30 @@ def test_the_points_are_numpys(liner, way, local, monkeypatch):
     assert sum(len(one.points) for one in ours) > 60 * FIELDS
 
 
-@pytest.mark.parametrize("way", WAYS[:3])
+@pytest.mark.parametrize("way", [*WAYS[:3], *WAYS[4:]])
 def test_fields_taken_together_give_the_same_bits(liner, way):
     fields = list(liner.packed(*way))
     alone = bytes_of(measure_fields(fields, liner.setup))
     for ahead in (2, 25, MOST_FIELDS + 3):
         assert bytes_of(measure_fields(fields, liner.setup, ahead=ahead)) == alone
+
+
+@pytest.mark.parametrize("bits", [1, 8])
+def test_doubled_fields_and_progressive_pictures_of_one_size_keep_their_own_settings(liner, bits):
+    """As where one replay follows another: neither has the tables or the line shifts of the other."""
+    doubled, whole = (list(liner.packed(bits, lines))[:10] for lines in ("doubled", "progressive"))
+    both = [*doubled, *whole, *doubled]
+    alone = [bytes_of(measure_fields(one, liner.setup)) for one in (doubled, whole, doubled)]
+    assert bytes_of(measure_fields(both, liner.setup, ahead=len(both))) == [
+        one for own in alone for one in own
+    ]
+
+
+@pytest.mark.parametrize("bits", [1, 8])
+def test_progressive_pictures_are_taken_many_in_one_call(liner, bits):
+    """No jitter is estimated in them, for which grey fields are taken one by one now and then."""
+    first = next(liner.packed(bits, "progressive")).packed
+    assert Locating(LocationSettings(), 0.12).alike(first) > MOST_FIELDS
 
 
 def test_who_was_found_is_counted_alike(liner, monkeypatch):

@@ -1,5 +1,6 @@
 """Pictures of unknown origin tell of their lines, of where the views meet, and of their targets."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -53,6 +54,17 @@ def test_a_single_view_is_not_split_with_certainty():
     found = inspect(list(footage("progressive", 10, **{**VGA, "split": 639})))
     assert not found.split.sure
     assert found.split.column == 320
+
+
+def test_a_gap_that_leaves_most_targets_on_one_side_is_not_where_views_meet():
+    left, right = [30, 54, 78, 102, 282, 306], range(340, 520, 24)  # some of the left view's are not lit
+    picture = np.full((480, 640), 25, np.uint8)
+    for x in (*left, *right):
+        for y in range(60, 420, 24):
+            cv2.circle(picture, (x, y), 3, 180, -1, cv2.LINE_AA)
+    noise = np.random.default_rng(1).normal(0, 2, (4, *picture.shape))
+    found = inspect(list(np.clip(cv2.GaussianBlur(picture, (0, 0), 0.7) + noise, 0, 255).astype(np.uint8)))
+    assert (found.split.sure, found.split.column) == (False, 320)
 
 
 def test_fields_of_a_known_parity_are_taken_as_they_are():

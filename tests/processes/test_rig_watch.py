@@ -7,7 +7,7 @@ import pytest
 
 from grabberd.geometry import rotation_angles, rotation_matrix
 from grabberd.processes.measure import measure_fields
-from grabberd.processes.rig_watch import FIT_EVERY, RigWatch
+from grabberd.processes.rig_watch import RigWatch
 from grabberd.reconstruction.accuracy.drift_check import RigVerdict
 from processes.fake_scene import take_scene
 
@@ -16,7 +16,7 @@ PX_RAD = 0.0084 / 8.0
 
 @pytest.fixture(scope="module")
 def liner():
-    return take_scene(100)
+    return take_scene(101)
 
 
 def turned(setup, px):
@@ -37,9 +37,18 @@ def watched(scene, px):
 
 def test_once_a_second_it_is_said_what_the_last_seconds_show(liner):
     fits = watched(liner, 0.0)
-    assert [n for n, fit in enumerate(fits) if fit] == [FIT_EVERY - 1, 2 * FIT_EVERY - 1]
+    assert [n for n, fit in enumerate(fits) if fit] == [50, 100]
     assert fits[-1].verdict is RigVerdict.FITS
     assert fits[-1].fields == 10
+
+
+@pytest.mark.parametrize("rate_hz", [25, 59.94, 120])
+def test_it_is_said_once_a_second_at_any_rate(liner, rate_hz):
+    watch = RigWatch(liner.setup)
+    (first,) = measure_fields([next(liner.packed(1, "doubled"))], liner.setup)
+    times_ns = [round(n * 1e9 / rate_hz) for n in range(round(3.5 * rate_hz))]
+    told = [at_ns for at_ns in times_ns if watch.see(first._replace(time_ns=at_ns))]
+    assert [at_ns / 1e9 for at_ns in told] == pytest.approx([1.0, 2.0, 3.0], abs=0.2)
 
 
 @pytest.mark.parametrize("px", [0.5, 3.0])
@@ -66,5 +75,5 @@ def test_a_dark_picture_says_nothing_of_the_rig(liner):
 @pytest.mark.parametrize("scene", ["liner", "accuracy_object"])
 def test_rigs_that_have_not_moved_raise_no_alarm(scene, picture):
     for seed in range(2, 5):
-        taken = take_scene(50, scene=scene, seed=seed, rig={"seed": seed}, picture=picture)
+        taken = take_scene(51, scene=scene, seed=seed, rig={"seed": seed}, picture=picture)
         assert watched(taken, 0.0)[-1].verdict is RigVerdict.FITS

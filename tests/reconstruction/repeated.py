@@ -7,15 +7,15 @@ from grabberd.reconstruction.point_series import PointSeries
 PX_PER_MM = 4.0
 
 
-def series_of(xyz_mm, sigma_mm=(0.05, 0.04, 0.12), target=None, first_n=0, calibration_mm=0.02):
-    """A series of places (F, T, 3), NaN where a target was not seen; fields 20 ms apart."""
+def series_of(xyz_mm, sigma_mm=(0.05, 0.04, 0.12), target=None, first_n=0, calibration_mm=0.02, rate_hz=50):
+    """A series of places (F, T, 3), NaN where a target was not seen; fields 20 ms apart by default."""
     xyz = np.array(xyz_mm, float)
     fields, targets = xyz.shape[:2]
     covariance = np.broadcast_to(np.diag(np.square(sigma_mm)), (fields, targets, 3, 3))
     seen = np.isfinite(xyz[..., :1])[..., np.newaxis]
     return PointSeries(
         n=np.arange(first_n, first_n + fields),
-        time_s=np.arange(fields) * 0.02,
+        time_s=np.arange(fields) / rate_hz,
         target=np.arange(1, targets + 1, dtype=np.int32) if target is None else np.array(target, np.int32),
         xyz_mm=xyz,
         covariance_mm2=np.where(seen, covariance, np.nan),

@@ -86,11 +86,11 @@ class Receiver:
     """Hears all topics; comes back after the broker by itself, and hears what it has missed.
 
     Attributes:
-        heard: every message, by its topic, in order; and whether it was a retained one.
+        heard: every message, by its topic, in order, None if it is empty; and whether it was a retained one.
     """
 
     def __init__(self, port: int, name: str = "receiver", **access: Any) -> None:
-        self.heard: list[tuple[str, dict[str, Any], bool]] = []
+        self.heard: list[tuple[str, Any, bool]] = []
         self._changed = threading.Condition()
         self._subscribed = False
         self._client = paho.Client(paho.CallbackAPIVersion.VERSION2, name, protocol=paho.MQTTv5)
@@ -129,7 +129,8 @@ class Receiver:
 
     def _hear(self, message: Any) -> None:
         with self._changed:
-            self.heard.append((message.topic, json.loads(message.payload), bool(message.retain)))
+            document = json.loads(message.payload) if message.payload else None
+            self.heard.append((message.topic, document, bool(message.retain)))
             self._changed.notify_all()
 
     def _now_subscribed(self) -> None:

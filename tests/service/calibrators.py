@@ -1,7 +1,7 @@
 """Calibration documents for tests, and calibrators that a job can run in its process."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +42,7 @@ def failed(calibration_id: str) -> Document:
 def exact(
     progress: Progress,
     *,
-    path: Path,
+    paths: Sequence[Path],
     calibration_frame: Mapping[str, Any],
     options: CalibrationOptions,
     note: str | None,
@@ -50,14 +50,15 @@ def exact(
 ) -> CalibrationOutput:
     """Knows the calibration without looking at the fields; its id ends as the calibration frame is called."""
     progress(0.5)
-    with CaptureReader(path) as reader:
+    with CaptureReader(paths[0]) as reader:
         details = {
             "fields": reader.field_count,
             "options": options.model_dump(exclude_none=True),
             "note": note,
+            "captures": [one.stem for one in paths],
             "targets": len(calibration_frame["targets"]),
         }
-    document = calibration(f"of-{path.stem}", SHIFT_MM, details=details)
+    document = calibration(f"of-{paths[0].stem}", SHIFT_MM, details=details)
     # Without the numbers, which nobody looks at.
     report = CalibrationReport.model_construct(schema_="grabberd/calibration-report/1", id=document["id"])
     return CalibrationOutput(Calibration.from_document(document), report)

@@ -77,7 +77,7 @@ def test_problems_of_all_loggers_are_named_at_once(tmp_path: Path) -> None:
     )
     assert (
         "there is no driver 'lpt'; installed are: csv, fake, fake_light, gpio, iio, mqtt, rts, serial"
-        in found["loggers.two.options"]
+        in found["loggers.two.driver"]
     )
     assert "baud" in found["loggers.one.options"] or "port: missing" in found["loggers.one.options"]
     assert "there is no device cup9; known are: cup1, cup2" in found["loggers.one.channels.liner.devices"]

@@ -20,7 +20,7 @@ PATIENCE_S = 120
 
 _SYSTEMCTL = """#!/bin/sh
 echo "$*" >>"$MACHINE/calls"
-current=$DESTDIR/opt/grabberd/current
+current=$DESTDIR/${RELEASE:-opt/grabberd/current}
 case $1 in
     show) cat "$MACHINE/listen" ;;
     is-enabled) cat "$MACHINE/enabled" 2>/dev/null || echo enabled ;;
@@ -80,7 +80,7 @@ class Rehearsed:
             (bundle / "wheels").mkdir(parents=True)
             write_wheel(bundle / "wheels", version, schema, without)
             (bundle / "constraints.txt").touch()
-            for name in ("installer.sh", "release_checks.py"):
+            for name in ("installer.sh", "release.sh", "release_checks.py"):
                 shutil.copy(SYSTEMD / name, bundle)
         return self.run(bundle / "installer.sh", "install", **variables)
 

@@ -27,8 +27,8 @@ class Installed:
         self._image = image
         self._folder = Path(tempfile.mkdtemp(prefix="grabberd-vm-disks-"))
         try:
-            self._disks = _disks(image, self._folder)
-            bundle = _bundle(self._folder / "bundle")
+            self._disks = new_disks(image, self._folder)
+            bundle = bundle_of_grabberd(self._folder / "bundle")
             self.machine = self._boot()
             shutil.copy(bundle, self.machine.share)
             self.installed: dict[str, Any] = self.machine.call(
@@ -61,15 +61,16 @@ class Installed:
         return Machine(self._image, counted(0), disks=self._disks)
 
 
-def _disks(image: Image, folder: Path) -> Disks:
+def new_disks(image: Image, folder: Path) -> Disks:
+    """A copy of the image's disk, and an empty one for captures."""
     disks = Disks(folder / "root", folder / "state")
     host.run("cp", "--sparse=always", str(image.disk), str(disks.root))
     host.run("mkfs.ext4", "-q", str(disks.state), f"{STATE_MB}M")
     return disks
 
 
-def _bundle(folder: Path) -> Path:
-    """Of grabberd alone: the image has the other packages."""
+def bundle_of_grabberd(folder: Path) -> Path:
+    """A bundle without the other packages: the image has them."""
     command = ["bash", str(CHECKOUT / "systemd" / "bundle.sh"), sys.executable, str(folder), "--no-deps"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr

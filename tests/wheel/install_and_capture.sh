@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # Installs a wheel into an empty environment away from the checkout, and runs one capture there, so that a
-# forgotten file or dependency shows.   usage: install_and_capture.sh PYTHON WHEEL
+# forgotten file or dependency shows; then the same program from a source archive, with a compiler and without.
+# usage: install_and_capture.sh PYTHON WHEEL [SOURCE_ARCHIVE]
 set -euo pipefail
-python=$1 wheel=$(realpath "$2")
+python=$1 wheel=$(realpath "$2") source=${3:+$(realpath "$3")}
 here=$(pwd)
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -32,4 +33,34 @@ from grabberd.reports.environment import environment
 for name in ("calibration", "analysis"):
     environment().get_template(f"{name}.html.jinja")
 '
+complete() { # the site and the examples are in it
+    "$work/venv/bin/python" -c '
+import grabberd
+from grabberd.web.site import Site
+assert Site().is_built, "the documentation has been forgotten"
+for name in ("frame.grab", "liner.grab", "object.grab"):
+    with grabberd.open(grabberd.example(name)) as capture:
+        assert capture.rate_hz == 50.0
+'
+}
+complete
+version() { "$work/venv/bin/grabberd" --version; }
+expect() { # WORDS
+    version | grep -q "$1" || { echo "wheel: --version does not say '$1': $(version)"; exit 1; }
+}
+case $wheel in *abi3*) expect "compiled kernel" ;; esac
 echo "wheel: installed into an empty environment, 64 fields gave $points points"
+
+[ -n "$source" ] || exit 0
+# Once as it is, once where no compiler is found: PATH has the environment's own programs alone.
+install_source() { env "$@" "$work/venv/bin/python" -m pip install --quiet --no-compile --no-deps --force-reinstall "$source"; }
+install_source GRABBERD_KERNEL=must
+complete
+expect "compiled kernel"
+"$work/venv/bin/grabberd" capture --fields 8 --out compiled.grab >/dev/null
+install_source -u CC PATH="$work/venv/bin"
+complete
+expect "no compiled kernel"
+"$work/venv/bin/grabberd" capture --fields 8 --out plain.grab >/dev/null
+echo "wheel: from the source archive with a compiler: $(version); without:"
+version

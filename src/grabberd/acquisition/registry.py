@@ -89,9 +89,13 @@ INSTALLED_LOCATORS: "Registry[Locator]" = Registry("grabberd.locators", "locator
 
 
 def _check_names(driver: str, factory: Callable[..., Any], options: Mapping[str, Any]) -> None:
-    signature = inspect.signature(factory)
-    try:
-        signature.bind(**options)
-    except TypeError as error:
-        known = ", ".join(signature.parameters) or "none"
-        raise ValueError(f"driver '{driver}': {error}; its options are: {known}") from error
+    parameters = inspect.signature(factory).parameters
+    if any(one.kind is inspect.Parameter.VAR_KEYWORD for one in parameters.values()):
+        return  # it reads its options itself
+    known = ", ".join(parameters) or "none"
+    unknown = [name for name in options if name not in parameters]
+    missing = [name for name, one in parameters.items() if one.default is one.empty and name not in options]
+    problems = [f"{name}: driver '{driver}' has no such option; its options are: {known}" for name in unknown]
+    problems += [f"{name}: missing; driver '{driver}' needs it; its options are: {known}" for name in missing]
+    if problems:
+        raise ValueError("\n".join(problems))

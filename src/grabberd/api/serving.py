@@ -5,6 +5,7 @@ import contextlib
 import logging
 import socket
 import ssl
+import sys
 import threading
 from pathlib import Path
 from types import FrameType
@@ -31,6 +32,7 @@ WEBSOCKET_BYTES = 65_536
 """Enough for any client message: clients have nothing to send on the preview's WebSocket."""
 SHUTDOWN_S = 3
 """Time for responses to end; captures are sealed meanwhile."""
+GREETING_AFTER_S = 3.0
 WAITING = 1024
 """Connections that the kernel keeps until they are accepted."""
 
@@ -58,6 +60,8 @@ class BeatingServer(uvicorn.Server):
         super().__init__(config)
         self._heartbeat = heartbeat
         self.forced_end: ForcedEnd | None = None
+        self.greeting = ""
+        """Line for the person who started it, printed when the devices have had time to say how they are."""
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Handles a signal to end."""
@@ -73,7 +77,10 @@ class BeatingServer(uvicorn.Server):
 
     async def main_loop(self) -> None:
         """Serves until it is told to stop."""
-        asyncio.get_running_loop().set_exception_handler(_explain)
+        loop = asyncio.get_running_loop()
+        loop.set_exception_handler(_explain)
+        if self.greeting:
+            loop.call_later(GREETING_AFTER_S, _greet, self.greeting)
         if self._heartbeat is None:
             await super().main_loop()
             return
@@ -96,6 +103,10 @@ class BeatingServer(uvicorn.Server):
         if feeds is not None:
             feeds.close()
         await super().shutdown(sockets)
+
+
+def _greet(words: str) -> None:
+    print(words, file=sys.stderr, flush=True)
 
 
 def _explain(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:

@@ -1,6 +1,7 @@
 """Listening sockets: inherited or bound, and private or public."""
 
 import contextlib
+import errno
 import ipaddress
 import os
 import socket
@@ -16,6 +17,8 @@ GONE_AFTER_MS = 30_000
 """Time without acknowledgement after which a client counts as gone, whatever it has left unread."""
 UNSENT_BYTES = 131_072
 """Bytes that the kernel keeps for a client that does not read, before the daemon notices that it does not."""
+_ALL_ADDRESSES = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}  # noqa: S104 - compared, never bound
+"""What a socket for all addresses is called, and the loopback address among them."""
 
 
 def inherited(environment: MutableMapping[str, str]) -> list[socket.socket]:
@@ -51,12 +54,26 @@ def bind(host: str, port: int) -> list[socket.socket]:
             bound.append(_listen(address))
     except OSError as error:
         if not bound:  # "localhost" resolves to ::1 even on a machine without IPv6
-            raise Conflict(
-                f"cannot listen on {host} port {port}: {error.strerror}",
-                "another program may be listening there, or this machine may not have the address; see http "
-                "in the configuration",
-            ) from error
+            raise _refused(host, port, error) from error
     return bound
+
+
+def _refused(host: str, port: int, error: OSError) -> Conflict:
+    """The error for an address that cannot be bound, with what to do about its reason."""
+    other = "serve on another: grabberd serve --port N, make run PORT=N, or http.port in the configuration"
+    if error.errno == errno.EADDRINUSE:
+        return Conflict(
+            f"port {port} of {host} is in use: another program listens there, perhaps a grabberd that runs "
+            "already",
+            f"ss -ltnp 'sport = :{port}' shows which; stop it, or {other}",
+        )
+    if error.errno == errno.EACCES:
+        return Conflict(f"port {port} of {host} is for root only", f"take one from 1024 on; {other}")
+    return Conflict(
+        f"cannot listen on {host} port {port}: {error.strerror}",
+        "this machine may not have the address: give one of its own, such as 127.0.0.1, with --host, or as "
+        "http.host in the configuration",
+    )
 
 
 def is_private(listening: socket.socket) -> bool:
@@ -96,6 +113,24 @@ def describe(listening: socket.socket, scheme: str = "http") -> str:
     if listening.family == socket.AF_INET:
         return f"{scheme}://{name[0]}:{name[1]}"
     return f"{scheme}+unix:{name!s}"
+
+
+def to_open(sockets: Iterable[socket.socket], scheme: str, hosts: Sequence[str] = ()) -> str | None:
+    """The address that a person on this machine opens in a browser; None if no socket has one.
+
+    Args:
+        sockets: Those that are listened on.
+        scheme: http or https.
+        hosts: Names by which clients reach it, which a socket for all addresses has not.
+    """
+    for one in sockets:
+        if one.family not in (socket.AF_INET, socket.AF_INET6):
+            continue
+        address, port = one.getsockname()[:2]
+        if address not in _ALL_ADDRESSES:
+            return describe(one, scheme)
+        return f"{scheme}://{hosts[0] if hosts else _ALL_ADDRESSES[address]}:{port}"
+    return None
 
 
 def _is_private_file(name: str | bytes) -> bool:

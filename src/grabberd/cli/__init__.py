@@ -31,7 +31,7 @@ def main() -> None:
     # OpenBLAS threads cost more than they gain on matrices this small, and disturb the capture thread.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     app = _imported_app()
-    from grabberd.errors import ConfigError, GrabberdError, StorageError  # noqa: PLC0415 - imported by now
+    from grabberd.errors import ConfigError, GrabberdError  # noqa: PLC0415 - imported by now
 
     try:
         try:
@@ -52,14 +52,24 @@ def main() -> None:
         _drop_output()
         sys.exit(1)
     except Exception as error:
-        if isinstance(error, OSError) and error.errno in _NO_ROOM:
-            _drop_output()
-            complain(StorageError(f"the output cannot be written: {error.strerror}", "make room on its disk"))
-            sys.exit(EX_IOERR)
-        from grabberd.cli.internal_error import explain  # noqa: PLC0415 - rarely needed
+        sys.exit(_explained(error))
 
-        explain(error)
-        sys.exit(EX_SOFTWARE)
+
+def _explained(error: Exception) -> int:
+    """Say what an error means that no part of the program has put into words; return the exit code."""
+    from grabberd.errors import NO_PERMISSION, StorageError  # noqa: PLC0415 - imported by now
+
+    if isinstance(error, OSError) and error.errno in _NO_ROOM:
+        _drop_output()
+        complain(StorageError(f"the output cannot be written: {error.strerror}", "make room on its disk"))
+        return EX_IOERR
+    if isinstance(error, PermissionError) and error.filename:
+        complain(StorageError(f"no permission for {error.filename}", NO_PERMISSION))
+        return 1
+    from grabberd.cli.internal_error import explain  # noqa: PLC0415 - rarely needed
+
+    explain(error)
+    return EX_SOFTWARE
 
 
 def _imported_app() -> Callable[[], None]:

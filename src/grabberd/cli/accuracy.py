@@ -68,7 +68,7 @@ def accuracy(  # noqa: PLR0913, PLR0917 - options of a command
     left_out: list[Damage] = []
     with CaptureReader(capture, left_out) as reader:
         reader.check_unchanged(runs=())
-        settings = replace(settings, bits=reader.meta.bits)
+        settings = replace(settings, bits=reader.meta.bits, interlaced=reader.meta.is_interlaced)
         if calibration is None and not wanted:
             results = [investigate(reader.timed_points(run), known, settings)]
         else:

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from grabberd.cli.options import ConfigOption, JsonOption, follow_link, labels_of, print_json, warn
+from grabberd.cli.options import (
+    ConfigOption,
+    JsonOption,
+    follow_link,
+    labels_of,
+    out_folder,
+    print_json,
+    warn,
+)
 from grabberd.cli.terminal import console, progress_bar
 from grabberd.errors import ExtraMissing, InputError
 
@@ -24,7 +32,7 @@ def analyse(  # noqa: PLR0913, PLR0917 - options of a command
         Path,
         typer.Argument(help="Capture file with points, NAME.grab; it is not modified.", callback=follow_link),
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="New or empty folder for the results.")],
+    out: Annotated[Path, out_folder("the results")],
     inputs: Annotated[
         Path | None,
         typer.Option(
@@ -64,11 +72,12 @@ def analyse(  # noqa: PLR0913, PLR0917 - options of a command
 
     Example: grabberd analyse liner.grab --inputs configs/analysis/liner.yaml --out liner-analysis
 
-    Example: grabberd analyse liner.grab --inputs liner.yaml --vacuum-log log.csv --formats csv,vtu --out out
+    Example: grabberd analyse liner.grab --inputs liner-inputs.yaml --vacuum-log log.csv --formats csv,vtu
+    --out out
 
     Example: grabberd analyse liner.grab --profiles --label liner=A --out out
 
-    Example: grabberd analyse b1.grab --bursts b2.grab --bursts b3.grab --inputs liner.yaml --out out
+    Example: grabberd analyse b1.grab --bursts b2.grab --bursts b3.grab --inputs liner-inputs.yaml --out out
     """
     from grabberd.service.jobs.analysis import AnalysisOptions, analyse_file, with_log  # noqa: PLC0415
     from grabberd.service.setup import read_yaml  # noqa: PLC0415

@@ -39,7 +39,7 @@ COMMANDS: Mapping[str, str] = {
     "new": "new",
 }
 """Commands, by name, and the modules in which they are."""
-GROUPS = ("jobs", "profile", "token", "storage")
+GROUPS = ("jobs", "outlet", "profile", "token", "storage")
 """Groups of commands, a module each."""
 
 
@@ -49,6 +49,8 @@ def application(*only: str) -> typer.Typer:
         name="grabberd",
         help="A 50 Hz three-dimensional measuring instrument from a frame grabber and a camera behind "
         "mirrors.",
+        epilog="First steps: 'grabberd serve' starts the daemon on a simulated grabber, for the browser at "
+        "http://127.0.0.1:8050; 'grabberd capture --fields 64 --out liner.grab' records without a daemon.",
         no_args_is_help=True,
         pretty_exceptions_enable=False,
         rich_markup_mode="rich",

@@ -7,11 +7,11 @@ from typing import Annotated
 import typer
 
 from grabberd import __version__
-from grabberd.cli.options import ConfigOption, JsonOption, load, print_result
+from grabberd.cli.options import ConfigOption, JsonOption, load, out_file, print_result
 
 
 def backup(
-    out: Annotated[Path, typer.Argument(help="File to write, e.g. barn-2026-03-01.zip.")],
+    out: Annotated[Path, out_file("the backup, such as barn-2026-03-01.zip")],
     config: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -19,7 +19,7 @@ def backup(
 
     Captures are not included: they are files of their own. Keep the backup as safe as a password.
 
-    Example: grabberd backup --config /etc/grabberd/grabberd.yaml barn-2026-03-01.zip
+    Example: grabberd backup --config /etc/grabberd/grabberd.yaml --out barn-2026-03-01.zip
     """
     from grabberd.acquisition.clock import iso_utc  # noqa: PLC0415
     from grabberd.storage.state.backup import back_up  # noqa: PLC0415

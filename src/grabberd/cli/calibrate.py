@@ -15,6 +15,7 @@ from grabberd.cli.options import (
     check_folder,
     follow_links,
     load,
+    out_file,
     print_json,
 )
 from grabberd.cli.terminal import console, progress_bar
@@ -46,7 +47,7 @@ def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
         ),
     ],
     calibration_frame: Annotated[Path, typer.Option(help="Targets of the calibration frame (YAML).")],
-    out: Annotated[Path, typer.Option(help="Calibration file to write (JSON); never overwrites.")],
+    out: Annotated[Path, out_file("the calibration (JSON)")],
     report: Annotated[
         Path | None, typer.Option(help="Report to write as well: NAME.html or NAME.json.")
     ] = None,

@@ -6,29 +6,29 @@ from typing import Annotated, Any
 import typer
 
 from grabberd.cli.options import (
-    DEFAULT_URL,
     VERDICTS,
     ConfigOption,
+    DriverOption,
     JsonOption,
     TokenFileOption,
     check_absent,
     check_folder,
+    daemon_url,
+    driver_options,
     group_file,
     labels_of,
     load,
+    out_file,
     print_json,
     warn,
 )
 
-FIELD_S = 0.02
-"""Length of a field; the API counts the length of an armed capture in fields from its trigger."""
-
-OutOption = Annotated[Path, typer.Option("--out", "-o", help="Capture file to write, NAME.grab.")]
+OutOption = Annotated[Path, out_file("the capture, NAME.grab")]
 DeviceOption = Annotated[
     str | None, typer.Option(help="A configured device, or replay:PATH to play back a recording instead.")
 ]
-FieldsOption = Annotated[int | None, typer.Option(min=1, help="Length in fields of 20 ms.")]
-DurationOption = Annotated[float | None, typer.Option("--duration-s", min=FIELD_S, help="Length in seconds.")]
+FieldsOption = Annotated[int | None, typer.Option(min=1, help="Length in fields, or progressive pictures.")]
+DurationOption = Annotated[float | None, typer.Option("--duration-s", min=0.001, help="Length in seconds.")]
 BitsOption = Annotated[int | None, typer.Option(min=1, max=8, help="Bits per pixel: 1 to 6, or 8.")]
 LinesOption = Annotated[str | None, typer.Option(help="doubled or field (intact).")]
 InterruptionOption = Annotated[
@@ -55,7 +55,13 @@ GroupOption = Annotated[
 ]
 ThroughOption = Annotated[
     str | None,
-    typer.Option("--url", help="Record through the daemon at this address.", envvar="GRABBERD_URL"),
+    typer.Option(
+        "--url",
+        help="Record through the daemon at this address; for --armed and --together, by default, that "
+        "of the configuration.",
+        envvar="GRABBERD_URL",
+        show_default=False,
+    ),
 ]
 
 
@@ -63,6 +69,7 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     out: OutOption,
     config: ConfigOption = None,
     device: DeviceOption = None,
+    option: DriverOption = None,
     fields: FieldsOption = None,
     duration: DurationOption = None,
     bits: BitsOption = None,
@@ -83,6 +90,9 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
 
     Example: grabberd capture --url http://127.0.0.1:8050 --duration-s 60 --label cow=112 --out 112.grab
 
+    Example: grabberd capture --device replay:frames/ --option pictures=progressive --option rate_hz=60
+    --out frame.grab
+
     Example: grabberd capture --armed --pre-trigger 25 --fields 500 --out slip.grab
 
     Example: grabberd capture --together left,right --duration-s 60 --out 112.grab
@@ -95,13 +105,15 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
         raise typer.BadParameter("give either --device or --together, not both")
     if not group_devices:
         check_absent(out)
+    if option and (group_devices or url or armed):
+        raise typer.BadParameter("--option is for a device that no daemon holds")
     if group_devices or url or armed:
-        daemon = (url or DEFAULT_URL, token_file)
+        daemon = (daemon_url(url, config), token_file)
         document = _capture_through(daemon, group_devices, device, request, out)
     else:
         from grabberd.cli.direct_capture import capture_directly  # noqa: PLC0415
 
-        document = capture_directly(load(config), config, device, request, out)
+        document = capture_directly(load(config), config, device, request, out, driver_options(option))
     if json:
         print_json(document)
     else:
@@ -114,9 +126,7 @@ def _length(fields: int | None, duration_s: float | None, *, armed: bool) -> dic
         return {"fields": fields, "duration_s": duration_s}
     if fields is not None and duration_s is not None:
         raise typer.BadParameter("give --fields or --duration-s, not both")
-    if duration_s is not None:
-        fields = max(1, round(duration_s / FIELD_S))
-    return {"armed": True, "post_trigger_fields": fields}
+    return {"armed": True, "post_trigger_fields": fields, "duration_s": duration_s}
 
 
 def validated(request: dict[str, Any]) -> dict[str, Any]:

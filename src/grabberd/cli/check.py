@@ -45,7 +45,9 @@ def check(
 
     Exit code 0: it fits; 3: it is doubtful or does not fit.
 
-    Example: grabberd check          grabberd check frame.grab --calibration rig.calibration.json
+    Example: grabberd check
+
+    Example: grabberd check frame.grab --calibration rig.calibration.json
     """
     frame = _frame(calibration_frame)
     if capture is None:

@@ -20,14 +20,17 @@ def check_config(
 
     Example: grabberd check-config /etc/grabberd/grabberd.yaml
     """
-    from grabberd.config import load_config  # noqa: PLC0415
-    from grabberd.service.logger_setup import set_up_loggers  # noqa: PLC0415
+    from grabberd.config import load_sound_part  # noqa: PLC0415
+    from grabberd.service.logger_setup import create_logger, set_up_loggers  # noqa: PLC0415
     from grabberd.service.mqtt.publisher_setup import check_mqtt  # noqa: PLC0415
 
-    config = load_config(file)
+    config, problems, loose = load_sound_part(file)
+    for name, driver in loose.items():
+        create_logger(name, driver, file, problems)
     checks: list[Callable[[Config, Path], object]] = [_check_devices, set_up_loggers, check_mqtt, _check_tls]
-    problems = [problem for check in checks for problem in _problems(check, config, file)]
-    if problems:
+    if config is not None:
+        problems += [problem for check in checks for problem in _problems(check, config, file)]
+    if config is None or problems:
         raise ConfigError(problems)
     devices, loggers = sorted(config.devices), sorted(config.loggers)
     words = f"{file}: valid; devices: {', '.join(devices)}"

@@ -1,6 +1,7 @@
 """`grabberd diagnostics`: collects everything support needs into one file."""
 
 import os
+import socket
 from pathlib import Path
 from typing import Annotated
 from urllib.parse import urlsplit
@@ -8,12 +9,13 @@ from urllib.parse import urlsplit
 import typer
 
 from grabberd.cli.options import (
-    DEFAULT_URL,
     ConfigOption,
+    ConfiguredUrlOption,
     TokenFileOption,
-    UrlOption,
     check_absent,
+    daemon_url,
     load,
+    out_file,
     warn,
 )
 from grabberd.errors import GrabberdError, NotReady
@@ -26,19 +28,19 @@ LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
 
 def diagnostics(
-    out: Annotated[Path, typer.Option(help="ZIP file to write; never overwrites.")],
+    out: Annotated[Path, out_file("a ZIP file")],
     words: Annotated[
         bool, typer.Option("--words", help="Include labels, notes and the name of the site.")
     ] = False,
     config: ConfigOption = None,
-    url: UrlOption = DEFAULT_URL,
+    url: ConfiguredUrlOption = None,
     token_file: TokenFileOption = None,
 ) -> None:
     """Collect versions, devices, ledgers and log into one file for support; contains no secrets.
 
-    On the daemon's own computer, root and the daemon's user need no token, only its configuration; elsewhere
-    an admin's token is required. If no daemon answers, the file describes the computer only. It is plain
-    text: review it before sending.
+    It asks the daemon at the address in the configuration. On the daemon's own computer, root and the
+    daemon's user need no token, only that configuration; elsewhere an admin's token is required. If no daemon
+    answers, the file describes the computer only. It is plain text: review it before sending.
 
     Example: grabberd diagnostics --out barn.zip
 
@@ -50,7 +52,9 @@ def diagnostics(
 
     check_absent(out)
     try:
-        daemon = Daemon(url, token_file or _key_of_the_machine(config, url))
+        address = daemon_url(url, config)
+        key = token_file or _key_of_the_machine(config, address, configured=url is None)
+        daemon = Daemon(address, key)
         daemon.download(f"/api/v1/diagnostics?words={str(words).lower()}", out)
     # Support also needs the computer's facts if the daemon does not run, so this is no failure.
     except NotReady as error:
@@ -65,10 +69,30 @@ def diagnostics(
     typer.echo(f"{out}: review it, then send it")
 
 
-def _key_of_the_machine(config: Path | None, url: str) -> Path | None:
-    """File with the key of a local daemon; never sent to another computer."""
+def _key_of_the_machine(config: Path | None, url: str, *, configured: bool = False) -> Path | None:
+    """File with the key of a local daemon; never sent to another computer.
+
+    Args:
+        config: The daemon's configuration.
+        url: Its address.
+        configured: True if it comes from the configuration, and so may be any address of this computer.
+    """
     from grabberd.service.machine_key import readable_key  # noqa: PLC0415
 
-    if os.environ.get("GRABBERD_TOKEN") or urlsplit(url).hostname not in LOOPBACK:
+    host = urlsplit(url).hostname
+    is_here = host in LOOPBACK or (configured and host is not None and _is_of_this_computer(host))
+    if os.environ.get("GRABBERD_TOKEN") or not is_here:
         return None
     return readable_key(load(config).state_directory)
+
+
+def _is_of_this_computer(host: str) -> bool:
+    """True if every address of the host is one of this computer: no other can be bound."""
+    try:
+        found = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)
+        for family, kind, _, _, address in found:
+            with socket.socket(family, kind) as one:
+                one.bind(address)
+    except OSError:
+        return False
+    return bool(found)

@@ -37,9 +37,22 @@ CLOCK_KNOWN_S = 0.5
 
 
 def capture_directly(
-    config: Config, file: Path | None, device: str | None, options: dict[str, Any], out: Path
+    config: Config,
+    file: Path | None,
+    device: str | None,
+    options: dict[str, Any],
+    out: Path,
+    driver_options: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Open the device, record into a new file, and return the capture's document; Ctrl-C ends the capture.
+
+    Args:
+        config: The configuration.
+        file: Where it was read from.
+        device: Name of a device in it, or DRIVER:PATH.
+        options: Options of the capture.
+        out: File to write.
+        driver_options: Options of the device's driver beside those of the configuration.
 
     Raises:
         DeviceAbsent: the device did not start to deliver.
@@ -51,7 +64,7 @@ def capture_directly(
     )
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     end_as_ctrl_c_does()
-    chosen = with_device(config, file, device)
+    chosen = with_device(config, file, device, driver_options)
     setup = next(iter(set_up(chosen, file or default_config_file()).values()))
     clock = SystemClock()
     loggers = Loggers(set_up_loggers(config, file or default_config_file()), clock)

@@ -7,12 +7,12 @@ from typing import Annotated, Literal
 
 import typer
 
-from grabberd.cli.options import follow_link, warn
+from grabberd.cli.options import follow_link, out_folder, warn
 
 
 def export(
     capture: Annotated[Path, typer.Argument(help="Capture file, NAME.grab.", callback=follow_link)],
-    out: Annotated[Path, typer.Option("--out", "-o", help="New or empty folder for the results.")],
+    out: Annotated[Path, out_folder("the results")],
     format: Annotated[
         Literal["csv", "ply", "parquet", "hdf5", "mat", "c3d", "png"],
         typer.Option(

@@ -55,6 +55,11 @@ def _watch(name: str, device: DeviceConfig) -> "tuple[StreamInfo, FieldOrderFind
 
     with closing(GRABBERS.create(device.driver, device.options)) as grabber:
         info = _opened(grabber)
+        if info.field_order is FieldOrder.PROGRESSIVE:
+            raise DeviceRefused(
+                f"{name} gives progressive pictures, without fields: there is no order to check",
+                "nothing to do: every line of a picture is of the same moment",
+            )
         if info.field_order is FieldOrder.ONE_PARITY:
             raise DeviceRefused(
                 f"{name} delivers only one field of every frame: there is no order to check",
@@ -117,9 +122,7 @@ def _advice(order: "Order", device: DeviceConfig, info: "StreamInfo") -> str:
         option = f"field_order: {older}_first" if recording else f"older_field: {older}"
         return f"set '{option}' in the options of this device"
     if order == "same_instant":
-        return (
-            "it delivers 25 pictures per second, not 50: use another grabber; 'grabberd devices' rates them"
-        )
+        return "it delivers half of the fields: use another grabber; 'grabberd devices' rates them"
     if order == "right":
         return "nothing to do"
     return "try again: move a hand or an object with targets in front of the camera, pause, and move it again"

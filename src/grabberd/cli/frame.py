@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from grabberd.cli.options import JsonOption, check_absent, check_folder, print_result, warn
+from grabberd.cli.options import JsonOption, check_absent, check_folder, out_file, print_result, warn
 
 if TYPE_CHECKING:
     from grabberd.reconstruction import ObjectModel
@@ -22,7 +22,7 @@ def frame(  # noqa: PLR0913, PLR0917 - options of a command
     pitch_mm: Annotated[
         float, typer.Option(help="Distance between neighbouring targets, from centre to centre.")
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="The file (YAML) to write.")],
+    out: Annotated[Path, out_file("the targets (YAML)")],
     row_pitch_mm: Annotated[
         float | None, typer.Option(help="Distance from row to row; default: that of the columns.")
     ] = None,
@@ -50,9 +50,9 @@ def frame(  # noqa: PLR0913, PLR0917 - options of a command
 ) -> None:
     """Write a calibration frame's file from its dimensions, with a place, row and column for every target.
 
-    Example: grabberd frame --rows 12 --columns 9 --pitch-mm 6.5 --depth-mm 16 --out stand.yaml
+    Example: grabberd frame --rows 12 --columns 9 --pitch-mm 6.5 --depth-mm 16 --out stand-frame.yaml
 
-    Example: grabberd frame --rows 10 --columns 6 --pitch-mm 6.5 --object --out plate.yaml
+    Example: grabberd frame --rows 10 --columns 6 --pitch-mm 6.5 --object --out plate-object.yaml
     """
     from grabberd.processes.calibration.designed_grid import (  # noqa: PLC0415
         Along,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from grabberd.cli.options import JsonOption, print_result
+from grabberd.cli.options import DriverOption, JsonOption, driver_options, out_file, print_result
 from grabberd.errors import GrabberdError, InputError, StorageError, StreamEnded, StreamFailed
 
 if TYPE_CHECKING:
@@ -27,27 +27,29 @@ def inspect(
             "v4l2:/dev/video0."
         ),
     ],
+    option: DriverOption = None,
     rate_hz: Annotated[
         float | None,
         typer.Option(min=0.1, max=1000, help="Pictures a second of a folder, or of a video that says none."),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="New file for a configuration that fits the pictures.")
-    ] = None,
+    out: Annotated[Path | None, out_file("a configuration that fits the pictures")] = None,
     json: JsonOption = False,
 ) -> None:
     """Look at size, lines, views and targets of pictures, and write a configuration that fits them.
 
     Example: grabberd inspect frames/ --rate-hz 60 --out rig.yaml
+
+    Example: grabberd inspect v4l2:/dev/video0 --option input=1
     """
     from grabberd.cli.inspected import Inspected, configuration, words  # noqa: PLC0415 - loads NumPy
 
     driver, options = _driver_of(source)
+    options |= driver_options(option)
     found, info, problem = _inspected(driver, options, rate_hz)
     seen = Inspected.of(found, info, driver, options, rate_hz, problem)
     if out is not None:
         _write(out, configuration(seen))
-    document = {**asdict(found), "rate_hz": seen.rate_hz, "problems": list(seen.problems)}
+    document = {**asdict(seen.found), "rate_hz": seen.rate_hz, "problems": list(seen.problems)}
     print_result(document, words(seen, out), as_json=json)
 
 
@@ -68,12 +70,9 @@ def _inspected(
     from grabberd.processes.inspection import inspect as looked_at  # noqa: PLC0415
     from grabberd.processes.inspection import inspect_fields  # noqa: PLC0415
 
-    path = Path(options.get("path", ""))
-    pictures = driver == "replay" and _has_pictures(path)
-    # Whole, whatever they are: how their lines belong together is the question.
-    whole = {"pictures": "progressive", "rate_hz": rate_hz or (1.0 if path.is_dir() else None)}
+    pictures = driver == "replay" and _has_pictures(Path(options.get("path", "")))
     try:
-        grabber = GRABBERS.create(driver, {**options, **(whole if pictures else {})})
+        grabber = GRABBERS.create(driver, _of_pictures(options, rate_hz) if pictures else options)
     except ValueError as error:
         raise InputError(str(error), "name a folder, a video, a capture, or DRIVER:PATH") from error
     with closing(grabber):
@@ -81,10 +80,18 @@ def _inspected(
         fields, problem = _fields(grabber)
     if not fields:
         raise problem or InputError(f"{info.card} has no pictures", "name another source")
-    if pictures:
+    if pictures and "pictures" not in options:
         return looked_at([one.luma for one in fields]), info, problem
     order = None if info.field_order is FieldOrder.PROGRESSIVE else check(fields)
     return inspect_fields(fields, order), info, problem
+
+
+def _of_pictures(options: dict[str, Any], rate_hz: float | None) -> dict[str, Any]:
+    """Options that give pictures whole: how their lines belong together is the question."""
+    whole = {"pictures": "progressive", **options}
+    rate_hz = rate_hz and rate_hz * (2 if whole["pictures"] == "frames" else 1)
+    rate_hz = rate_hz or options.get("rate_hz") or (1.0 if Path(options["path"]).is_dir() else None)
+    return {**whole, "rate_hz": rate_hz}
 
 
 def _has_pictures(path: Path) -> bool:

@@ -1,7 +1,7 @@
 """Tell what an inspection found: in words, and as a configuration."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,8 @@ class Inspected:
         found: What the pictures told.
         driver, options: The source of the pictures.
         rate_hz: Fields a second, or progressive pictures; None if nothing tells.
-        of_pictures: True if the source gives whole pictures without a word on their lines.
+        of_pictures: True if the source gives whole pictures, and nobody has stated what their lines are.
+        grey: Where the grey values come from; empty where they are the source's own.
         problems: What a user has to know or to do, in sentences.
     """
 
@@ -43,6 +44,7 @@ class Inspected:
     options: dict[str, Any]
     rate_hz: float | None
     of_pictures: bool
+    grey: str
     problems: tuple[str, ...]
 
     @classmethod
@@ -56,16 +58,24 @@ class Inspected:
         problem: GrabberdError | None,
     ) -> "Inspected":
         """Put together what was found and where."""
-        of_pictures = driver == "replay" and info.field_order is FieldOrder.PROGRESSIVE
-        is_folder = of_pictures and Path(options["path"]).is_dir()
-        told_hz = rate_hz or (None if is_folder else info.rate_hz)
-        rate_hz = _rate_hz(found, told_hz, of_pictures)
-        own = [*_problems(found, rate_hz, of_pictures), *info.remarks]
+        whole = driver == "replay" and info.field_order is FieldOrder.PROGRESSIVE
+        of_pictures = whole and "pictures" not in options
+        is_told = rate_hz is not None or "rate_hz" in options
+        if not is_told and whole and Path(options["path"]).is_dir():
+            info = replace(info, rate_hz=0.0)
+        marked = _marked(info) if of_pictures else None
+        own = list(_of_mark(found, marked))
+        if found.interlacing is Interlacing.UNKNOWN and marked:
+            found = replace(found, interlacing=marked)
+        rate_hz = _rate_hz(found, info.rate_hz or None, of_pictures and "rate_hz" not in options)
+        own += [*_problems(found, rate_hz, of_pictures), *info.remarks]
         if found.targets and info.details.get("bits", "8") == "8":  # with fewer, grey values tell nothing
             own += _of_light(found.targets)
         if problem is not None:
             own.append(f"{problem.message}: only what comes before it was looked at ({problem.hint})")
-        return cls(found, driver, {**options, **_chosen(info)}, rate_hz, of_pictures, tuple(own))
+        grey = ", ".join(info.details[key] for key in ("luma", "colours", "samples") if key in info.details)
+        options = {**options, **_chosen(info)}
+        return cls(found, driver, options, rate_hz, of_pictures, grey, tuple(own))
 
 
 def _chosen(info: StreamInfo) -> dict[str, Any]:
@@ -76,10 +86,25 @@ def _chosen(info: StreamInfo) -> dict[str, Any]:
     return {"size": size, "rate_hz": float(f"{info.rate_hz:.6g}"), "format": info.pixel_format}
 
 
-def _rate_hz(found: Inspection, told_hz: float | None, of_pictures: bool) -> float | None:
+def _marked(info: StreamInfo) -> Interlacing | None:
+    """The interlacing that a video is marked with; None if it says nothing of it."""
+    marked = info.details.get("marked", "")
+    return Interlacing(marked) if marked in set(Interlacing) else None
+
+
+def _of_mark(found: Inspection, marked: Interlacing | None) -> Iterator[str]:
+    if marked is None or found.interlacing is marked:
+        return
+    if found.interlacing is Interlacing.UNKNOWN:
+        yield f"Nothing moves that shows how lines belong together; the video's own mark says {marked}."
+    else:
+        yield f"The video is marked as {marked}, but its pictures show {found.interlacing}, which was taken."
+
+
+def _rate_hz(found: Inspection, told_hz: float | None, per_picture: bool) -> float | None:
     interlaced = found.interlacing in (Interlacing.TOP_FIRST, Interlacing.BOTTOM_FIRST)
     if told_hz is not None:
-        return 2 * told_hz if of_pictures and interlaced else told_hz
+        return 2 * told_hz if per_picture and interlaced else told_hz
     if interlaced:
         return standard_rate_hz(found.lines)
     return None
@@ -125,6 +150,7 @@ def words(seen: Inspected, out: Path | None) -> str:
         f"size      {found.columns} x {found.lines} pixels",
         f"lines     {_IN_WORDS[found.interlacing]}" + (f" ({found.order.evidence})" if found.order else ""),
         f"rate      {rate} {what} a second",
+        *([f"grey      {seen.grey}"] if seen.grey else []),
         *_rows_of(found.targets, found.split),
         *(f"note      {problem}" for problem in seen.problems),
     ]
@@ -150,8 +176,9 @@ def configuration(seen: Inspected) -> str:
     column = split.column if split else found.columns // 2
     sure = "" if split and split.sure else "   # the middle: look at a picture and correct it"
     lines = found.lines + found.lines % 2
-    options = [f"      {key}: {value}" for key, value in seen.options.items()]
+    options = [f"      {key}: {value}" for key, value in seen.options.items() if key != "rate_hz"]
     options += [f"      {line}" for line in _picture_options(seen)] if seen.of_pictures else []
+    options += [f"      {line}" for line in _rate_options(seen)]
     size = f"{found.targets.diameter_px:.1f} px" if found.targets else "of unknown size"
     return "\n".join(
         [
@@ -189,9 +216,16 @@ def _picture_options(seen: Inspected) -> Iterator[str]:
         yield "pictures: progressive   # or frames, if they are interlaced: nothing that moves shows which"
     else:
         yield f"pictures: {pictures}"
-    if seen.found.interlacing is Interlacing.BOTTOM_FIRST:
-        yield "field_order: bottom_first"
+    if pictures == "frames":
+        yield f"field_order: {seen.found.interlacing}"
+
+
+def _rate_options(seen: Inspected) -> Iterator[str]:
     if seen.rate_hz is None:
         yield "# rate_hz: 60            # required: how many pictures a second?"
-    elif Path(seen.options["path"]).is_dir():
+    elif "rate_hz" in seen.options or (
+        seen.driver == "replay"
+        and (seen.of_pictures or "pictures" in seen.options)
+        and Path(seen.options["path"]).is_dir()
+    ):
         yield f"rate_hz: {seen.rate_hz:.6g}"

@@ -16,6 +16,7 @@ from grabberd.cli.options import (
     given,
     labels_of,
     load,
+    out_folder,
     print_json,
     warn,
 )
@@ -43,9 +44,7 @@ def liner_test(  # noqa: PLR0913, PLR0917 - options of a command
             help="Capture files with points; without one, the command records it.", metavar="[CAPTURE]..."
         ),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="New or empty folder for the results.")
-    ] = None,
+    out: Annotated[Path | None, out_folder("the results")] = None,
     liner: Annotated[
         str | None, typer.Option(help="Name of the liner, in place of the captures' label.")
     ] = None,

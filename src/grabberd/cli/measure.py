@@ -39,9 +39,10 @@ def measure(
 ) -> None:
     """Measure a capture with a calibration; the points are added to the file as a new run.
 
-    Example: grabberd measure liner.grab --calibration rig.calibration.json --object liner.yaml
+    Example: grabberd measure liner.grab --calibration rig.calibration.json --object liner-object.yaml
 
-    Example: grabberd measure a.grab --calibration rig.json --object liner.yaml --propose-object seen.yaml
+    Example: grabberd measure liner.grab --calibration rig.calibration.json --object liner-object.yaml
+    --propose-object liner-object-seen.yaml
     """
     from grabberd.service.jobs.measurement import measure_file  # noqa: PLC0415
     from grabberd.service.setup import read_documents, settings_of_capture  # noqa: PLC0415

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from grabberd.cli.options import JsonOption, check_absent, check_folder, print_result
+from grabberd.cli.options import JsonOption, check_absent, check_folder, out_folder, print_result
 from grabberd.errors import InputError
 
 Kind = Literal["driver", "logger", "locator"]
@@ -28,16 +28,14 @@ _KINDS: Mapping[Kind, str] = {
 def new(
     kind: Annotated[Kind, typer.Argument(help="What to begin.")],
     name: Annotated[str, typer.Argument(help="Name that the configuration will call it by.")],
-    out: Annotated[
-        Path | None, typer.Option(help="Folder to make; default: grabberd-NAME.", show_default=False)
-    ] = None,
+    out: Annotated[Path | None, out_folder("the package; default: grabberd-NAME")] = None,
     json: JsonOption = False,
 ) -> None:
     """Write a package to begin a driver, a logger or a locator with: it works, and runs the contract's tests.
 
     Example: grabberd new driver mycard
 
-    Example: grabberd new locator gaussian --out ~/gaussian
+    Example: grabberd new locator gaussian --out gaussian
     """
     from grabberd.storage.disk import storage_errors  # noqa: PLC0415
 
@@ -45,7 +43,8 @@ def new(
     words = words_of(name)
     folder = (out or Path(words["DISTRIBUTION"])).expanduser()
     check_folder(folder)
-    check_absent(folder)
+    if not (folder.is_dir() and not any(folder.iterdir())):
+        check_absent(folder)
     made = dict(files(kind, words))
     with storage_errors(folder):
         for path, text in made.items():

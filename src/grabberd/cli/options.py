@@ -21,6 +21,15 @@ ConfigOption = Annotated[
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for scripts instead of text.")]
 UrlOption = Annotated[str, typer.Option("--url", help="Address of the daemon.", envvar="GRABBERD_URL")]
+ConfiguredUrlOption = Annotated[
+    str | None,
+    typer.Option(
+        "--url",
+        help="Address of the daemon; default: that in the configuration.",
+        envvar="GRABBERD_URL",
+        show_default=False,
+    ),
+]
 TokenFileOption = Annotated[
     Path | None,
     typer.Option(
@@ -30,6 +39,26 @@ TokenFileOption = Annotated[
         show_default=False,
     ),
 ]
+DriverOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--option",
+        help="Option of the device's driver, KEY=VALUE, e.g. pictures=progressive; may be repeated.",
+        metavar="KEY=VALUE",
+    ),
+]
+
+
+def out_file(what: str) -> Any:
+    """The option of every command that writes a file; nothing is overwritten."""
+    return typer.Option("--out", "-o", help=f"New file to write: {what}.", show_default=False)
+
+
+def out_folder(what: str) -> Any:
+    """The option of every command that writes a folder."""
+    return typer.Option("--out", "-o", help=f"New or empty folder to write: {what}.", show_default=False)
+
+
 LineJitterOption = Annotated[
     float | None,
     typer.Option("--line-jitter-px", min=0, max=2, help="Line jitter assumed; default: the capture's."),
@@ -66,8 +95,24 @@ def load(config: Path | None) -> "Config":
     return load_config(config or default_config_file())
 
 
-def with_device(config: "Config", file: Path | None, device: str | None) -> "Config":
-    """Reduce the configuration to the chosen device; replay:PATH replaces the configured driver."""
+def daemon_url(url: str | None, config: Path | None) -> str:
+    """Address of the daemon: the one given, or that in the configuration."""
+    if url is not None or config is None:
+        return url or DEFAULT_URL
+    return load(config).http.url
+
+
+def with_device(
+    config: "Config", file: Path | None, device: str | None, options: dict[str, Any] | None = None
+) -> "Config":
+    """Reduce the configuration to the chosen device; replay:PATH replaces the configured driver.
+
+    Args:
+        config: The configuration.
+        file: Where it was read from.
+        device: Name of a device in it, or DRIVER:PATH; None for the only one.
+        options: Options of its driver, which replace those of the same name.
+    """
     from grabberd.config import default_config_file, only_device  # noqa: PLC0415
 
     driver, colon, path = (device or "").partition(":")
@@ -76,6 +121,8 @@ def with_device(config: "Config", file: Path | None, device: str | None) -> "Con
     if colon:
         # A path in a configuration file is relative to that file; one typed here, to the working directory.
         chosen = chosen.model_copy(update={"driver": driver, "options": {"path": str(Path(path).resolve())}})
+    if options:
+        chosen = chosen.model_copy(update={"options": {**chosen.options, **options}})
     return config.model_copy(update={"devices": {name: chosen}})
 
 
@@ -100,9 +147,26 @@ def print_json(document: Any) -> None:
 
 def labels_of(words: list[str]) -> dict[str, str]:
     """Labels from words such as cow=112."""
+    return _pairs(words, "--label")
+
+
+def driver_options(words: list[str] | None) -> dict[str, Any]:
+    """Options of a driver from words such as rate_hz=60; values are of the types that YAML gives them."""
+    import yaml  # noqa: PLC0415 - takes longer to import than the help does to show
+
+    options: dict[str, Any] = {}
+    for key, value in _pairs(words or [], "--option").items():
+        try:
+            options[key] = yaml.safe_load(value)
+        except yaml.YAMLError:
+            raise typer.BadParameter(f"{value!r} is no value", param_hint="--option") from None
+    return options
+
+
+def _pairs(words: list[str], hint: str) -> dict[str, str]:
     pairs = [word.partition("=") for word in words]
-    if wrong := [word for word, (_, equals, _) in zip(words, pairs, strict=True) if not equals]:
-        raise typer.BadParameter(f"{wrong[0]!r} is not KEY=VALUE", param_hint="--label")
+    if wrong := [word for word, (key, equals, _) in zip(words, pairs, strict=True) if not (key and equals)]:
+        raise typer.BadParameter(f"{wrong[0]!r} is not KEY=VALUE", param_hint=hint)
     return {key: value for key, _, value in pairs}
 
 

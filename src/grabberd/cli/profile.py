@@ -13,6 +13,7 @@ from grabberd.cli.options import (
     TokenFileOption,
     check_absent,
     check_folder,
+    out_file,
     print_json,
     print_result,
 )
@@ -120,9 +121,7 @@ def export(
     kind: KindArgument,
     name: NameArgument,
     version: VersionOption = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="File to write; default: standard output.")
-    ] = None,
+    out: Annotated[Path | None, out_file("the profile (YAML); default: standard output")] = None,
     config: ConfigOption = None,
     url: UrlOption = None,
     token_file: TokenFileOption = None,

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from grabberd.cli.options import JsonOption, follow_link
+from grabberd.cli.options import JsonOption, follow_link, out_folder
 
 What = Literal["model", "synthetic", "overlay", "animation"]
 Side = Literal["oblique", "top", "side", "front", "all"]
@@ -14,7 +14,7 @@ Colour = Literal["plain", "height", "curvature", "strain", "movement", "sigma"]
 
 def render(  # noqa: PLR0913, PLR0917 - options of a command
     capture: Annotated[Path, typer.Argument(help="Measured capture, NAME.grab.", callback=follow_link)],
-    out: Annotated[Path, typer.Option("--out", "-o", help="New or empty folder for the pictures.")],
+    out: Annotated[Path, out_folder("the pictures")],
     what: Annotated[
         What,
         typer.Option(
@@ -75,7 +75,7 @@ def render(  # noqa: PLR0913, PLR0917 - options of a command
                 rendering.views(field, over=what == "overlay")
             case "animation":
                 fields = rendering.chosen(first, last, every)
-                per_s = rendering.pictures_per_s(speed, every)
+                per_s = rendering.pictures_per_s(format, speed, every)
                 name = f"{of}.{format}"
                 if of == "model":
                     direction = free or rendering.direction(side)

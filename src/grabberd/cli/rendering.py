@@ -148,17 +148,17 @@ class Rendering:
             )
         return fields
 
-    def pictures_per_s(self, speed: float, every: int) -> float:
-        """Pictures per second of an animation at a speed, where 1 is real time.
+    def pictures_per_s(self, kind: str, speed: float, every: int) -> float:
+        """Pictures per second of an animation of a format at a speed, where 1 is real time.
 
         Raises:
-            InputError: the rate exceeds what a video can have.
+            InputError: the rate exceeds what such a file can have.
         """
         per_s = self.reader.meta.rate_hz * speed / every
-        if per_s > MOST_PER_S:
+        if per_s > (most := MOST_PER_S[kind]):
             raise InputError(
-                f"{per_s:g} pictures per second are more than an animation can have",
-                f"choose --every {int(np.ceil(per_s * every / MOST_PER_S))}, or a lower --speed",
+                f"{per_s:g} pictures per second are more than a {kind} can have, which are {most:g}",
+                f"choose --every {int(np.ceil(per_s * every / most))}, or a lower --speed",
             )
         return per_s
 

@@ -9,7 +9,15 @@ import typer
 from rich.progress import BarColumn, Progress, TimeRemainingColumn
 
 from grabberd.cli import EX_INTERRUPTED
-from grabberd.cli.options import IncludeDamagedOption, JsonOption, end_as_ctrl_c_does, given, print_json, warn
+from grabberd.cli.options import (
+    IncludeDamagedOption,
+    JsonOption,
+    end_as_ctrl_c_does,
+    given,
+    out_folder,
+    print_json,
+    warn,
+)
 from grabberd.cli.terminal import progress_console
 
 if TYPE_CHECKING:
@@ -25,7 +33,7 @@ def reprocess(  # noqa: PLR0913, PLR0917 - options of a command
         typer.Argument(help="Folders, patterns ('*/2026-03-*.grab') or files; they are not modified."),
     ],
     calibration: Annotated[Path, typer.Option(help="Calibration (JSON) to measure with.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the data set; created or extended.")],
+    out: Annotated[Path, out_folder("the data set; one that is there is extended")],
     object_model: Annotated[
         Path | None, typer.Option("--object", help="Object model (YAML); default: each capture's.")
     ] = None,
@@ -50,10 +58,10 @@ def reprocess(  # noqa: PLR0913, PLR0917 - options of a command
 ) -> None:
     """Re-measure many captures into Parquet files by barn and day; skips those already done.
 
-    Example: grabberd reprocess captures/ --calibration rig.json --out points
+    Example: grabberd reprocess captures/ --calibration rig.calibration.json --out points
 
-    Example: grabberd reprocess 'archive/**/2026-03-*.grab' --calibration rig.json --out points --scheduler
-    tcp://10.0.0.5:8786
+    Example: grabberd reprocess 'archive/**/2026-03-*.grab' --calibration rig.calibration.json --out points
+    --scheduler tcp://10.0.0.5:8786
     """
     from grabberd.service.reprocess.reprocess_archive import (  # noqa: PLC0415
         ReprocessRequest,

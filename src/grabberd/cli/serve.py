@@ -31,6 +31,7 @@ def serve(
     """
     from grabberd.api import create_app, serving, sockets  # noqa: PLC0415
     from grabberd.api.guard.front import Front  # noqa: PLC0415
+    from grabberd.cli.first_words import first_words  # noqa: PLC0415
     from grabberd.config import default_config_file  # noqa: PLC0415
     from grabberd.service.faults.descriptors import affordable_connections, raise_limit  # noqa: PLC0415
     from grabberd.service.heartbeat import Heartbeat  # noqa: PLC0415
@@ -45,7 +46,7 @@ def serve(
     notifier = Notifier.from_environment(os.environ)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     keep_freed_memory()
-    set_up_logging()
+    for_person = set_up_logging()
     descriptors = raise_limit()
     settings = load(config)
     file: Path = config or default_config_file()
@@ -76,5 +77,9 @@ def serve(
     )
     heartbeat = Heartbeat(notifier, service.liveness)
     server = serving.server_of(create_app(service, front), front, context, heartbeat)
+    address = sockets.to_open(listening, "https" if context else "http", http.hosts)
+    if for_person and address:
+        captures = (settings.storage.directory or settings.state_directory) / "captures"
+        server.greeting = first_words(address, file, config is None, captures)
     if not serving.run(server, listening):
         raise typer.Exit(1)

@@ -157,7 +157,8 @@ def retention(config: ConfigOption = None, json: JsonOption = False) -> None:
     policy = Policy.from_config(settings.storage.retention)
     kept = list(candidates(folder, map(entry_of, _files(settings.state_directory)), pinned))
     with storage_errors(folder):
-        free = free_bytes(folder)
+        # Before its first start a daemon has no folder yet; it will be on the disk of the nearest one.
+        free = free_bytes(next(one for one in (folder, *folder.absolute().parents) if one.exists()))
     found = removals(kept, policy, datetime.now(UTC), free)
     if json:
         print_json([removal._asdict() for removal in found])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from grabberd.cli.options import ConfigOption, JsonOption, TokenFileOption, print_json, warn
+from grabberd.cli.options import ConfigOption, JsonOption, TokenFileOption, out_folder, print_json, warn
 from grabberd.cli.terminal import console, progress_bar
 from grabberd.errors import ExtraMissing
 
@@ -21,7 +21,7 @@ _MOST_REASONS = 8
 
 
 def study(  # noqa: PLR0913, PLR0917 - options of a command
-    out: Annotated[Path, typer.Option("--out", "-o", help="New or empty folder for the results.")],
+    out: Annotated[Path, out_folder("the results")],
     select: Annotated[
         list[str] | None,
         typer.Argument(

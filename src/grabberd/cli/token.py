@@ -82,7 +82,7 @@ def remove(name: NameArgument, config: ConfigOption = None) -> None:
 
 def _until(expires_utc: str | None, now_utc: str) -> str:
     if expires_utc is None:
-        return "removed"
+        return "valid until revoked"
     return f"{_minute(expires_utc)} (expired)" if expires_utc <= now_utc else _minute(expires_utc)
 
 

@@ -124,7 +124,8 @@ def token_of(file: Path | None) -> str | None:
     try:
         token = file.read_text(encoding="ascii").strip()
     except (OSError, ValueError) as error:
-        raise InputError(f"{file} cannot be read: {error}", HINT) from None
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{file} cannot be read: {reason}", HINT) from None
     if not token or len(token.split()) != 1:
         raise InputError(f"{file} contains no token", HINT)
     return token

@@ -22,6 +22,7 @@ from grabberd.config.logger import ChannelConfig, LoggerConfig
 from grabberd.config.mqtt import MqttConfig, MqttTlsConfig
 from grabberd.config.paths import default_config_file, default_state_directory, shipped_configs
 from grabberd.config.reading import load_config, only_device
+from grabberd.config.sound_part import load_sound_part
 
 __all__ = [
     "AnalysisConfig",
@@ -49,6 +50,7 @@ __all__ = [
     "default_config_file",
     "default_state_directory",
     "load_config",
+    "load_sound_part",
     "only_device",
     "shipped_configs",
 ]

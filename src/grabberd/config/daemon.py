@@ -114,6 +114,18 @@ class HttpConfig(Section):
     tls: TlsConfig | None = Field(None, description="default: plain HTTP")
     limits: HttpLimits = HttpLimits()
 
+    @property
+    def url(self) -> str:
+        """Address at which programs on this computer find the daemon.
+
+        With TLS it is the first name in `hosts`, if there is one: certificates are for names.
+        """
+        host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(self.host, self.host)  # noqa: S104 - never bound
+        if self.tls is not None and self.hosts:
+            host = self.hosts[0]
+        written = f"[{host}]" if ":" in host else host
+        return f"{'https' if self.tls else 'http'}://{written}:{self.port}"
+
 
 class Config(Section):
     """The whole configuration file."""

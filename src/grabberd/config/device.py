@@ -78,7 +78,9 @@ class RingConfig(Section):
     """The ring of packed fields."""
 
     # As many as the paper: .64 s. Stalls of .9 s have been seen; the recorder's queue bridges those.
-    slots: int = Field(32, ge=4, le=4096)
+    slots: int | None = Field(
+        None, ge=4, le=4096, description="default: 32, or those of 0.64 s above 50 fields a second"
+    )
     bits: BitDepth = 1
     lines: Lines | None = Field(None, description="doubled (default at 1 bit) or field (default for grey)")
     interpolation: Literal["linear", "kernel3x3"] = Field(

@@ -60,6 +60,12 @@ class MqttConfig(Section):
         le=1_000_000,
         description="capture summaries kept on disk while the broker is unreachable",
     )
+    home_assistant: bool = Field(
+        False, description="publish what Home Assistant needs to discover the devices; removed by `false`"
+    )
+    home_assistant_prefix: TopicPrefix = Field(
+        "homeassistant", description="Home Assistant's prefix of discovery topics"
+    )
 
     @model_validator(mode="after")
     def _password_has_a_user(self) -> Self:

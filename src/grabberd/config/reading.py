@@ -13,7 +13,9 @@ from pydantic_core import ErrorDetails
 
 from grabberd.bounded_documents import parse_yaml, read_text
 from grabberd.config.daemon import Config
-from grabberd.errors import ConfigError, Problem
+from grabberd.errors import WHOLE_FILE, ConfigError, Problem
+
+_LEAST = "such as 'devices: {barn: {driver: fake}}'; configs/fake.yaml is an example"
 
 
 def load_config(path: Path) -> Config:
@@ -22,12 +24,25 @@ def load_config(path: Path) -> Config:
     Raises:
         ConfigError: lists every problem in the file.
     """
-    document = _read_yaml(path)
+    document = read_document(path)
     try:
-        return Config.model_validate(document, context={"directory": path.resolve().parent})
+        return validated(document, path)
     except ValidationError as error:
-        problems = [_problem(path, details) for details in error.errors()]
-        raise ConfigError(problems) from None
+        raise ConfigError(problems_of(error, path)) from None
+
+
+def validated(document: object, path: Path) -> Config:
+    """Validate what a configuration file says; relative paths start at the file's own folder.
+
+    Raises:
+        ValidationError: it is no configuration.
+    """
+    return Config.model_validate(document, context={"directory": path.resolve().parent})
+
+
+def problems_of(error: ValidationError, path: Path) -> list[Problem]:
+    """The problems of a configuration file, in words."""
+    return [_problem(path, details) for details in error.errors()]
 
 
 def only_device(config: Config, name: str | None, file: Path) -> str:
@@ -45,13 +60,27 @@ def only_device(config: Config, name: str | None, file: Path) -> str:
     raise ConfigError([Problem(str(file), "devices", problem)])
 
 
-def _read_yaml(path: Path) -> object:
+def read_document(path: Path) -> dict[str, Any]:
+    """Read the keys and values of a configuration file.
+
+    Raises:
+        ConfigError: It cannot be read, is not valid YAML, or has no keys.
+    """
     try:
-        return parse_yaml(read_text(path), _StrictLoader)
+        document = parse_yaml(read_text(path), _StrictLoader)
+    except IsADirectoryError:
+        raise ConfigError([Problem(str(path), WHOLE_FILE, "a folder, not a file")]) from None
     except OSError as error:
-        raise ConfigError([Problem(str(path), "(file)", error.strerror or str(error))]) from None
+        raise ConfigError([Problem(str(path), WHOLE_FILE, error.strerror or str(error))]) from None
     except ValueError as error:
-        raise ConfigError([Problem(str(path), "(file)", str(error))]) from None
+        raise ConfigError([Problem(str(path), WHOLE_FILE, str(error))]) from None
+    if document is None:
+        words = f"{path.name} is empty: a configuration names at least one device, {_LEAST}"
+        raise ConfigError([Problem(str(path), WHOLE_FILE, words)])
+    if not isinstance(document, dict):
+        words = f"{path.name} has no keys: a configuration is keys and values, {_LEAST}"
+        raise ConfigError([Problem(str(path), WHOLE_FILE, words)])
+    return document
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -69,7 +98,7 @@ class _StrictLoader(yaml.SafeLoader):
 
 
 def _problem(path: Path, details: ErrorDetails) -> Problem:
-    key = ".".join(str(part) for part in details["loc"]) or "(file)"
+    key = ".".join(str(part) for part in details["loc"] if part != "[key]") or WHOLE_FILE
     return Problem(str(path), key, _explain(details))
 
 
@@ -77,6 +106,10 @@ def _explain(details: ErrorDetails) -> str:
     key = str(details["loc"][-1]) if details["loc"] else ""
     if details["type"] == "extra_forbidden":
         return f"unknown key{_did_you_mean(key, details['loc'])}"
+    if details["type"] == "missing":
+        return "this key is missing"
+    if key == "[key]" and details["type"] == "string_pattern_mismatch":
+        return f"{details['input']!r} is no name: small letters, digits, '-' and '_', at most 32 characters"
     message = details["msg"].removeprefix("Value error, ")
     if isinstance(details["input"], Mapping | list):
         return message

@@ -13,7 +13,7 @@ from grabberd.documents.devices import ObjectModelDocument
 from grabberd.documents.document import DescribedBy, Document, with_examples
 from grabberd.documents.examples import CAPTURE, GROUP
 from grabberd.documents.field_order import FieldOrderDocument
-from grabberd.documents.named_types import CaptureState, JsonObject, Verdict
+from grabberd.documents.named_types import LINES, CaptureState, JsonObject, Verdict
 
 
 class LedgerEntryDocument(Document):
@@ -124,7 +124,10 @@ class CaptureDocument(Document):
         "first field.",
     )
     bits: int
-    lines: str
+    lines: str | None = Field(description=LINES)
+    rate_hz: float | None = Field(
+        None, description="Nominal fields, or progressive pictures, per second; null where it is not known."
+    )
     fields: int = Field(
         description="Number of fields in the capture with their pictures, damaged ones and those without a "
         "signal included."
@@ -163,7 +166,7 @@ class CaptureDocument(Document):
     field_order: FieldOrderDocument | None = Field(
         None,
         description="What the points of moving targets, measured during the capture, tell about the sequence "
-        "of its fields in time; null where none were measured.",
+        "of its fields in time; null where none were measured, and for progressive pictures.",
     )
 
     @property

@@ -12,7 +12,7 @@ from grabberd.documents.faults import FaultDocument
 from grabberd.documents.field_order import FieldOrderDocument
 from grabberd.documents.health import DeviceHealth, HealthPart
 from grabberd.documents.liner_tests import DeviceTest
-from grabberd.documents.named_types import JsonObject, Latency, ViewCounts
+from grabberd.documents.named_types import LINES, JsonObject, Latency, ViewCounts
 from grabberd.documents.states import DeviceState, Rung
 from grabberd.errors import Cause
 from grabberd.reconstruction.accuracy.drift_check import RigVerdict
@@ -23,7 +23,7 @@ class RingDocument(Document):
 
     slots: int
     bits: int
-    lines: str
+    lines: str | None = Field(description=LINES)
     threshold: int
     waiting: int = Field(description="Slots that its slowest reader has not read yet.")
     deepest: int = Field(description="Largest number of waiting slots since this ring was configured.")
@@ -128,7 +128,9 @@ class DeviceDocument(Document):
     driver: str
     stream: JsonObject | None
     signal: str
-    rate_hz: float | None = Field(description="Fields per second; null while none arrive.")
+    rate_hz: float | None = Field(
+        description="Fields per second, or progressive pictures; null while none arrive."
+    )
     fields: dict[Outcome, int]
     losses: dict[LossCause, int] = Field(
         description="Fields since the daemon started that were not received, by where to look for the cause."
@@ -157,7 +159,8 @@ class DeviceDocument(Document):
     group_id: str | None = Field(description="The group of that capture.")
     rig: RigDocument | None = Field(description="Null before the first second of measuring.")
     field_order: FieldOrderDocument | None = Field(
-        description="Sequence of the fields in time, by the latest movement; null before the first seconds."
+        description="Sequence of the fields in time, by the latest movement; null before the first seconds, "
+        "and for progressive pictures."
     )
     latest_analysis: DeviceAnalysis | None = Field(
         None, description="Null until one has ended; those of the last month are known after a restart."

@@ -34,6 +34,7 @@ CAPTURE: JsonObject = {
     "pre_trigger_fields": 0,
     "bits": 1,
     "lines": "doubled",
+    "rate_hz": 50.0,
     "fields": 62,
     "ledger": {
         "complete": False,

@@ -14,7 +14,7 @@ _WRONG = {
     ),
     Order.SAME_INSTANT: (
         "both fields of a frame show the same instant",
-        "this grabber delivers 25 pictures a second, not 50: use another one; 'grabberd devices' rates them",
+        "this grabber delivers one moment a frame, not two: use another one; 'grabberd devices' rates them",
     ),
 }
 

@@ -52,4 +52,6 @@ class DeviceHealth(Document):
         description="Whether a capture may be started: `doubtful` if it would be of little use now, "
         "`refused` if there would be none."
     )
-    parts: dict[HealthPart, HealthPartDocument]
+    parts: dict[HealthPart, HealthPartDocument] = Field(
+        description="Every part, but `order` where a device gives progressive pictures."
+    )

@@ -109,7 +109,7 @@ class CaptureSummary(Document):
     fields: int
     ledger: LedgerSummary
     bits: int
-    lines: str
+    lines: str | None
     labels: dict[str, str]
     site: dict[str, str]
     calibration_id: str | None

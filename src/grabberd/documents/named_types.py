@@ -18,6 +18,7 @@ MarkedField = Annotated[str, StringConstraints(pattern=r"^[0-9]{1,8}$")]
 
 Bits = TypeAliasType("Bits", BitDepth)
 LinesKind = TypeAliasType("LinesKind", Lines)
+LINES = "`doubled` or `field`; null for progressive pictures, which have all lines."
 InterruptionPolicy = TypeAliasType("InterruptionPolicy", OnInterruption)
 OverrunPolicy = TypeAliasType("OverrunPolicy", Literal["count", "stop"])
 CaptureState = TypeAliasType(

@@ -42,9 +42,17 @@ class CaptureOptions(Document):
 
     armed: bool = Field(False, description="Wait for a trigger: POST captures/{capture_id}/trigger.")
     fields: int | None = Field(
-        None, ge=1, le=MOST_FIELDS, description="Length in fields of 20 ms, including lost ones."
+        None,
+        ge=1,
+        le=MOST_FIELDS,
+        description="Length in fields, or progressive pictures, including lost ones.",
     )
-    duration_s: float | None = Field(None, gt=0, le=200_000, description="Length in seconds.")
+    duration_s: float | None = Field(
+        None,
+        gt=0,
+        le=200_000,
+        description="Length in seconds; that of an armed capture is from the trigger on.",
+    )
     bits: Bits | None = Field(None, description="Bits per pixel; default: as configured.")
     lines: LinesKind | None = Field(
         None, description="'doubled' (default at 1 bit) or 'field' (default for grey)."
@@ -77,8 +85,10 @@ class CaptureOptions(Document):
 
     @model_validator(mode="after")
     def _one_length(self) -> Self:
-        if self.armed and (self.fields is not None or self.duration_s is not None):
-            raise ValueError("an armed capture takes post_trigger_fields in place of fields or duration_s")
+        if self.armed and self.fields is not None:
+            raise ValueError("an armed capture takes post_trigger_fields in place of fields")
+        if self.post_trigger_fields is not None and self.duration_s is not None:
+            raise ValueError("give post_trigger_fields or duration_s, not both")
         if not self.armed and self.post_trigger_fields is not None:
             raise ValueError("post_trigger_fields requires an armed capture")
         if self.fields is not None and self.duration_s is not None:
@@ -244,8 +254,12 @@ class CalibrationOptions(Document):
     )
 
 
+MOST_POSES = 16
+"""Poses of the calibration frame in one calibration; its time grows with the cube of their number."""
+
+
 class CalibrationRequest(Document):
-    """A calibration to make from a capture of the calibration frame, or a complete one to store."""
+    """A calibration to make from captures of the calibration frame, or a complete one to store."""
 
     model_config = with_examples(
         {
@@ -256,6 +270,13 @@ class CalibrationRequest(Document):
     )
 
     capture: str | None = Field(None, max_length=80, description="Id of a capture of the calibration frame.")
+    captures: list[CaptureName] | None = Field(
+        None,
+        min_length=1,
+        max_length=MOST_POSES,
+        description="Ids of several, in place of one: one for each pose of the calibration frame before the "
+        "same rig. The first defines the coordinates.",
+    )
     calibration_frame: str | JsonObject | None = Field(None, description=_FRAME)
     options: CalibrationOptions | None = Field(None, description="Options of the adjustment.")
     document: JsonObject | None = Field(None, description="A complete calibration, in place of a capture.")
@@ -268,11 +289,18 @@ class CalibrationRequest(Document):
 
     @model_validator(mode="after")
     def _one_origin(self) -> Self:
-        if (self.capture is None) == (self.document is None):
-            raise ValueError("give either capture or document")
+        if sum(one is not None for one in (self.capture, self.captures, self.document)) != 1:
+            raise ValueError("give one of capture, captures and document")
+        if len(set(self.captures or ())) != len(self.captures or ()):
+            raise ValueError("captures names one of them twice")
         if self.document is not None and (self.options or self.calibration_frame):
             raise ValueError("options and calibration_frame apply to a capture, not to a document")
         return self
+
+    @property
+    def poses(self) -> tuple[str, ...]:
+        """Ids of the captures, one for each pose of the calibration frame; none for a document."""
+        return tuple(self.captures or ([] if self.capture is None else [self.capture]))
 
 
 class CalibrationChoice(Document):

@@ -32,7 +32,9 @@ class MeasurementResult(Document):
     fields: int = Field(description="Number of fields measured.")
     points: int = Field(description="Number of points found.")
     field_order: FieldOrderDocument | None = Field(
-        None, description="What the points tell about the sequence of the fields in time."
+        None,
+        description="What the points tell about the sequence of the fields in time; null for progressive "
+        "pictures.",
     )
     warnings: list[str] = Field(default_factory=list, description="Warnings for people, in sentences.")
     coverage: CoverageDocument | None = Field(None, description="How well they were measured.")

@@ -66,6 +66,11 @@ class Field:
         """Number of columns of `luma`."""
         return int(self.luma.shape[1])
 
+    @property
+    def lines_apart(self) -> int:
+        """Frame lines from one line that the camera delivered to the next, whatever the rows are."""
+        return 1 if self.parity == PROGRESSIVE else 2
+
 
 def split_frame(frame: NDArray[np.uint8], older: int = TOP) -> tuple[Field, Field]:
     """Split an interlaced frame into its two fields, the older first; views, not copies.
@@ -171,6 +176,11 @@ class PackedField:
     def lines_apart(self) -> int:
         """Frame lines from one line that the camera delivered to the next, whatever the rows are."""
         return 1 if self.parity == PROGRESSIVE else 2
+
+    @property
+    def lines(self) -> tuple[int, int]:
+        """Frame lines from row to row, and from one line that the camera delivered to the next."""
+        return self.y_step, self.lines_apart
 
     @property
     def first_delivered(self) -> int:

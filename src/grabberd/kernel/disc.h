@@ -14,7 +14,7 @@ typedef double Quad __attribute__((vector_size(32)));
 /* A window's pixels, in eights (padded with black, and eight more may be read): places, grey values, and the rows of the
    design with what is left below them. */
 typedef struct {
-    int64_t lines, columns, pixels, padded;
+    int64_t lines, apart, columns, pixels, padded; /* `apart`: frame lines from one line to the next */
     float *x, *y, *grey, *design; /* the last: (ROWS, padded) */
 } Sheet;
 

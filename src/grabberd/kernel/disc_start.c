@@ -48,7 +48,8 @@ WIDE void start_of(const Sheet *sheet, double spread_px, float disc[NUMBERS]) {
         }
     }
     moments(total, x, xx, &x, &xx);
-    moments(total, LINES_APART * y, LINES_APART * LINES_APART * yy, &y, &yy);
+    double apart = (double)sheet->apart;
+    moments(total, apart * y, apart * apart * yy, &y, &yy);
     disc[X] = (float)x, disc[HALF_WIDTH] = (float)(2.0 * sqrt(xx));
     disc[Y] = (float)y, disc[HALF_HEIGHT] = (float)(2.0 * sqrt(yy));
     disc[BACKGROUND] = background, disc[CONTRAST] = greatest_of(most);

@@ -97,7 +97,8 @@ static double quantile(const double *cumulated, int64_t count, double wanted) {
 /* Neighbours are alike, and adding to the same number again and again takes time: by turns into four. */
 static void count_levels(const GreyPicture *picture, int64_t often[GREYS]) {
     int64_t by_turns[4][GREYS] = {{0}};
-    for (int64_t row = picture->parity; row < picture->rows; row += SAMPLED_EVERY_PX / picture->y_step)
+    int64_t first = picture->parity == PROGRESSIVE ? 0 : picture->parity;
+    for (int64_t row = first; row < picture->rows; row += SAMPLED_EVERY_PX / picture->y_step)
         for (int64_t column = 0; column < picture->columns; column++)
             by_turns[column & 3][picture->bits == 8 ? picture->data[row * picture->stride + column] : level_at(picture, row, column)]++;
     for (int i = 0; i < GREYS; i++) often[i] = by_turns[0][i] + by_turns[1][i] + by_turns[2][i] + by_turns[3][i];

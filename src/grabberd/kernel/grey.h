@@ -4,7 +4,7 @@
 
 #include "kernel.h"
 
-enum { LINES_APART = 2, EDGE_VALUES = 5120, GREYS = 256 };
+enum { REACH_PX = 2, EDGE_VALUES = 5120, GREYS = 256 };
 
 /* A packed field of more than 1 bit: a byte a pixel with 8, else planes of packed bits, the highest first. */
 typedef struct {
@@ -61,13 +61,17 @@ int fit_discs(const GreyPicture *, const GreySettings *, const Windows *, double
 int line_shifts(const Chords *, const GreySettings *, int64_t lines, int64_t columns, LineShifts *);
 void shifts_unsolved(const Chords *, double jitter_px, LineShifts *);
 
-INLINE int64_t lines_of(const GreyPicture *picture) { return picture->rows * picture->y_step / LINES_APART; }
-INLINE int64_t first_delivered(const GreyPicture *picture) { return picture->y_step == 1 ? picture->parity : 0; }
+/* Frame lines from one delivered line to the next. */
+INLINE int64_t lines_apart(const GreyPicture *picture) { return picture->parity == PROGRESSIVE ? 1 : 2; }
+INLINE int64_t lines_of(const GreyPicture *picture) { return picture->rows * picture->y_step / lines_apart(picture); }
+INLINE int64_t first_delivered(const GreyPicture *picture) {
+    return picture->y_step == 1 && picture->parity != PROGRESSIVE ? picture->parity : 0;
+}
 INLINE double line_of_row(const GreyPicture *picture, double row) {
-    return (row - (double)first_delivered(picture)) * (double)picture->y_step / LINES_APART;
+    return (row - (double)first_delivered(picture)) * (double)picture->y_step / (double)lines_apart(picture);
 }
 INLINE double row_of_line(const GreyPicture *picture, double line) {
-    return line * LINES_APART / (double)picture->y_step + (double)first_delivered(picture);
+    return line * (double)lines_apart(picture) / (double)picture->y_step + (double)first_delivered(picture);
 }
 
 #endif

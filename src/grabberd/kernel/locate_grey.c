@@ -8,7 +8,7 @@ static bool is_sound(const GreyPicture *picture, const GreySettings *settings) {
     return (picture->bits == 8 || (picture->bits >= 2 && picture->bits <= 6)) && picture->rows > 0 && picture->stride > 0 &&
            picture->rows < 1 << 24 && picture->stride < 1 << 24 && picture->rows * picture->stride < 1 << 28 &&
            planes * picture->rows * picture->stride <= picture->length && (picture->y_step == 1 || picture->y_step == 2) &&
-           (picture->parity == 0 || picture->parity == 1) && picture->columns > 0 && picture->columns < INT64_C(1) << 27 &&
+           picture->parity >= 0 && picture->parity <= (picture->y_step == 1 ? PROGRESSIVE : 1) && picture->columns > 0 && picture->columns < INT64_C(1) << 27 &&
            picture->stride == (picture->columns + wide - 1) / wide &&
            lines_of(picture) > 0 && settings->edge_values == EDGE_VALUES && settings->edge && (uintptr_t)settings->edge % sizeof *settings->edge == 0 &&
            settings->line_jitter_px >= 0;
@@ -52,7 +52,7 @@ static bool weighs(const Chords *chords) {
 /* As line_jitter.steadied. */
 static int steady(const GreyPicture *picture, const GreySettings *settings, const Chords *chords, LineShifts *found) {
     for (int64_t i = 0; i < chords->count; i++) found->x_px[i] = 0, found->common_px[i] = settings->line_jitter_px;
-    found->reach_px = LINES_APART, found->jitter_px = NAN;
+    found->reach_px = REACH_PX, found->jitter_px = NAN;
     if (settings->line_jitter_px == 0) return DONE;
     if (!settings->shifts_solved) shifts_unsolved(chords, settings->line_jitter_px, found);
     else if (weighs(chords)) return line_shifts(chords, settings, lines_of(picture), picture->columns, found);
@@ -107,7 +107,7 @@ static int find(const GreyPicture *picture, const GreySettings *settings, Seen *
 int grabberd_locate_grey(const GreyPicture *picture, const GreySettings *settings, double *out, int64_t capacity, GreyOutcome *outcome) {
     Seen seen = {0};
     Windows windows = {0};
-    *outcome = (GreyOutcome){0, LINES_APART, NAN};
+    *outcome = (GreyOutcome){0, REACH_PX, NAN};
     if (!is_sound(picture, settings) || capacity < 0) return REFUSED;
     int status = find(picture, settings, &seen);
     Background behind = background_in(picture);

@@ -24,7 +24,7 @@ WIDE static void cut(const Sheet *sheet, const float disc[NUMBERS], double noise
             Lanes own = only(columns_from(sheet, first), lanes_at(slope + first));
             squares += own * own, products += own * lanes_at(rest + first);
         }
-        double own = (double)sum_of(squares), along = (double)(disc[X] + disc[LEAN] * ((float)(LINES_APART * line) - disc[Y]));
+        double own = (double)sum_of(squares), along = (double)(disc[X] + disc[LEAN] * ((float)(sheet->apart * line) - disc[Y]));
         centre[line] = (double)column + (along + (double)sum_of(products) / larger(own, LEAST));
         weight[line] = own / (noise * noise) > VAGUEST ? own / (noise * noise) : 0;
         share[line] = own;
@@ -34,21 +34,21 @@ WIDE static void cut(const Sheet *sheet, const float disc[NUMBERS], double noise
 }
 
 /* Four of them, side by side. */
-static bool make_sheets(const Windows *windows, Sheet sheets[ABREAST]) {
+static bool make_sheets(const Windows *windows, int64_t apart, Sheet sheets[ABREAST]) {
     int64_t pixels = windows->lines * windows->columns, padded = (pixels + EIGHT - 1) / EIGHT * EIGHT;
     float *from = calloc((size_t)((2 + ABREAST * (1 + ROWS)) * padded + EIGHT), sizeof *from);
     if (!from) return false;
     for (int k = 0; k < ABREAST; k++) {
         float *own = from + (2 + k * (1 + ROWS)) * padded;
-        sheets[k] = (Sheet){windows->lines, windows->columns, pixels, padded, from, from + padded, own, own + padded};
+        sheets[k] = (Sheet){windows->lines, apart, windows->columns, pixels, padded, from, from + padded, own, own + padded};
     }
     for (int64_t i = 0; i < pixels; i++)
-        from[i] = (float)(i % windows->columns), from[padded + i] = (float)(LINES_APART * (i / windows->columns));
+        from[i] = (float)(i % windows->columns), from[padded + i] = (float)(apart * (i / windows->columns));
     return true;
 }
 
 static void read_window(const GreyPicture *picture, const Windows *windows, int64_t i, Sheet *sheet) {
-    int64_t apart = LINES_APART / picture->y_step, row = windows->line[i] * apart + first_delivered(picture);
+    int64_t apart = lines_apart(picture) / picture->y_step, row = windows->line[i] * apart + first_delivered(picture);
     for (int64_t line = 0; line < windows->lines; line++, row += apart)
         greys_of(picture, row, windows->column[i], windows->columns, sheet->grey + line * windows->columns);
 }
@@ -57,7 +57,7 @@ static void read_window(const GreyPicture *picture, const Windows *windows, int6
 static void write_down(const GreyPicture *picture, const Windows *windows, int64_t i, const Sheet *sheet, const float disc[NUMBERS],
                        double noise, Place *places, Chords *chords) {
     int64_t at = i * windows->lines;
-    double line = (double)windows->line[i] + (double)disc[Y] / LINES_APART;
+    double line = (double)windows->line[i] + (double)disc[Y] / (double)lines_apart(picture);
     places[i].x = (double)windows->column[i] + (double)disc[X], places[i].row = row_of_line(picture, line);
     cut(sheet, disc, noise, windows->column[i], chords->centre + at, chords->weight + at, chords->share + at);
     chords->line[i] = windows->line[i];
@@ -90,7 +90,7 @@ static void fit_abreast(const GreyPicture *picture, const GreySettings *settings
 int fit_discs(const GreyPicture *picture, const GreySettings *settings, const Windows *windows, double noise,
               Place *places, Chords *chords) {
     Sheet sheets[ABREAST];
-    if (!make_sheets(windows, sheets)) return NO_MEMORY;
+    if (!make_sheets(windows, lines_apart(picture), sheets)) return NO_MEMORY;
     for (int64_t i = 0; i < windows->count; i += ABREAST)
         fit_abreast(picture, settings, windows, noise, i, (int)at_most(ABREAST, windows->count - i), sheets, places, chords);
     free(sheets[0].x);

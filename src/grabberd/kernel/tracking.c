@@ -1,7 +1,7 @@
 /* A step of the track from field to field (as Tracker.step). */
 #include "tracking.h"
 
-static const double CLEARLY = 1.05;
+static const double CLEARLY = 1.05, OFTEN_S = 0.02, SHORTEST_S = 0.002;
 
 int recall(Predictors *kept, const int64_t *target, int64_t count, Say *say) {
     int64_t targets = kept->smooth.targets, slot = 0;
@@ -169,12 +169,15 @@ static int recall_own(Step *step) {
     return recall(step->following->predictors, step->found.target, step->sighting.count, &step->sighting.say);
 }
 
+/* As tracker._unsteady_s. */
+static double unsteady_s(double elapsed_s) { return larger(elapsed_s, OFTEN_S * OFTEN_S / larger(elapsed_s, SHORTEST_S)); }
+
 /* As Tracker._continued. */
 static int go_on(Step *step, double elapsed_s) {
     const Track *track = step->before, *after = &step->after;
     if (recall_own(step) != DONE) return NO_MEMORY;
     believe(step);
-    move_on(step, step->following->acceleration_mm_s2 * elapsed_s);
+    move_on(step, step->following->acceleration_mm_s2 * unsteady_s(elapsed_s));
     for (int64_t i = 0; i < 3 * step->world->targets; i++)
         after->velocity_mm_s[i] = (after->xyz_mm[i] - track->xyz_mm[i]) / elapsed_s;
     even_out(track, after, step->world->targets);
@@ -186,7 +189,7 @@ static int begin(Step *step, const Anew *anew) {
     adopt(step, anew);
     if (recall_own(step) != DONE) return NO_MEMORY;
     for (int64_t i = 0; i < step->sighting.count; i++) step->believed[i] = 1;
-    move_on(step, step->following->speed_mm_s);
+    move_on(step, step->following->speed_mm_s * larger(1.0, OFTEN_S / larger(step->passed_s, SHORTEST_S)));
     for (int64_t i = 0; i < 3 * step->world->targets; i++) step->after.velocity_mm_s[i] = 0;
     return DONE;
 }

@@ -32,7 +32,7 @@ static void place_windows(const GreyPicture *picture, double background, Windows
     windows->columns = size_of(scratch, windows->count, beyond, 1, picture->columns);
     for (int64_t i = 0; i < windows->count; i++)
         scratch[i] = (double)((windows->blob[i]->last_row - windows->blob[i]->first_row + 1) * picture->y_step);
-    windows->lines = size_of(scratch, windows->count, beyond, LINES_APART, lines_of(picture));
+    windows->lines = size_of(scratch, windows->count, beyond, lines_apart(picture), lines_of(picture));
     for (int64_t i = 0; i < windows->count; i++) {
         windows->column[i] = first_of(windows->blob[i]->x, windows->columns, picture->columns);
         windows->line[i] = first_of(line_of_row(picture, windows->blob[i]->row), windows->lines, lines_of(picture));

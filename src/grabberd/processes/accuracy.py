@@ -39,12 +39,14 @@ class InvestigationSettings:
         fit: turn and shift the points onto the truth first, one motion for all fields; never scale.
         limit_mm: greatest allowed length-measuring error.
         bits: bits per pixel of the fields from which the points were measured.
-        smoothing: settings of the smoothing over time; its `bits` are replaced by `bits`.
+        interlaced: False if those are progressive pictures.
+        smoothing: settings of the smoothing over time; `bits` and `interlaced` there are replaced by these.
     """
 
     fit: bool = False
     limit_mm: float = PAPER_LIMIT_MM
     bits: int = 1
+    interlaced: bool = True
     smoothing: SmoothingSettings = field(default_factory=SmoothingSettings)
 
 
@@ -104,7 +106,8 @@ def investigate(
     """
     series = PointSeries.of(measured)
     single = _compared(series, truth, settings)
-    smoothing = smooth(series, replace(settings.smoothing, bits=settings.bits))
+    known = replace(settings.smoothing, bits=settings.bits, interlaced=settings.interlaced)
+    smoothing = smooth(series, known)
     return Investigation(
         bits=settings.bits,
         single=single,

@@ -68,16 +68,17 @@ class Inputs:
     settings: ctypes.Structure
 
     def __init__(self, packed: PackedField, settings: LocationSettings) -> None:
-        self.picture = _picture(packed)
+        self.picture, self._lines_apart = _picture(packed), packed.lines_apart
         self._of = settings
         own = settings_for(packed, settings)
         self._known = known_of(own, packed.y_step, packed.lines_apart) if packed.bits == 1 else None
         if self._known is None:
-            self.settings = grey_settings(settings)
+            self.settings = grey_settings(own)
 
     def fits(self, packed: PackedField, settings: LocationSettings) -> bool:
         """True if these are the inputs for a field and settings."""
-        return self._of is settings and self.picture == _picture(packed)
+        same_lines = self._lines_apart == packed.lines_apart
+        return self._of is settings and self.picture == _picture(packed) and same_lines
 
     def begin(self) -> None:
         """Take up the tables made so far."""

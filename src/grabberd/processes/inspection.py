@@ -24,7 +24,7 @@ _FIND = LocationSettings(method="centroid", min_diameter_px=2.0, max_diameter_px
 """Anything from a dot to a coin: what size targets have is the question."""
 _MIDDLE = (0.3, 0.7)
 """Shares of the width between which the views meet."""
-_LEAST_SHARE = 0.2
+_LEAST_SHARE = 0.35
 """Share of the targets that either view has at least: both see the same object."""
 _CLEAR = 1.5
 """Factor by which the gap between the views exceeds those between columns of targets."""

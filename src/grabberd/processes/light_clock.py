@@ -16,8 +16,8 @@ from grabberd.measurement.flashing import FlashingPlace, Levels, flashing_places
 Array = NDArray[np.float64]
 
 MOST_FIELDS = 3000
-"""Fields that are looked at, one minute: they give the offset to a tenth of a millisecond. Each takes up to
-26 kB, and several times that while they are searched.
+"""Fields that are looked at, those of a minute at 50 a second and of 25 s at 120: they give the offset to a
+tenth of a millisecond. Each takes up to 26 kB, and several times that while they are searched.
 """
 _LEAST_FIELDS, _FITS = 50, 4
 _MOST_SCATTER_S = 3e-3

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from grabberd.field import PackedField
 from grabberd.geometry import LocalField, View
 from grabberd.measurement import Blobs, LocationSettings, measure
+from grabberd.measurement.location import settings_for
 from grabberd.reconstruction import ViewBlobs
 
 JITTERS, JITTER_EVERY = 9, 25
@@ -32,7 +33,8 @@ class Locating:
 
     def alike(self, packed: PackedField) -> int:
         """Number of fields like the next one, from it on, that have its settings whatever is seen in them."""
-        if not self._estimating.solves_line_shifts(packed.bits):
+        own = settings_for(packed, self._estimating)
+        if not own.line_jitter_px or not own.solves_line_shifts(packed.bits):
             return sys.maxsize
         return 1 if self._due else JITTER_EVERY - self._fields % JITTER_EVERY
 

@@ -85,17 +85,17 @@ def measure_fields(
     step: _Step | None = None
     taken = iter(fields)
     while some := list(islice(taken, ahead)):
-        for (y_step, *_), alike in groupby(some, _kind):
-            # Doubled and intact lines have different σ of their image coordinates: the tracker starts again.
-            if step is None or step.y_step != y_step:
-                step = _Step(setup, y_step, tally)
+        for (lines, *_), alike in groupby(some, _kind):
+            # Lines of other kinds have different σ of their image coordinates: the tracker starts again.
+            if step is None or step.lines != lines:
+                step = _Step(setup, lines, tally)
             yield from step.results(list(alike))
 
 
-def _kind(numbered: NumberedField) -> tuple[int, int, int, tuple[int, ...]]:
+def _kind(numbered: NumberedField) -> tuple[tuple[int, int], int, int, tuple[int, ...]]:
     """Kind of a field, lines first: those of one kind are measured together."""
     packed = numbered.packed
-    return packed.y_step, packed.bits, packed.columns, packed.data.shape
+    return packed.lines, packed.bits, packed.columns, packed.data.shape
 
 
 def measured_groups(
@@ -150,13 +150,13 @@ def _fitting(
 class _Step:
     """State carried from field to field."""
 
-    def __init__(self, setup: MeasureSetup, y_step: int, tally: CoverageTally | None) -> None:
-        self.y_step = y_step
+    def __init__(self, setup: MeasureSetup, lines: tuple[int, int], tally: CoverageTally | None) -> None:
+        self.lines = lines
         self._tally = tally
         known, rig = setup.calibration, Rig.of(setup.calibration)
         self._halves = tuple(zip(known.views, known.local_fields, strict=True))
         self._locating = Locating(setup.sized, setup.line_jitter_px)
-        noise = ImageNoise.of(rig, setup.object_model, setup.line_jitter_px, y_step)
+        noise = ImageNoise.of(rig, setup.object_model, setup.line_jitter_px, *lines)
         self._tracker = Tracker(rig, setup.object_model, noise, setup.tracking)
         # From the object model alone, never from an earlier track: points are a function of the fields given.
         self._track: Track = self._tracker.start()

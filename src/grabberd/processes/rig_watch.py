@@ -17,12 +17,14 @@ from grabberd.reconstruction.accuracy.drift_check import (
     RigVerdict,
 )
 
-EVERY = 10
-"""Fields from one comparison to the next: five comparisons a second."""
+EVERY_NS = 200_000_000
+"""Time from one comparison to the next."""
 LEAST_SHARE = 0.5
 """Points per blob of the view that shows fewer; below this, targets are identified with a wider tolerance."""
-FIT_EVERY = 50
-"""Fields from fit to fit: one a second."""
+COMPARISONS_A_FIT = 5
+"""One fit a second."""
+_SLACK_NS = 4_000_000
+"""Jitter of the fields' times: one that is early by less is the field that was due."""
 MANY = 3 * LEAST_TARGETS
 """Blobs in each view that cannot all be false: some of them have to be identified as targets."""
 GENEROUS_PX = 1.0
@@ -44,14 +46,27 @@ class RigWatch:
         self._generous = Correspondence(rig, model, noise, replace(known, unmodelled_px=GENEROUS_PX))
         self._movement = DriftCheck(rig, model)
         self._blobs: deque[int] = deque(maxlen=WINDOW)
-        self._fields = 0
+        self._compared = 0
+        self._since_ns: int | None = None
 
     def see(self, measured: MeasuredField) -> RigFit | None:
         """Takes a measured field; returns the fit over the last seconds once a second, else None."""
-        self._fields += 1
-        if self._fields % EVERY == 0:
-            self._movement.add(self._points(measured))
-        return self.fit() if self._fields % FIT_EVERY == 0 else None
+        if not self._is_due(measured.time_ns):
+            return None
+        self._movement.add(self._points(measured))
+        self._compared += 1
+        return self.fit() if self._compared % COMPARISONS_A_FIT == 0 else None
+
+    def _is_due(self, time_ns: int) -> bool:
+        """True if a field is to be compared, a fifth of a second after the one before."""
+        if self._since_ns is None:
+            self._since_ns = time_ns
+        # A capture that is measured late goes back in time.
+        since_ns = time_ns - self._since_ns
+        if 0 <= since_ns < EVERY_NS - _SLACK_NS:
+            return False
+        self._since_ns = time_ns
+        return True
 
     def fit(self) -> RigFit:
         """Fit over the last seconds."""

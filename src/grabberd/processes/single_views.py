@@ -31,22 +31,22 @@ def single_view_images(
     for numbered in fields:
         if numbered.n not in points:
             continue
-        # Doubled and intact lines have different σ of their image coordinates.
-        if searching is None or searching.y_step != numbered.packed.y_step:
-            searching = _Searching(setup, numbered.packed.y_step)
+        # Lines of other kinds have different σ of their image coordinates.
+        if searching is None or searching.lines != numbered.packed.lines:
+            searching = _Searching(setup, numbered.packed.lines)
         yield numbered.n, searching.images(numbered, points[numbered.n])
 
 
 class _Searching:
     """Location and search for fields with the same lines."""
 
-    def __init__(self, setup: MeasureSetup, y_step: int) -> None:
-        self.y_step = y_step
+    def __init__(self, setup: MeasureSetup, lines: tuple[int, int]) -> None:
+        self.lines = lines
         self._locating = Locating(setup.sized, setup.line_jitter_px)
         known, model = setup.calibration, setup.object_model
         self._halves = tuple(zip(known.views, known.local_fields, strict=True))
         rig = Rig.of(known)
-        noise = ImageNoise.of(rig, model, setup.line_jitter_px, y_step)
+        noise = ImageNoise.of(rig, model, setup.line_jitter_px, *lines)
         self._search = SingleViewSearch(Correspondence(rig, model, noise, setup.tracking.correspondence))
 
     def images(self, numbered: NumberedField, points: Points) -> SingleViewImages:

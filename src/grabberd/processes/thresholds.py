@@ -30,7 +30,7 @@ def field_threshold(field: Field, rule: ThresholdRule, bits: int, *, doubled: bo
         MeasurementError: the threshold is automatic and no targets are visible.
     """
     histogram = np.bincount(field.luma.ravel(), minlength=256)
-    return choose_threshold(histogram, _for_seen_size(rule, field), bits, _y_step(field, doubled))
+    return choose_threshold(histogram, _for_seen_size(rule, field), bits, _lines(field, doubled))
 
 
 def field_threshold_map(field: Field, rule: ThresholdRule, *, doubled: bool) -> NDArray[np.uint8]:
@@ -47,13 +47,14 @@ def field_threshold_map(field: Field, rule: ThresholdRule, *, doubled: bool) -> 
     Raises:
         MeasurementError: the threshold is automatic and no targets are visible.
     """
-    y_step = _y_step(field, doubled)
-    found = threshold_map(field.luma, _for_seen_size(rule, field), 1, y_step)
+    y_step, apart = _lines(field, doubled)
+    found = threshold_map(field.luma, _for_seen_size(rule, field), 1, (y_step, apart))
     return np.repeat(found, field.y_step // y_step, axis=0)
 
 
-def _y_step(field: Field, doubled: bool) -> int:
-    return 1 if doubled else field.y_step
+def _lines(field: Field, doubled: bool) -> tuple[int, int]:
+    """Frame lines from row to row at quantisation, and from one delivered line to the next."""
+    return 1 if doubled else field.y_step, field.lines_apart
 
 
 def _for_seen_size(rule: ThresholdRule, field: Field) -> ThresholdRule:

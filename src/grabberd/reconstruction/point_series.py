@@ -68,7 +68,7 @@ class PointSeries:
 
     @property
     def parity(self) -> NDArray[np.intp]:
-        """(F,) 0 or 1: fields of equal parity show the same lines; parities alternate every 20 ms."""
+        """(F,) 0 or 1: fields of equal parity show the same lines, unless they are progressive pictures."""
         return (self.n & 1).astype(np.intp)
 
     def part(self, span: slice, chosen: slice | NDArray[np.intp] = ALL) -> "PointSeries":

@@ -73,8 +73,14 @@ class ImageNoise:
     radius_lines: float
 
     @classmethod
-    def of(cls, rig: Rig, model: ObjectModel, jitter_px: float, y_step: int) -> "ImageNoise":
-        """Noise of an object seen by a rig, with the radius at the middle of the object, seen face on."""
+    def of(
+        cls, rig: Rig, model: ObjectModel, jitter_px: float, y_step: int, lines_apart: int = 2
+    ) -> "ImageNoise":
+        """Noise of an object seen by a rig, with the radius at the middle of the object, seen face on.
+
+        Lines of progressive pictures, which are one frame line apart, do not shift.
+        """
+        jitter_px = 0.0 if lines_apart == 1 else jitter_px
         _, slopes = linearise(rig, model.xyz_mm.mean(axis=0, keepdims=True))
         lines_per_mm = float(np.sqrt((slopes[1] ** 2).sum(axis=1)).mean())
         return cls(jitter_px, y_step, 0.5 * model.target_diameter_mm * lines_per_mm)

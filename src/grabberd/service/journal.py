@@ -95,8 +95,10 @@ last_lines = LastLines()
 """The last lines of this process."""
 
 
-def set_up_logging(stream: TextIO | None = None, level: int = logging.INFO) -> None:
+def set_up_logging(stream: TextIO | None = None, level: int = logging.INFO) -> bool:
     """Sets one format for everything that this process logs; safe twice.
+
+    Returns True if it is plain text for a person.
 
     Args:
         stream: Destination; standard error by default. A terminal gets plain text, anything else JSON.
@@ -104,7 +106,8 @@ def set_up_logging(stream: TextIO | None = None, level: int = logging.INFO) -> N
     """
     stream = stream or sys.stderr
     shown = logging.StreamHandler(stream)
-    shown.setFormatter(PlainFormatter() if _is_terminal(stream) else JsonFormatter())
+    for_person = _is_terminal(stream)
+    shown.setFormatter(PlainFormatter() if for_person else JsonFormatter())
     root = logging.getLogger()
     root.handlers = [shown, last_lines]
     root.setLevel(level)
@@ -112,6 +115,7 @@ def set_up_logging(stream: TextIO | None = None, level: int = logging.INFO) -> N
         logger = logging.getLogger(name)
         # uvicorn brings handlers of its own, with which its lines would be no JSON.
         logger.handlers, logger.propagate = [], True
+    return for_person
 
 
 def _is_terminal(stream: TextIO) -> bool:

@@ -1,8 +1,9 @@
 """Setup of the loggers: from the configuration to drivers and channels, with all problems at once."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from grabberd.acquisition import LOGGERS
 from grabberd.acquisition.channels import Logger
@@ -43,13 +44,22 @@ def set_up_loggers(config: Config, file: Path) -> dict[str, LoggerSetup]:
 
 
 def _logger(name: str, config: LoggerConfig, file: Path, problems: list[Problem]) -> LoggerSetup | None:
+    logger = create_logger(name, (config.driver, config.options), file, problems)
+    return None if logger is None else LoggerSetup(name, config, logger, config.measured())
+
+
+def create_logger(
+    name: str, driver: tuple[str, Mapping[str, Any]], file: Path, problems: list[Problem]
+) -> Logger | None:
+    """Creates a logger from the name of its driver and its options; adds to the problems if that fails."""
+    key = "options"
     try:
-        return LoggerSetup(name, config, LOGGERS.create(config.driver, config.options), config.measured())
+        return LOGGERS.create(*driver)
     except DriverMissing as error:
-        words = [f"{error.message}; {error.hint}"]
+        key, words = "driver", [f"{error.message}; {error.hint}"]
     except ValueError as error:
         words = str(error).splitlines()
-    problems.extend(Problem(str(file), f"loggers.{name}.options", one) for one in words)
+    problems.extend(Problem(str(file), f"loggers.{name}.{key}", one) for one in words)
     return None
 
 

@@ -87,7 +87,9 @@ def _device(name: str, config: DeviceConfig, file: Path, problems: list[Problem]
     def attempt(key: str, make: Callable[[], T]) -> T | None:
         try:
             return make()
-        except (InputError, DriverMissing) as error:
+        except DriverMissing as error:
+            key, messages = "driver", [f"{error.message}; {error.hint}"]
+        except InputError as error:
             messages = [f"{error.message}; {error.hint}"]
         except ValueError as error:
             messages = str(error).splitlines()
@@ -98,7 +100,10 @@ def _device(name: str, config: DeviceConfig, file: Path, problems: list[Problem]
     inputs = attempt("analysis.inputs", lambda: _if_named(config.analysis.inputs))
     documents = attempt("calibration", lambda: read_documents(config.calibration, config.object))
     located = attempt("location", lambda: location_settings(settings_of(config)))
-    measuring = attempt("calibration", lambda: _measuring(config, documents or {})) if located else None
+    # By itself: there may be no calibration yet, and it is not to be found wrong only after there is one.
+    usable = attempt("object", lambda: _checked_object(documents or {}))
+    measured = documents if usable else {**(documents or {}), "object": None}
+    measuring = attempt("calibration", lambda: _measuring(config, measured or {})) if located else None
     if grabber is None or documents is None:
         return None
     return DeviceSetup(name, config, grabber, measuring, documents, inputs)
@@ -142,6 +147,13 @@ def _read(path: Path, parse: Callable[[str], Any]) -> JsonObject:
     if not isinstance(document, dict):
         raise InputError(f"{path} has no keys: it is {str(document)[:40]!r}", _EXAMPLES)
     return document
+
+
+def _checked_object(documents: JsonObject) -> bool:
+    """True; an object model that cannot be used raises."""
+    if documents.get("object") is not None:
+        ObjectModel.from_document(documents["object"])
+    return True
 
 
 def _measuring(config: DeviceConfig, documents: JsonObject) -> MeasureSetup | None:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from grabberd.errors import StorageError
+from grabberd.errors import NO_PERMISSION, StorageError
 
 OWNER_ONLY, READ_ONLY = 0o600, 0o444
 """Permissions of files."""
@@ -46,6 +46,8 @@ def _hint(error: Exception) -> str:
     number = error.errno if isinstance(error, OSError) else _error_of_opening()
     if number in (errno.EMFILE, errno.ENFILE):
         return f"no file descriptor is left: close clients, or raise the limit (ulimit -n); {kept}"
+    if number in (errno.EACCES, errno.EPERM):
+        return NO_PERMISSION
     return f"make room or fix the disk; {kept}"
 
 

@@ -73,6 +73,26 @@ def test_a_shift_that_stays_is_the_picture_after_half_a_second():
     assert found == [False] * 20 + [True] * 25 + [False] * 15
 
 
+@pytest.mark.parametrize(("rate_hz", "fields"), [(25, 12), (120, 60)])
+def test_half_a_second_is_as_many_fields_as_come_in_it(rate_hz, fields):
+    moving = list(camera(20 + fields + 10))
+    shifted = [*moving[:20], *(without_a_packet(luma, 150, 40) for luma in moving[20:])]
+    check, found = ContentCheck(rate_hz=rate_hz), []
+    for n, luma in enumerate(shifted):
+        one = grabbed(luma, n)._replace(time_ns=1_000_000_000 + round(n * 1e9 / rate_hz))
+        found.append(check.take(one, AS_IT_IS)[0].damage is not None)
+    assert found == [False] * 20 + [True] * fields + [False] * 10
+
+
+@pytest.mark.parametrize(("rate_hz", "fields"), [(25, 2), (60, 6), (120, 12)])
+def test_a_tenth_of_a_second_without_a_picture_is_a_stream_without_one(rate_hz, fields):
+    check = ContentCheck(rate_hz=rate_hz)
+    for n in range(fields):
+        assert check.no_picture is None
+        check.take(grabbed(FLAT, n), AS_IT_IS)
+    assert check.no_picture is not None
+
+
 def test_without_a_picture_nothing_is_said_to_be_repeated():
     assert [content.damage for content in looked_at([FLAT] * 3)] == [None] * 3
 

@@ -7,6 +7,8 @@ import pytest
 from fastapi.testclient import TestClient
 
 from api.conftest import sealed
+from grabberd.api.routes.captures import request_of
+from grabberd.documents.requests import NewCapture
 from grabberd.storage import CaptureReader
 
 CAPTURES = "/api/v1/captures"
@@ -110,6 +112,15 @@ def test_more_than_the_ring_has_is_refused(idle: TestClient) -> None:
         refused = idle.post(CAPTURES, json=order)
         assert refused.status_code == 422
         assert "ring.slots" in refused.json()["hint"]
+
+
+@pytest.mark.parametrize(("rate_hz", "fields"), [(25.0, 8), (50.0, 15), (60_000 / 1001, 18), (120.0, 36)])
+@pytest.mark.parametrize("armed", [True, False])
+def test_a_length_in_seconds_is_as_many_fields_as_the_device_gives(
+    armed: bool, rate_hz: float, fields: int
+) -> None:
+    asked = NewCapture(armed=armed, duration_s=0.3)
+    assert request_of(asked, rate_hz).fields == fields
 
 
 @pytest.mark.parametrize(

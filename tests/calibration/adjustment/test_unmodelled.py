@@ -49,3 +49,15 @@ def test_a_blunder_is_found_beside_what_the_model_misses():
     blunders = without_blunders(with_unmodelled(replace(sure, xy_px=xy), tied())[0], tied())[1]
     assert [(one.view, one.target) for one in blunders] == [("left", 17)]
     assert TRUE[0].name == "left"
+
+
+@pytest.mark.parametrize("stated", [2.0, 5.0, 20.0])
+def test_a_certificate_that_is_better_than_it_states_hides_nothing(stated):
+    given = network(sigma_px=0.02, seed=3, target_sigma_mm=0.002)
+    sure = replace(given, sigma_px=given.sigma_px / 4, target_sigma_mm=stated * given.target_sigma_mm)
+    enlarged, added_px = with_unmodelled(sure, tied())
+    assert np.hypot(0.005, added_px) == pytest.approx(0.02, rel=0.25)
+    adjusted, blunders = without_blunders(enlarged, tied())
+    assert blunders == ()
+    assert adjusted.sigma0 < 1.05
+    assert adjusted.sigma0_images == pytest.approx(1.0, abs=0.1)

@@ -5,7 +5,7 @@ import pytest
 
 from drivers.fake.taking import MS, PERIOD, MakeGrabber, numbers, sequences, steps, taken
 from grabberd.acquisition.device import FieldOrder
-from grabberd_fake.stream import ARRIVAL_NS
+from grabberd_fake.options import DriverOptions
 
 
 @pytest.mark.parametrize(("order", "older"), [("top_first", 0), ("bottom_first", 1)])
@@ -31,7 +31,7 @@ def test_stamps_of_the_arrival_are_as_late_as_the_reader(grabber: MakeGrabber) -
     taken(made, 1)
     clock.sleep_until_ns(clock.now_ns() + 3 * PERIOD)
     (late,) = taken(made, 1)
-    assert late.time_ns == clock.now_ns() - ARRIVAL_NS
+    assert late.time_ns == clock.now_ns() - DriverOptions().arrival_ns
     assert late.time_ns >= PERIOD + 2 * PERIOD, "it was exposed two fields before"
 
 

@@ -31,7 +31,7 @@ SPOILT = {
     "no picture": (lambda path: path.write_text("notes" * 20), "is no PNG"),
     "of 16 bits": (
         lambda path: path.write_bytes(png(luma(1, LINES).astype(np.uint16) * 256)),
-        "16 bits a sample",
+        "is 720x288 grey of 16 bits, expected 720x288 grey",
     ),
     "coloured": (
         lambda path: path.write_bytes(png(np.repeat(luma(1, LINES)[..., None], 3, axis=2))),

@@ -79,10 +79,12 @@ def test_content_that_cannot_be_decoded_is_refused(path):
         read_png(path)
 
 
-def test_sixteen_bits_are_refused(path):
-    path.write_bytes(png(GREY.astype(np.uint16) * 256))
-    with pytest.raises(PictureError, match="16 bits"):
-        read_png(path)
+def test_sixteen_bits_come_as_they_are(path):
+    deep = GREY.astype(np.uint16) * 257
+    path.write_bytes(png(deep))
+    header, values = read_png(path)
+    assert str(header) == "20x12 grey of 16 bits"
+    np.testing.assert_array_equal(values, deep)
 
 
 @pytest.mark.parametrize("colours", ["grey", "coloured"])

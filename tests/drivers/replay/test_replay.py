@@ -201,6 +201,18 @@ def test_a_count_that_told_of_every_loss_is_said_to(tmp_path):
     assert played[0].sequence is None
 
 
+@pytest.mark.parametrize("rate_hz", [25, 50, 60_000 / 1001, 60, 100, 120])
+@pytest.mark.parametrize("fast", [1.0, 1.0002])
+def test_the_times_of_an_exported_capture_tell_its_rate(tmp_path, rate_hz, fast):
+    """Also those of a camera whose clock is off; a field is missing."""
+    frames(tmp_path, lines=40, columns=32)
+    times_ns = [round(n * 1e9 / (rate_hz * fast)) for n in range(4)]
+    row = [(n, times_ns[n], n, 2, 0, 1, "received", f"frame-{i:04d}.png") for i, n in enumerate((0, 1, 3))]
+    manifest(tmp_path, row)
+    assert play(tmp_path)[0].rate_hz == pytest.approx(rate_hz, rel=1e-12)
+    assert play(tmp_path, rate_hz=30.0)[0].rate_hz == 30.0
+
+
 def test_a_picture_that_the_manifest_lists_must_be_there(tmp_path, capture):
     folder = exported(tmp_path)
     (folder / "field-00000003.png").unlink()

@@ -1,13 +1,20 @@
 """Video files for the tests of the replay driver."""
 
+import shutil
 import struct
+import subprocess
 
 import cv2
 import numpy as np
+import pytest
 
 from drivers.replay.pictures import COLUMNS, LINES, luma
 
 COUNT = 3
+needs_ffmpeg = pytest.mark.skipif(
+    not (shutil.which("ffmpeg") and shutil.which("ffprobe")),
+    reason="FFmpeg is missing: sudo apt-get install ffmpeg",
+)
 
 
 def _chunk(name, data):
@@ -66,4 +73,23 @@ def coded(path, fourcc, pictures, rate_hz=25.0):
     for picture in pictures:
         writer.write(picture)
     writer.release()
+    return path
+
+
+def by_ffmpeg(path, pictures, *options, rate="25"):
+    """Pictures of 8 bits, written by the program `ffmpeg` with these options."""
+    lines, columns = pictures[0].shape[:2]
+    form = "gray" if pictures[0].ndim == 2 else "bgr24"
+    source = ["-f", "rawvideo", "-pix_fmt", form, "-s", f"{columns}x{lines}", "-r", rate, "-i", "-"]
+    content = b"".join(one.tobytes() for one in pictures)
+    subprocess.run(["ffmpeg", "-v", "error", "-y", *source, *options, path], input=content, check=True)
+    return path
+
+
+def spoil(path, part, count=60):
+    """Zeroes some bytes of a file, so many after the beginning as this part of it is long."""
+    data = bytearray(path.read_bytes())
+    at = int(part * len(data))
+    data[at : at + count] = bytes(count)
+    path.write_bytes(data)
     return path

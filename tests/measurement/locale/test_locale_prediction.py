@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
-from grabberd.field import double_lines, quantise
+from grabberd.field import Field, double_lines, quantise
 from grabberd.measurement import LocationSettings, measure
 from grabberd.measurement.locale.locale_prediction import FRACTIONS, Scene, best_fraction, predicted_sigma_px
 from measurement.rendering import errors_px, grid_of_discs
+from measurement.test_progressive import drawn
 
 FIVE_PX = Scene(target_px=5.0, spread_px=0.8, noise=0.025, jitter_px=0.0, y_step=2)
 
@@ -22,6 +23,20 @@ def test_the_prediction_is_what_discs_of_these_sizes_show(y_step, fraction):
         squares.append((errors_px(blobs, places)[0] ** 2).mean(axis=0))
     predicted = predicted_sigma_px(FIVE_PX._replace(y_step=y_step), fraction)
     assert predicted == pytest.approx(np.sqrt(np.mean(squares, axis=0)), rel=0.25)
+
+
+@pytest.mark.parametrize("fraction", [0.2, 0.33, 0.5])
+def test_of_progressive_pictures_it_is_what_polygons_drawn_by_opencv_show(fraction):
+    """With all lines delivered, the error in y is that in x; of doubled ones it would be greater."""
+    squares = []
+    for seed, diameter_px in enumerate([4.85, 5.15]):
+        picture, places = drawn(seed, diameter_px, noise=0.025 * 160)
+        packed = quantise(Field.progressive(picture), 1, round(20 + fraction * 160))
+        blobs = measure(packed, None, LocationSettings(method="locale"))
+        nearest = np.linalg.norm(blobs.xy_px[:, np.newaxis] - places, axis=2).argmin(axis=1)
+        squares.append(((blobs.xy_px - places[nearest]) ** 2).mean(axis=0))
+    scene = FIVE_PX._replace(y_step=1, lines_apart=1)
+    assert predicted_sigma_px(scene, fraction) == pytest.approx(np.sqrt(np.mean(squares, axis=0)), rel=0.15)
 
 
 def test_the_best_fraction_has_the_least_predicted_error_with_x_counting_three_times():

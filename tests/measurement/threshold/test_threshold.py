@@ -4,6 +4,7 @@ import pytest
 from grabberd.errors import MeasurementError
 from grabberd.measurement import ThresholdRule, background_of, choose_threshold, trinder_levels
 from grabberd.measurement.locale.locale_prediction import Scene, best_fraction
+from grabberd.measurement.threshold.threshold import DOUBLED, INTACT, WHOLE
 from measurement.rendering import grid_of_discs
 
 AUTOMATIC = ThresholdRule()
@@ -41,10 +42,10 @@ def test_automatic_is_low_for_grey(targets, bits):
     assert (choose_threshold(targets, AUTOMATIC, bits) - 30) / 180 == pytest.approx(0.13, abs=0.02)
 
 
-@pytest.mark.parametrize("y_step", [1, 2])
-def test_automatic_at_one_bit_is_the_fraction_with_the_least_predicted_error(targets, y_step):
-    chosen = (choose_threshold(targets, AUTOMATIC, 1, y_step) - 30) / 180
-    scene = Scene(target_px=5.0, spread_px=0.7, noise=0.025, jitter_px=0.12, y_step=y_step)
+@pytest.mark.parametrize(("lines", "jitter_px"), [(DOUBLED, 0.12), (INTACT, 0.12), (WHOLE, 0.0)])
+def test_automatic_at_one_bit_is_the_fraction_with_the_least_predicted_error(targets, lines, jitter_px):
+    chosen = (choose_threshold(targets, AUTOMATIC, 1, lines) - 30) / 180
+    scene = Scene(5.0, spread_px=0.7, noise=0.025, jitter_px=jitter_px, y_step=lines[0], lines_apart=lines[1])
     assert chosen == pytest.approx(best_fraction(scene), abs=0.03)
 
 

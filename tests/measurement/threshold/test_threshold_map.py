@@ -11,6 +11,7 @@ from grabberd.measurement import (
     threshold_map,
     with_seen_size,
 )
+from grabberd.measurement.threshold.threshold import INTACT
 from measurement.rendering import TOP, errors_px, grid_of_discs
 
 RULE = ThresholdRule(fraction=0.25)
@@ -44,9 +45,9 @@ def test_in_uneven_light_the_map_follows_background_and_contrast(scene):
 
 def test_with_a_map_targets_look_alike_in_bright_and_dark_parts(scene):
     field, places = in_uneven_light(scene[0], unevenness=0.25), scene[1]
-    common = choose_threshold(np.bincount(field.luma.ravel(), minlength=256), RULE, 1, 2)
+    common = choose_threshold(np.bincount(field.luma.ravel(), minlength=256), RULE, 1, INTACT)
     spread = []
-    for threshold in (common, threshold_map(field.luma, RULE, 1, 2)):
+    for threshold in (common, threshold_map(field.luma, RULE, 1, INTACT)):
         blobs = measure(quantise(field, 1, threshold), None, LocationSettings())
         x, area = blobs.xy_px[:, 0], blobs.area_px
         spread.append(area[x < 240].mean() - area[x > 480].mean())

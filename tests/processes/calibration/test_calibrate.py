@@ -302,7 +302,7 @@ def test_several_poses_of_the_calibration_frame_give_one_rig():
         list(take_scene(4, scene="calibration_frame", seed=5).packed(8, "field")),
         list(take_scene(4, scene="points", points=points, seed=6).packed(8, "field")),
     ]
-    result = calibrate_poses(captures, NOMINAL, FRAME, CalibrateSettings(local_field=False))
+    result = calibrate_poses(captures, NOMINAL, FRAME)
     (pose,) = result.poses
     assert pose.turn_deg == pytest.approx(np.degrees(np.arccos((np.trace(turn) - 1) / 2)), abs=0.1)
     assert np.abs(pose.values[3:] - [3.0, -2.0, 2.0]).max() < 0.1

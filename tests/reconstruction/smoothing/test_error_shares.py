@@ -60,6 +60,27 @@ def test_where_too_little_rests_all_is_taken_for_white():
     assert not shares.common.any()
 
 
+def test_progressive_pictures_have_no_part_that_goes_by_parity():
+    rng = np.random.default_rng(1)
+    true = np.tile(grid(100), (80, 1, 1))
+    series = series_of(true + rng.normal(size=true.shape) * SIGMA_MM, SIGMA_MM)
+    shares = ErrorShares.of(series, rest_fields(series, interlaced=False), bits=8, interlaced=False)
+    assert not shares.opposite.any()
+    assert shares.white == pytest.approx(np.ones(3), rel=0.05)
+
+
+@pytest.mark.parametrize(("rate_hz", "interlaced"), [(25, False), (60, False), (60, True), (120, False)])
+def test_a_slow_movement_is_no_rest_however_many_fields_it_takes(rate_hz, interlaced):
+    fields = round(3.6 * rate_hz)
+    time_s = np.arange(fields) / rate_hz
+    true = np.tile(grid(60), (fields, 1, 1))
+    true[:, :, 2] += np.interp(time_s, [1.2, 2.4], [0.0, 14.0])[:, np.newaxis]
+    noisy = true + np.random.default_rng(4).normal(size=true.shape) * SIGMA_MM
+    rest = rest_fields(series_of(noisy, SIGMA_MM, rate_hz=rate_hz), interlaced=interlaced)
+    assert not rest[(time_s > 1.3) & (time_s < 2.3)].any()
+    assert rest[(time_s > 0.1) & (time_s < 1.1)].mean() > 0.9
+
+
 def test_lost_fields_are_not_compared_across():
     series = still(0.5, 0.2)
     apart = series.part(slice(0, 80, 3))

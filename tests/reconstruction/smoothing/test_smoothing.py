@@ -48,6 +48,25 @@ def test_the_given_sigma_is_the_true_one(true, white):
     assert 0.8 < sigma_ratio(result, true) < 1.25
 
 
+@pytest.mark.parametrize(
+    ("rate_hz", "closes_s"), [(25, 0.15), (60, 0.15), (60, 0.08), (120, 0.15), (120, 0.08)]
+)
+def test_at_every_rate_a_pulsation_is_smoothed_with_a_true_sigma_and_no_worse_than_single_fields(
+    rate_hz, closes_s
+):
+    time_s = np.arange(2 * rate_hz) / rate_hz
+    at = (0, 0.3, 0.3 + closes_s, 0.7, 0.7 + closes_s, 1.0)
+    share = np.interp(time_s % 1.0, at, (0, 0, 1, 1, 0, 0))
+    path = (3 * share**2 - 2 * share**3)[:, np.newaxis, np.newaxis]
+    true = grid(60) + path * np.linspace(0.5, 4.0, 60)[:, np.newaxis] * np.array([0.1, 0.2, -1.0])
+    noise = np.random.default_rng(rate_hz).normal(size=true.shape) * SIGMA_MM
+    series = series_of(true + noise, SIGMA_MM, rate_hz=rate_hz)
+    result = smooth(series, SmoothingSettings(bits=8, interlaced=False, shares=ErrorShares.all_white()))
+    assert (error_of(result, true) ** 2).mean(axis=0).max() < (noise**2).mean(axis=0).max()
+    assert 0.85 < sigma_ratio(result, true) < 1.2
+    assert result.left_out.mean() < 0.001
+
+
 def test_an_object_that_stands_still_is_seen_to_do_so():
     result = smooth(noisy(still()))
     assert not result.acceleration_mm_s2.any()

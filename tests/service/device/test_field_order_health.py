@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from measured_fields import SETUP, measured_field
 from running import running, sealed
 
 from grabberd.reconstruction.accuracy.field_order import FieldOrderFit, Order
@@ -52,6 +53,14 @@ def test_a_reversed_order_is_said_once_with_its_size_and_what_to_do(caplog: pyte
     assert len(caplog.messages) == 1
     assert "zigzag by 0.90 mm" in made.warnings[0]
     assert "--check-field-order" in made.warnings[0]
+
+
+def test_progressive_pictures_have_no_order_and_leave_none_in_a_capture() -> None:
+    made = health(fit(Order.REVERSED))
+    made.begin(SETUP, capture=True, interlaced=False)
+    for n in range(200):
+        made.see(measured_field(n * 20_000_000))
+    assert (made.document, made.warnings, made.findings()) == (None, (), {})
 
 
 def test_a_grabber_that_shows_each_instant_twice_is_to_be_replaced() -> None:

@@ -169,6 +169,18 @@ def test_a_progressive_picture_has_all_its_lines_so_none_are_doubled() -> None:
         one.configure_ring(1, "doubled")
 
 
+@pytest.mark.parametrize(
+    ("rate_hz", "slots"), [(25.0, 32), (50.0, 32), (59.94, 38), (100.0, 64), (120.0, 77)]
+)
+def test_the_ring_lasts_for_as_long_at_any_rate_but_has_32_slots_at_least(rate_hz: float, slots: int) -> None:
+    one = FieldPipeline(DeviceConfig(driver="test"))
+    one.opened(replace(INFO, rate_hz=rate_hz), now_ns(0))
+    assert one.ring.slots == slots
+    configured = FieldPipeline(DeviceConfig(driver="test", ring=RingConfig(slots=20)))
+    configured.opened(replace(INFO, rate_hz=rate_hz), now_ns(0))
+    assert configured.ring.slots == 20
+
+
 def liner(count: int, **spoiled: object) -> list[GrabbedField]:
     """Fields of the simulated camera; `spoiled` is a fault of field 8."""
     grabber = FakeGrabber(pace="free", clock=JumpingClock(1_000_000_000), faults=[{"at_field": 8, **spoiled}])

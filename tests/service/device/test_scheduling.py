@@ -77,6 +77,26 @@ def test_a_thread_that_waits_for_the_camera_stands_still_never() -> None:
         thread.spend(0.002, runs=True)
 
 
+@pytest.mark.parametrize("rate_hz", [25, 60, 120])
+def test_what_counts_as_late_is_half_of_a_field_at_the_cameras_rate(rate_hz: float) -> None:
+    thread = Thread()
+    thread.scheduling.paced(rate_hz)
+    for late_s in (0.4 / rate_hz, 0.6 / rate_hz):
+        thread.request(idle_s=0.9 / rate_hz)
+        assert (thread.request(idle_s=0.1 / rate_hz, waits_s=late_s) is None) == (late_s * rate_hz < 0.5)
+
+
+@pytest.mark.parametrize("rate_hz", [25, 120])
+def test_fields_taken_one_after_another_make_up_for_their_own_time(rate_hz: float) -> None:
+    thread = Thread()
+    thread.scheduling.paced(rate_hz)
+    thread.request(idle_s=0.9 / rate_hz)
+    thread.spend(3 / rate_hz)
+    found = [thread.request(idle_s=0, empty=False) for _ in range(4)]
+    assert found[0]
+    assert found[0].time_ns == pytest.approx(2e9 / rate_hz, abs=1e3)
+
+
 def test_a_field_that_does_not_come_is_no_standstill() -> None:
     thread = Thread()
     assert [thread.request(idle_s=TIMEOUT_S) for _ in range(20)] == [None] * 20

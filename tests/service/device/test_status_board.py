@@ -2,6 +2,7 @@
 
 import logging
 import threading
+from dataclasses import replace
 
 import pytest
 from recording_rig import PATIENCE_S
@@ -64,6 +65,16 @@ def test_the_rate_is_that_of_the_last_two_seconds() -> None:
         clock.advance(0.02)
         board.count(slot(n))
     assert board.rate_hz == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize("rate_hz", [25.0, 60.0, 120.0])
+def test_two_seconds_are_as_many_fields_as_the_device_grants(rate_hz: float) -> None:
+    board, clock = board_after(0)
+    board.opened(replace(STREAM, rate_hz=rate_hz))
+    for n in range(round(6 * rate_hz)):
+        clock.advance((1.5 if n < 4 * rate_hz else 1.0) / rate_hz)
+        board.count(slot(n))
+    assert board.rate_hz == pytest.approx(rate_hz, rel=0.01)
 
 
 def test_the_rate_does_not_span_a_new_opening() -> None:

@@ -63,7 +63,13 @@ def test_the_calibration_is_stored_with_its_report_and_what_is_known_of_it(captu
     shares: list[float] = []
     assert run(capture, progress=shares.append) == CalibrationResult(calibration="of-c1")
     entry = store_beside(capture).get("of-c1")
-    details = {"fields": 3, "options": {"tied": True}, "note": "new mirrors", "targets": 2}
+    details = {
+        "fields": 3,
+        "options": {"tied": True},
+        "note": "new mirrors",
+        "captures": ["c1"],
+        "targets": 2,
+    }
     assert entry.document["details"] == details
     assert (entry.record.device, entry.record.note, entry.record.capture) == ("cup", "new mirrors", "c1")
     assert entry.record.stored_utc.endswith("Z")

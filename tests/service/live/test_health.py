@@ -8,7 +8,7 @@ from running import PATIENCE_S, configuration, live
 from slots import STREAM, ManualClock, slot, without_signal
 
 from grabberd.acquisition import Standstill
-from grabberd.acquisition.device import Signal
+from grabberd.acquisition.device import FieldOrder, Signal
 from grabberd.config import default_config_file
 from grabberd.documents.faults import FaultDocument
 from grabberd.documents.health import DeviceHealth, HealthPart
@@ -140,6 +140,22 @@ def test_what_waits_for_its_reader_has_no_rate_of_its_own() -> None:
     device.board.opened(replace(STREAM_OF_PAL, waits_for_reader=True))
     device.fields(200, seconds=0.001)
     assert device.part("rate") == ("unknown", "unknown")
+
+
+@pytest.mark.parametrize("rate_hz", [25.0, 59.94, 120.0])
+def test_progressive_pictures_at_the_rate_granted_are_good_and_have_no_order(rate_hz: float) -> None:
+    device = Device()
+    whole = {"field_rows": 576, "field_order": FieldOrder.PROGRESSIVE, "standard": ""}
+    stream = replace(STREAM_OF_PAL, rate_hz=rate_hz, **whole)  # type: ignore[arg-type]
+    device.instrument.pipeline.opened(stream)
+    device.board.opened(stream)
+    device.fields(round(3 * rate_hz), seconds=1 / rate_hz)
+    assert told(device.health) == ("good", None, "allowed")
+    assert device.part("rate") == ("good", "good")
+    assert "order" not in device.health.parts
+    assert lacks_of(device.health.parts) == []
+    device.fields(round(3 * rate_hz), seconds=1.1 / rate_hz)
+    assert device.part("rate") == ("warning", "off")
 
 
 def test_a_rate_that_is_a_little_off_is_a_warning() -> None:

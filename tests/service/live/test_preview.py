@@ -171,7 +171,7 @@ class Moment:
         worker = SimpleNamespace(
             published=threading.Condition(), live=lives[-1] if lives else None, since=lambda _: lives
         )
-        self.device = SimpleNamespace(pipeline=pipeline, worker=worker)
+        self.device = SimpleNamespace(pipeline=pipeline, worker=worker, rate_hz=50.0)
 
     def found(self) -> dict[str, int] | None:
         made = Preview(cast("Instrument", self.device), self.clock).make()

@@ -209,6 +209,53 @@ def test_a_broker_that_refuses_a_topic_is_not_taken_to_have_it(tmp_path: Path) -
         assert (mqtt_of(service).waiting_captures, mqtt_of(service).acknowledged_captures) == (1, 0)
 
 
+@needs_mosquitto
+def test_home_assistant_discovers_the_device_until_that_is_turned_off(tmp_path: Path) -> None:
+    start = "homeassistant/sensor/grabberd_Stall_203_2fNord_simulated"
+    with broker(tmp_path) as known, receiver(known.port) as heard:
+        with publishing(tmp_path / "state", known.port, home_assistant=True) as service:
+            capture_id = capture(service)
+            heard.until(lambda: (heard.latest("/simulated/capture") or {}).get("capture_id") == capture_id)
+        with receiver(known.port, "home-assistant") as later:
+            later.until(lambda: later.latest(f"{start}/last_verdict/config") is not None)
+            told = later.latest(f"{start}/last_verdict/config") or {}
+            assert told["state_topic"] == f"{START}/devices/simulated/capture"
+            assert told["availability"][0]["topic"] == f"{START}/online"
+            later.until(lambda: (later.latest("/simulated/capture") or {}).get("verdict") == "complete")
+        with publishing(tmp_path / "state", known.port, home_assistant=False) as service:
+            eventually(service, lambda now: now.connected)
+            heard.until(lambda: heard.heard[-1][1] is not None and heard.latest("/capture") is None)
+        with receiver(known.port, "much-later") as afterwards:
+            afterwards.until(lambda: afterwards.latest("/simulated/state") is not None)
+            afterwards.until(lambda: afterwards.latest("/online") is not None)
+            assert not [topic for topic, _, _ in afterwards.heard if "homeassistant" in topic]
+            assert afterwards.latest("/simulated/capture") is None
+
+
+@needs_mosquitto
+def test_without_it_nothing_is_told_to_home_assistant(tmp_path: Path) -> None:
+    with broker(tmp_path) as known, receiver(known.port) as heard:
+        with publishing(tmp_path / "state", known.port) as service:
+            capture_id = capture(service)
+            heard.until(lambda: heard.captures() == [capture_id])
+        assert all(topic.startswith(START) for topic, _, _ in heard.heard)
+        assert heard.latest("/simulated/capture") is None
+
+
+@needs_mosquitto
+def test_a_broker_that_refuses_discovery_is_told_the_rest(tmp_path: Path) -> None:
+    (tmp_path / "acl").write_text(f"topic write {START}/#\ntopic read #\n")
+    with (
+        broker(tmp_path, "allow_anonymous true", f"acl_file {tmp_path}/acl") as known,
+        receiver(known.port) as heard,
+        publishing(tmp_path / "state", known.port, home_assistant=True) as service,
+    ):
+        capture_id = capture(service)
+        heard.until(lambda: heard.captures() == [capture_id])
+        eventually(service, lambda now: now.acknowledged_captures == 1)
+        assert "refuses homeassistant/" in (mqtt_of(service).problem or "")
+
+
 def made_certificates(folder: Path) -> None:
     """An authority of our own, and what it certifies: localhost."""
     script = """

@@ -25,11 +25,19 @@ _PACKAGES = f"[Service]\nEnvironment=PYTHONPATH={SITE}\n"
 
 
 def install(bundle: str) -> dict[str, Any]:
-    """Gives the machine a grabber and a disk for captures, as at every later boot, and runs the installer.
+    """Runs the installer of a bundle on a machine that has what the service needs.
 
     Returns:
         its seconds, what it said, and what the service has said since.
     """
+    prepare()
+    started = time.monotonic()
+    said = run(f"cd /opt && tar xzf {bundle} && {as_administrator()} sh grabberd-*/installer.sh 2>&1", 1200)
+    return {"seconds": time.monotonic() - started, "said": said, "journal": journal(100)}
+
+
+def prepare() -> None:
+    """Gives the machine a grabber and a disk for captures, as at every later boot."""
     _write("/etc/modules-load.d/grabber.conf", "vivid\n")
     _write("/etc/modprobe.d/grabber.conf", f"options vivid {VIVID}\n")
     _write("/etc/systemd/system/grabberd.service.d/packages.conf", _PACKAGES)
@@ -37,9 +45,6 @@ def install(bundle: str) -> dict[str, Any]:
         fstab.write(f"/dev/vdb {STATE} ext4 errors=remount-ro 0 2\n")
     STATE.mkdir(parents=True, exist_ok=True)
     run(f"systemctl daemon-reload; mount {STATE}; modprobe vivid; udevadm settle")
-    started = time.monotonic()
-    said = run(f"cd /opt && tar xzf {bundle} && {_as_administrator()} sh grabberd-*/installer.sh 2>&1", 1200)
-    return {"seconds": time.monotonic() - started, "said": said, "journal": journal(100)}
 
 
 def upgrade(fail_at: str = "") -> dict[str, Any]:
@@ -59,7 +64,7 @@ def _bundle() -> str:
 def _installer(words: str, fail_at: str) -> dict[str, Any]:
     """Its exit code, what it said, its seconds; which release is installed then, and which is kept."""
     started = time.monotonic()
-    line = f"{_as_administrator()} FAIL_AT={fail_at} HEALTH_S=300 sh {words} 2>&1"
+    line = f"{as_administrator()} FAIL_AT={fail_at} HEALTH_S=300 sh {words} 2>&1"
     done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=1200, check=False)
     seconds = time.monotonic() - started
     return {"exit": done.returncode, "said": done.stdout, "seconds": seconds, **releases()}
@@ -78,7 +83,7 @@ def digests(folder: str) -> dict[str, str]:
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
-def _as_administrator() -> str:
+def as_administrator() -> str:
     """Without what the agent's own environment has; the packages that are there already count."""
     return f"env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root PIP_NO_DEPS=1 PYTHONPATH={SITE}"
 

@@ -30,6 +30,12 @@ test("what the daemon does not know is not called good", () => {
   assert.equal(light("rig", { rig: { ...GOOD, level: "unknown", word: "unknown" } }).level, "idle");
 });
 
+test("what does not apply to a device has no light", () => {
+  const progressive = known();
+  delete progressive.state.devices.cup.health.parts.order;
+  assert.deepEqual(judge(progressive).map(({ id }) => id), IDS.filter((id) => id !== "order"));
+});
+
 test("without the daemon nothing is known", () => {
   const lights = judge(known({}, {}, { connection: { online: false, since: 0 } }));
   assert.deepEqual(new Set(lights.map((one) => one.level)), new Set(["idle"]));

@@ -1,6 +1,7 @@
 // A replay: its messages, its playhead, its cycles, what it fetches and forgets, and its film.
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { ledgerIn, lengthIn, periodOf } from "../../../src/grabberd/web/static/js/captures/words.js";
 import { ApiProblem } from "../../../src/grabberd/web/static/js/core/api.js";
 import { cycleAt, startsByCurve, startsByPhase } from "../../../src/grabberd/web/static/js/replay/cycles.js";
 import { readPictureStretch, readPointStretch } from "../../../src/grabberd/web/static/js/replay/messages.js";
@@ -64,11 +65,26 @@ test("a stretch of pictures has each with its place and its outcome", async () =
 });
 
 test("the playhead goes at its speed and begins again at the end of its range", () => {
-  assert.equal(advanced(10, 1, 1, [0, 100]), 60);
-  assert.equal(advanced(10, 1, 0.1, [0, 100]), 15);
-  assert.equal(advanced(90, 1, 1, [0, 100]), 40);
-  assert.equal(advanced(90, 0.3, 1, [80, 95]), 90);
-  assert.equal(advanced(10, 0, 1, [50, 100]), 50);
+  assert.equal(advanced(10, 1, 1, [0, 100], 0.02), 60);
+  assert.equal(advanced(10, 1, 0.1, [0, 100], 0.02), 15);
+  assert.equal(advanced(90, 1, 1, [0, 100], 0.02), 40);
+  assert.equal(advanced(90, 0.3, 1, [80, 95], 0.02), 90);
+  assert.equal(advanced(10, 0, 1, [50, 100], 0.02), 50);
+});
+
+test("the playhead goes at the rate of its capture", () => {
+  for (const rate of [25, 60, 100, 120]) assert.ok(Math.abs(advanced(0, 0.5, 1, [0, 1000], 1 / rate) - rate / 2) < 1e-9);
+});
+
+test("a ledger counts seconds at the rate of its capture", () => {
+  const t = (key, values) => `${key} ${JSON.stringify(values ?? {})}`;
+  const context = { t, tn: (key, n, values) => t(key, { n, ...values }), format: { number: (value, digits) => value.toFixed(digits), duration: String } };
+  const entries = [{ first_n: 240, count: 3, outcome: "lost", reason: "time gap" }];
+  const capture = (rate_hz) => ({ rate_hz, ledger: { complete: false, entries, events: [], counts: { received: 597, lost: 3 } } });
+  assert.match(lengthIn(context, capture(120)), /"s":"5.0"/);
+  assert.match(lengthIn(context, capture(50)), /"s":"12.0"/);
+  assert.match(ledgerIn(context, capture(120)), /"at":"2.0"/);
+  assert.equal(periodOf(capture(null)), 0);
 });
 
 test("cycles are those of the analysis, or of the curve itself", () => {
@@ -77,9 +93,9 @@ test("cycles are those of the analysis, or of the curve itself", () => {
   const curve = Array.from({ length: 200 }, (_, n) => [n, 20 + 3 * Math.sin((2 * Math.PI * n) / 50)]);
   const starts = startsByCurve(curve);
   assert.deepEqual(starts.slice(1).map((n, i) => n - starts[i]), [50, 50]);
-  assert.deepEqual(cycleAt([40, 90, 140], 95), [90, 140]);
-  assert.deepEqual(cycleAt([40, 90, 140], 3), [40, 90]);
-  assert.equal(cycleAt([40], 3), null);
+  assert.deepEqual(cycleAt([40, 90, 140], 95, 0.02), [90, 140]);
+  assert.deepEqual(cycleAt([40, 90, 140], 3, 0.02), [40, 90]);
+  assert.equal(cycleAt([40], 3, 0.02), null);
 });
 
 test("a wall that stands still has no cycle, however noisy", () => {

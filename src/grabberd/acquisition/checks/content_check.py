@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from grabberd.acquisition.checks.no_picture import KINDS, no_picture
 from grabberd.acquisition.checks.shifted_rows import Profiles, Shift, find_shift, profiles, profiles_shape
 from grabberd.acquisition.checks.stale_rows import StaleRows, Words
-from grabberd.acquisition.device import GrabbedField
+from grabberd.acquisition.device import PAL_HZ, GrabbedField
 from grabberd.field import Field, KernelPacking, PackedField, Packing, pack
 from grabberd.kernel import KERNEL, Kernel
 
@@ -22,13 +22,16 @@ REPEATED = "repeated"
 _WORD = 8
 _NOTHING: Words = np.empty(0, np.uint64)
 _REFERENCE_NS = 70_000_000
-"""Greatest age of the field that rows are compared with: after three field periods the scene has moved on."""
-_STAYS = 25
-"""Fields in a row with the same shift, half a second, after which the scene has changed, not the rows."""
+"""Greatest age of the field that rows are compared with, unless the one before is older: by then the
+scene has moved on."""
+_STAYS_S = 0.5
+"""Time for which fields have the same shift after which the scene has changed, not the rows."""
 _BACK_COLUMNS, _BACK_ROWS = 2, 12
 """Columns and rows by which a shift back may differ from the shift that it ends."""
-_FOR_A_WHILE = 5
-"""Fields without a picture (a tenth of a second) before the stream counts as having no signal."""
+_FOR_A_WHILE_S = 0.1
+"""Time without a picture before the stream counts as having no signal."""
+_NEXT = 1.5
+"""Periods after which a field is no longer the next one."""
 
 
 class Content(NamedTuple):
@@ -67,13 +70,18 @@ class ContentCheck:
 
     Args:
         kernel: The compiled kernel, or None for numpy.
+        rate_hz: Fields per second.
 
     Attributes:
         no_picture: Picture that the grabber has substituted for a tenth of a second and still does, or None.
     """
 
-    def __init__(self, kernel: Kernel | None = KERNEL) -> None:
+    def __init__(self, kernel: Kernel | None = KERNEL, rate_hz: float = PAL_HZ) -> None:
         self.no_picture: str | None = None
+        self._recent_ns = max(_REFERENCE_NS, _NEXT * 1e9 / rate_hz)
+        self._stays, self._for_a_while = (
+            max(round(seconds * rate_hz), 1) for seconds in (_STAYS_S, _FOR_A_WHILE_S)
+        )
         self._kernel = kernel
         self._made_up = 0
         self._start((0, 0))
@@ -125,7 +133,7 @@ class ContentCheck:
 
     def _count(self, made_up: str | None) -> None:
         self._made_up = self._made_up + 1 if made_up else 0
-        self.no_picture = made_up if self._made_up >= _FOR_A_WHILE else None
+        self.no_picture = made_up if self._made_up >= self._for_a_while else None
 
     def _start(self, shape: tuple[int, int]) -> None:
         self._shape = shape
@@ -174,11 +182,11 @@ class ContentCheck:
             same = self._shift_to(self._newest_good, copy) if like_a_good_one else held
             shift = same if relative is None else None if _ends(relative, held) else relative
         self._shifted = self._shifted + 1 if shift else 0
-        self._shift = None if self._shifted > _STAYS else shift
+        self._shift = None if self._shifted > self._stays else shift
         return self._shift
 
     def _is_recent(self, reference: _Copy | None, copy: _Copy) -> bool:
-        return reference is not None and 0 <= copy.time_ns - reference.time_ns <= _REFERENCE_NS
+        return reference is not None and 0 <= copy.time_ns - reference.time_ns <= self._recent_ns
 
     def _shift_to(self, reference: _Copy | None, copy: _Copy) -> Shift | None:
         if reference is None or not self._is_recent(reference, copy):

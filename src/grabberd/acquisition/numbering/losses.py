@@ -29,7 +29,8 @@ def _gap(pending: Pending, step: Step) -> str:
         return TIME_GAP
     if pending.count == step.fields:
         return SEQUENCE_GAP
-    return REPEATED_PARITY if pending.time_ns is None else TIME_GAP
+    by_parity = pending.time_ns is None and pending.phase is not None
+    return REPEATED_PARITY if by_parity else TIME_GAP
 
 
 def doubtful(lost: tuple[LedgerEntry, ...], uncertain_by: int) -> tuple[LedgerEntry, ...]:

@@ -88,20 +88,22 @@ def identify_capture(
 def make_calibration(
     new: CalibrationRequest, service: ServiceOf, request: Request, response: Response
 ) -> JobDocument | CalibrationRow:
-    """Calibrate from a sealed capture of the calibration frame, a job whose result names the calibration; or
-    store a complete calibration (201).
+    """Calibrate from sealed captures of the calibration frame, one or one for each of its poses, a job whose
+    result names the calibration; or store a complete calibration (201).
     """
     if new.document is not None:
         calibration_id = service.import_calibration(new.document, new.device, new.note)
         response.status_code = status.HTTP_201_CREATED
         response.headers["Location"] = str(request.url_for("get_calibration", calibration_id=calibration_id))
         return service.active.row(calibration_id)
-    capture_id = new.capture or ""
-    service.archive.sealed_path(capture_id)
-    device = new.device or service.archive.document(capture_id).device
+    for capture_id in new.poses:
+        service.archive.sealed_path(capture_id)
+    first, *further = new.poses
+    device = new.device or service.archive.document(first).device
     job = service.jobs.submit(
         CalibrationJob(
-            subject=capture_id,
+            subject=first,
+            further=tuple(further),
             calibration_frame=calibration_frame_document(new.calibration_frame),
             options=new.options or CalibrationOptions(),
             device=service.instrument(device).name,

@@ -15,14 +15,13 @@ from prometheus_client.registry import Collector
 from grabberd import __version__
 from grabberd.acquisition import LossCause, Outcome, Rebase, Signal
 from grabberd.api.rendering import RenderedRoute
+from grabberd.api.routes.health_metrics import fault_metrics, health_metrics
 from grabberd.api.routes.logger_metrics import logger_metrics
 from grabberd.api.routes.metric_families import counter, gauge
 from grabberd.documents.states import DeviceState, Rung
 from grabberd.reconstruction.accuracy.field_order import Order
 from grabberd.reconstruction.coverage.verdict import CoverageVerdict
 from grabberd.service.device.worker import BOUNDS_S
-from grabberd.service.faults.descriptors import exhaustion
-from grabberd.service.faults.fault_board import OWN_CAUSES
 from grabberd.service.instrument import Instrument
 from grabberd.service.service import Service
 
@@ -75,7 +74,8 @@ class ServiceMetrics(Collector):
         yield from _points(instruments)
         yield from _captures(instruments, self._service)
         yield from logger_metrics(self._service.loggers)
-        yield from _faults(self._service)
+        yield from health_metrics(self._service)
+        yield from fault_metrics(self._service)
         yield from _mqtt(self._service)
         yield gauge("grabberd_streams", "Live streams to clients.", (), [((), self._streams())])
 
@@ -166,23 +166,6 @@ def _captures(instruments: list[Instrument], service: Service) -> Iterator[Metri
         "grabberd_captures_measured", "How well these were measured.", ("device", "verdict"), measured
     )
     yield gauge("grabberd_disk_free_bytes", "Room for captures.", (), [] if free is None else [((), free)])
-
-
-def _faults(service: Service) -> Iterator[Metric]:
-    board, unsealed = service.faults, service.unsealed
-    now = (((cause,), float(board.has(cause))) for cause in OWN_CAUSES)
-    counts = (((cause,), board.counts[cause]) for cause in OWN_CAUSES)
-    yield gauge("grabberd_fault", "1 while the daemon itself has it.", ("cause",), now)
-    yield counter("grabberd_faults", "How often it has begun.", ("cause",), counts)
-    yield counter(
-        "grabberd_index_rebuilds", "Of a damaged index.", (), [((), service.archive.keeper.rebuilt)]
-    )
-    yield gauge("grabberd_unsealed_captures", "To be sealed.", (), [((), len(unsealed.captures))])
-    yield counter("grabberd_failed_seals", "Attempts to seal a capture.", (), [((), unsealed.attempts)])
-    yield counter("grabberd_state_backups", "Of state.sqlite.", (), [((), service.state_keeper.backed_up)])
-    yield counter(
-        "grabberd_descriptors_exhausted", "Clients refused for want of files.", (), [((), exhaustion.count)]
-    )
 
 
 def _mqtt(service: Service) -> Iterator[Metric]:

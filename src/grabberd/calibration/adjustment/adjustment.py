@@ -80,6 +80,17 @@ class Adjustment:
         return self.sigma0 / float(np.sqrt(np.mean(self.network.sigma_px**-2.0)))
 
     @property
+    def sigma0_images(self) -> float:
+        """The same of the image points alone, by the share of their errors that shows in their residuals.
+
+        Most of all redundancy is that of a calibration frame's certified positions, if pictures are known far
+        better: σ0 then says how good the certificate is.
+        """
+        whitened = self.residual_px / self.network.sigma_px
+        share = float(self.redundancy.sum())
+        return float(np.sqrt((whitened**2).sum() / share)) if share > 0.0 else self.sigma0
+
+    @property
     def standardised(self) -> Array:
         """(M, 2) residuals over their own estimated σ; NaN for an uncontrolled observation."""
         controlled = np.where(self.redundancy > 1e-9, self.redundancy, np.nan)

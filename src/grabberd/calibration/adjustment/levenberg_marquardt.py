@@ -66,14 +66,16 @@ def minimise(problem: Problem, settings: AdjustmentSettings) -> Minimum:
         enough = settings.settled * max(linear.omega, _EXACT * problem.freedom)
         while True:
             step = _step(normals, scale, damping)
-            # Strongly damped steps promise little anywhere; only a free one tells the minimum.
-            if step.promise <= enough and damping < 1.0:
+            # Damped steps promise little anywhere along a narrow valley; only a free one tells the minimum.
+            if step.promise <= enough and _step(normals, scale, _LEAST_DAMPING).promise <= enough:
                 return Minimum(state, linear, normals, steps)
             trial = problem.moved(state, step.unknowns, step.places)
             there = problem.at(trial)
             if there.omega < linear.omega:
                 break
-            damping = max(5 * damping, 1e-6)
+            # By little: pictures that are known far better than the frame make a valley that only lightly
+            # damped steps follow, and each return from a strong damping takes several.
+            damping *= 5
             if damping > _MOST_DAMPING:
                 raise _no_convergence(steps, linear.omega, problem)
         # Trust the linear model more, as is or less, by how much of its promise was kept.

@@ -104,7 +104,8 @@ def without_blunders(
 def _worst(adjusted: Adjustment, alpha: float) -> tuple[Blunder | None, NDArray[np.bool_]]:
     network = adjusted.network
     kept = np.ones(len(network), np.bool_)
-    size = np.abs(adjusted.standardised)
+    # A certificate better than stated makes σ0 small: good image points would look like blunders.
+    size = np.abs(adjusted.standardised) * min(1.0, adjusted.sigma0 / max(adjusted.sigma0_images, _EXACT))
     worst = np.nan_to_num(size).max(axis=1)
     # One at a time: a blunder raises the residuals of good points around it.
     index = int(worst.argmax())

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from grabberd.field import PROGRESSIVE, PackedField
+from grabberd.field import PackedField
 from grabberd.kernel import DONE, MORE_ROOM, Kernel
 from grabberd.measurement.blobs import Blobs
 from grabberd.measurement.compiled.binary_location import COLUMNS, ROOM, blobs_of, fail
@@ -41,9 +41,8 @@ def takes_grey(packed: PackedField, settings: LocationSettings) -> bool:
     return (
         packed.bits in GREY
         and settings.method in BY_KERNEL
-        and packed.parity != PROGRESSIVE
         and packed.y_step in (1, 2)
-        and packed.rows * packed.y_step > 1
+        and packed.rows * packed.y_step >= packed.lines_apart
         and settings.noise_levels != 0
     )
 

@@ -38,6 +38,7 @@ class Scene(NamedTuple):
         noise: Standard deviation of a pixel, in contrasts.
         jitter_px: Standard deviation of a line's shift.
         y_step: Frame lines from row to row.
+        lines_apart: Frame lines from one delivered line to the next: rows between them are interpolated.
     """
 
     target_px: float
@@ -45,6 +46,7 @@ class Scene(NamedTuple):
     noise: float
     jitter_px: float
     y_step: int
+    lines_apart: int = 2
 
 
 def best_fraction(scene: Scene, least: float = 0.0) -> float:
@@ -87,7 +89,7 @@ def _variance(scene: Scene, fraction: float, diameter_px: float) -> Array:
 
 def _appearance(scene: Scene, fraction: float, diameter_px: float) -> Appearance:
     """Appearance of a disc above the threshold; of size 0 if too small for it."""
-    unknown = Appearance(1.0, 1.0, fraction, scene.noise, scene.spread_px, scene.jitter_px, scene.y_step)
+    unknown = Appearance(1.0, 1.0, fraction, scene.noise, scene.spread_px, *scene[3:])
     out, origin = np.linspace(0.0, diameter_px, 200), np.zeros(1)
     half = (diameter_px / 2, diameter_px / 2)
     right = light(half, unknown.blur_px, out, origin)[0]
@@ -103,7 +105,7 @@ def _cuts(seen: Appearance) -> Cuts:
     column = _pixels(seen.half_width_px, STEPS_X)
     u, v = np.arange(column[0] - STEPS_X, column[-1] + 1), np.arange(row[0, 0] - 2 * STEPS_Y, row[-1, 0] + 1)
     odds = np.stack(log_odds(seen, u / STEPS_X, v / STEPS_Y))
-    interpolated = row // STEPS_Y % 2
+    interpolated = row // STEPS_Y % seen.lines_apart
     of_pixels = odds[interpolated, row - y - v[0], column - x - u[0]]
     is_set = of_pixels >= np.minimum(of_pixels.max(axis=(1, 2), keepdims=True), 0.0)
     blob, at_row = np.nonzero(is_set.any(axis=2))

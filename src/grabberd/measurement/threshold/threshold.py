@@ -22,6 +22,9 @@ PLATEAU_QUANTILE = 0.85
 LEAST_BRIGHT_SHARE = 5e-5
 """Least share of bright pixels in a picture: a single target of 5 px has .0001."""
 LEAST_CONTRAST_LEVELS = 12.0
+DOUBLED, INTACT, WHOLE = (1, 2), (2, 2), (1, 1)
+"""Lines of a field: frame lines from row to row, and from one delivered line to the next. Those of a
+`WHOLE`, a progressive picture, do not shift."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +63,9 @@ class ThresholdRule:
             raise ValueError(f"fraction {self.fraction} is not between 0 and 1")
 
 
-def choose_threshold(histogram: NDArray[np.integer], rule: ThresholdRule, bits: int, y_step: int = 1) -> int:
+def choose_threshold(
+    histogram: NDArray[np.integer], rule: ThresholdRule, bits: int, lines: tuple[int, int] = DOUBLED
+) -> int:
     """Choose the threshold for a picture.
 
     Equation (3) assumes an 8-bit picture with a black background, so the background's level is added.
@@ -69,7 +74,7 @@ def choose_threshold(histogram: NDArray[np.integer], rule: ThresholdRule, bits: 
         histogram: (256,) int, frequency of each grey value in the 8-bit picture.
         rule: Rule to apply.
         bits: Bits that the picture will be quantised to.
-        y_step: Frame lines from row to row at quantisation: 1 doubled, 2 intact.
+        lines: Of the fields at quantisation: `DOUBLED`, `INTACT` or `WHOLE`.
 
     Returns:
         0 to 254.
@@ -85,7 +90,7 @@ def choose_threshold(histogram: NDArray[np.integer], rule: ThresholdRule, bits: 
         return _whole(background_of(histogram).level + height)
     background = background_of(histogram)
     contrast = contrast_levels(histogram, background)
-    return _whole(background.level + height_levels(contrast, background.noise, rule, bits, y_step))
+    return _whole(background.level + height_levels(contrast, background.noise, rule, bits, lines))
 
 
 def trinder_levels(spread_px: float, target_px: float) -> float:
@@ -93,12 +98,15 @@ def trinder_levels(spread_px: float, target_px: float) -> float:
     return float(74 * (2 * spread_px) ** 1.3 / target_px)
 
 
-def height_levels(contrast: float, noise: float, rule: ThresholdRule, bits: int, y_step: int) -> float:
+def height_levels(
+    contrast: float, noise: float, rule: ThresholdRule, bits: int, lines: tuple[int, int]
+) -> float:
     """Height of an automatic threshold above the background; all in grey values."""
     least = NOISE_MARGIN * noise
     if rule.fraction is not None or bits > 1:
         return max((rule.fraction or GREY_FRACTION) * contrast, least)
-    scene = Scene(rule.target_px, rule.spread_px, noise / contrast, rule.line_jitter_px, y_step)
+    jitter_px = 0.0 if lines == WHOLE else rule.line_jitter_px
+    scene = Scene(rule.target_px, rule.spread_px, noise / contrast, jitter_px, *lines)
     return best_fraction(scene, least / contrast) * contrast
 
 

@@ -14,6 +14,7 @@ from grabberd.measurement.labelling.labels import by_component
 from grabberd.measurement.labelling.runs import find_runs
 from grabberd.measurement.labelling.shapes import shapes_of
 from grabberd.measurement.threshold.threshold import (
+    DOUBLED,
     ThresholdRule,
     contrast_levels,
     height_levels,
@@ -52,7 +53,7 @@ class _Parts(NamedTuple):
 
 
 def threshold_map(
-    luma: NDArray[np.uint8], rule: ThresholdRule, bits: int, y_step: int = 1
+    luma: NDArray[np.uint8], rule: ThresholdRule, bits: int, lines: tuple[int, int] = DOUBLED
 ) -> NDArray[np.uint8]:
     """Compute a threshold for every pixel from smooth surfaces of background and contrast.
 
@@ -60,7 +61,7 @@ def threshold_map(
         luma: (rows, columns) uint8, 8 bits.
         rule: Rule for choosing a threshold under even light.
         bits: Bits that the picture will be quantised to.
-        y_step: Frame lines from row to row at quantisation: 1 doubled, 2 intact.
+        lines: Of the fields at quantisation: `DOUBLED`, `INTACT` or `WHOLE`.
 
     Returns:
         (rows, columns) uint8.
@@ -77,7 +78,7 @@ def threshold_map(
         height = np.full(luma.shape, trinder_levels(rule.spread_px, rule.target_px))
     else:
         usual, noise = float(np.median(parts.contrast)), float(np.median(parts.noise))
-        height = contrast * (height_levels(usual, noise, rule, bits, y_step) / usual)
+        height = contrast * (height_levels(usual, noise, rule, bits, lines) / usual)
     thresholds: NDArray[np.uint8] = np.clip(np.rint(level + height), 0, 254).astype(np.uint8)
     return thresholds
 

@@ -33,7 +33,7 @@ def _phases(before: str, what: str) -> tuple[Column, ...]:
 
 
 _FIELD = (
-    _count("n", "number of the field: nominal 20 ms steps after the capture's first, lost ones included"),
+    _count("n", "number of the field: nominal steps after the capture's first, lost ones included"),
     _number("time_s", "s", "middle of the field's exposure, from the first field of the capture on"),
 )
 _PHASE = (

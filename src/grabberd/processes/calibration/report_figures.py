@@ -48,18 +48,21 @@ def distortion_document(view: View, lines: int) -> dict[str, Any]:
 
 
 def local_field_document(result: CalibrateResult) -> dict[str, Any] | None:
-    """The trial of local fields with the accepted ones on the same grid; None if none was requested."""
+    """The trial of local fields with the accepted ones on the same grid; None if none was requested.
+
+    Of several poses of the calibration frame, the views are those of the first.
+    """
     trial = result.local
     if trial is None:
         return None
     views = result.views
     held_out = {
         view.name: {"without": float(one[0]), "with": float(one[1])}
-        for view, one in zip(views, trial.held_out_px, strict=True)
+        for view, one in zip(views, trial.held_out_px[: len(views)], strict=True)
     }
     grids = [
         _field_grid(view, field, result.nominal.lines)
-        for view, field in zip(views, trial.fields, strict=True)
+        for view, field in zip(views, trial.fields[: len(views)], strict=True)
         if field is not None
     ]
     return {

@@ -21,6 +21,7 @@ AT_ONCE = 1_000_000
 _START_MM2 = 1e4
 _START_RATE_MM2_S2 = 500.0**2
 _ACCELERATES_EVERY_S = 0.02
+"""Time for which an acceleration lasts: a property of what moves, whatever the rate of the fields."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -40,14 +40,16 @@ class SmoothingSettings:
 
     Attributes:
         bits: Bits per pixel of the fields that the points come from: with few, less of the error is white.
-        acceleration_mm_s2: Standard deviation of the acceleration, drawn anew every 20 ms; None finds it for
-            every interval; `REST` if the object stands still.
+        interlaced: False if those are progressive pictures, which have no parity.
+        acceleration_mm_s2: Standard deviation of the acceleration, drawn anew every 20 ms whatever the rate;
+            None finds it for every interval; `REST` if the object stands still.
         shares: White and locked parts of the errors; None estimates them from the points.
         forgets_px: Image movement over which a locked error falls to 1/e.
         gate: Deviation in standard deviations beyond which a point is left out.
     """
 
     bits: int = 1
+    interlaced: bool = True
     acceleration_mm_s2: float | None = None
     shares: ErrorShares | None = None
     forgets_px: float = 0.25
@@ -93,9 +95,9 @@ def smooth(series: PointSeries, settings: SmoothingSettings | None = None) -> Sm
             f"there are no points to smooth in {len(series.n)} fields",
             "check threshold, calibration and object model: nothing was found",
         )
-    rest = rest_fields(series)
+    rest = rest_fields(series, interlaced=settings.interlaced)
     acceleration = _acceleration(series, settings)
-    shares = settings.shares or ErrorShares.of(series, rest, settings.bits)
+    shares = settings.shares or ErrorShares.of(series, rest, settings.bits, interlaced=settings.interlaced)
     left_out = np.zeros(series.seen.shape, np.bool_)
     for _ in range(_ROUNDS):
         result = _smooth(series.without(left_out), acceleration, shares, settings)

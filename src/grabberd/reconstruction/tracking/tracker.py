@@ -25,6 +25,8 @@ _VAGUE = 0.1
 """Share of the pitch beyond which the uncertainty of a target's movement makes a prediction vague."""
 _CLEARLY = 1.05
 """Ratio of numbers of targets beyond which a followed sighting is preferred to an identified one."""
+OFTEN_S, SHORTEST_S = 0.02, 0.002
+"""Time between fields below which predictions become no less vague, and the shortest reckoned with."""
 _OTHERWISE = 0.5
 """Share of `TrackingSettings.astray_mm` beyond which targets found predict the rest instead of the track."""
 
@@ -98,8 +100,9 @@ class TrackingSettings:
     """Settings of an object's movement, and of when it counts as lost.
 
     Attributes:
-        speed_mm_s: Standard deviation of a velocity after identification, when nothing is known about it.
-        acceleration_mm_s2: Standard deviation of the acceleration.
+        speed_mm_s: Standard deviation of a velocity after identification, when nothing is known about it,
+            where fields are 20 ms or more apart; nearer ones leave a prediction as vague in mm as those.
+        acceleration_mm_s2: Standard deviation of the acceleration, likewise.
         longest_gap_s: Time without a followed field after which targets are identified anew.
         least_share: Targets are also identified anew if fewer are found than this share of those before, or
             of the blobs.
@@ -170,7 +173,7 @@ class Tracker:
                 return self._continued(track, sighting, unseen_s, elapsed_s), points
         sighting = self.correspondence.identify(left, right)
         if len(sighting) >= fewest:
-            return self._begun(sighting, unseen_s), sighting.points
+            return self._begun(sighting, unseen_s, dt_s), sighting.points
         return replace(track, unseen_s=unseen_s, age_s=elapsed_s, sighting=None), Points.none()
 
     def _believed(self, track: Track, sighting: Sighting) -> Mask:
@@ -201,14 +204,15 @@ class Tracker:
 
     def _moved(self, track: Track, elapsed_s: float) -> tuple[Array, Array]:
         """Positions (M, 3) in mm after that time, and their standard deviations (M,)."""
-        # The liner's wall moves up to 2 mm a field, .3 of the pitch: too far to be followed without velocity.
+        # The liner's wall moves up to 2 mm a field at 50 Hz, .3 of the pitch: too far without velocity.
         xyz_mm = track.xyz_mm + track.velocity_mm_s * elapsed_s
         return xyz_mm, np.hypot(track.sigma_mm, track.speed_sigma_mm_s * elapsed_s)
 
-    def _begun(self, sighting: Sighting, unseen_s: Array) -> Track:
+    def _begun(self, sighting: Sighting, unseen_s: Array, dt_s: float) -> Track:
         """Make the track after identification, at rest until the next field shows more."""
         at_rest = np.zeros_like(self.model.xyz_mm)
-        return self._after(sighting, self._settled(sighting), unseen_s, at_rest, self.settings.speed_mm_s)
+        speed_sigma_mm_s = self.settings.speed_mm_s * max(1.0, OFTEN_S / max(dt_s, SHORTEST_S))
+        return self._after(sighting, self._settled(sighting), unseen_s, at_rest, speed_sigma_mm_s)
 
     def _continued(self, track: Track, sighting: Sighting, unseen_s: Array, elapsed_s: float) -> Track:
         settled = self._settled(sighting)
@@ -218,7 +222,7 @@ class Tracker:
         if (changed := before ^ now).any() and (same := before & now).any():
             # From a predicted place to a measured one is no movement, and would lose the target again.
             velocity_mm_s[changed] = velocity_mm_s[same].mean(axis=0)
-        speed_sigma_mm_s = self.settings.acceleration_mm_s2 * elapsed_s
+        speed_sigma_mm_s = self.settings.acceleration_mm_s2 * _unsteady_s(elapsed_s)
         return self._after(sighting, settled, unseen_s, velocity_mm_s, speed_sigma_mm_s)
 
     def _after(
@@ -254,6 +258,16 @@ class Tracker:
         depth = np.sqrt(np.diagonal(sighting.points.covariance_mm2, axis1=1, axis2=2).max(axis=1))
         sigma[sighting.target] = np.minimum(sigma[sighting.target], depth)
         return sigma
+
+
+def _unsteady_s(elapsed_s: float) -> float:
+    """Time for which the acceleration changes a velocity that was measured over `elapsed_s`.
+
+    A closing wall accelerates many times as much as usual. At 50 fields a second its targets leave their
+    gates and are identified anew. At 120, gates of the usual acceleration would be a sixth as wide: too
+    narrow for such a wall, and for anybody to notice.
+    """
+    return max(elapsed_s, OFTEN_S**2 / max(elapsed_s, SHORTEST_S))
 
 
 def _better(followed: Sighting, identified: Sighting) -> Sighting:

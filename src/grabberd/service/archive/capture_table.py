@@ -38,7 +38,7 @@ def _row(capture: CaptureDocument, labels: Iterable[str]) -> list[object]:
         *(capture.id, capture.device, capture.created_utc, capture.state, capture.verdict or ""),
         *(capture.fields, received),
         *((covered.verdict, covered.share) if covered else ("", None)),
-        *(capture.bits, capture.lines),
+        *(capture.bits, capture.lines or ""),
         *(capture.labels.get(name, "") for name in labels),
         *(capture.note, str(capture.pinned).lower(), capture.size_bytes),
         *((analysis.state, analysis.analysis) if analysis else ("", None)),

@@ -71,6 +71,7 @@ def armed_document(armed: ArmedCapture) -> CaptureDocument:
         group=armed.group and armed.group.document(None),
         bits=armed.bits,
         lines=armed.lines,
+        rate_hz=armed.rate_hz,
         labels=dict(armed.request.labels),
         note=armed.request.note,
     )
@@ -144,7 +145,7 @@ def _without_fields(**known: object) -> CaptureDocument:
     """A capture of which no field is known."""
     nothing = dict.fromkeys(("verdict", "ended_because", "trigger_utc"))
     none_of = dict.fromkeys(("pre_trigger_fields", "bits", "fields", "size_bytes"), 0)
-    rest = {"lines": "", "note": "", "runs": [], "labels": {}, "pinned": False}
+    rest: dict[str, object] = {"lines": None, "note": "", "runs": [], "labels": {}, "pinned": False}
     ledger = ledger_document(Ledger(), PAL_HZ)  # of no field: any rate will do
     return CaptureDocument.model_validate({**nothing, **none_of, **rest, "ledger": ledger, **known})
 
@@ -174,7 +175,8 @@ def _document(
         "group": None if group is None else GroupDocument.model_validate(group),
         "first_field_s": _first_field_s(meta, first_time_ns),
         "bits": meta.bits,
-        "lines": meta.lines,
+        "lines": meta.lines if meta.is_interlaced else None,
+        "rate_hz": meta.rate_hz,
         "fields": fields,
         "ledger": ledger_document(ledger, meta.rate_hz),
         "runs": described,

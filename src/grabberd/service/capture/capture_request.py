@@ -86,7 +86,8 @@ class ArmedCapture:
         armed_utc: Time at which it was armed.
         request: Its options; `fields` counts from the trigger.
         bits: Bits per pixel of the ring.
-        lines: "doubled" or "field", as the ring has them.
+        lines: "doubled" or "field", as the ring has them; None for progressive pictures.
+        rate_hz: Fields per second of the device.
         group: The group it is triggered with, or None.
     """
 
@@ -95,5 +96,6 @@ class ArmedCapture:
     armed_utc: str
     request: CaptureRequest
     bits: int
-    lines: str
+    lines: str | None
+    rate_hz: float
     group: Group | None = None

@@ -96,9 +96,16 @@ class CaptureStart:
 
     def arm(self, armed_utc: str) -> ArmedCapture:
         """Keeps the ring as it is until the trigger."""
-        ring = self.device.pipeline.ring
+        pipeline = self.device.pipeline
         armed = self.device.armed = ArmedCapture(
-            self.new.id, self.device.name, armed_utc, self.new.request, ring.bits, ring.lines, self.new.group
+            self.new.id,
+            self.device.name,
+            armed_utc,
+            self.new.request,
+            pipeline.ring.bits,
+            None if pipeline.is_progressive else pipeline.ring.lines,
+            self.device.rate_hz,
+            self.new.group,
         )
         return armed
 

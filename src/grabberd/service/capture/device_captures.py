@@ -134,7 +134,8 @@ class DeviceCaptures:
     @property
     def _expected_bytes_per_field(self) -> float:
         rig, ring = self.setup.config.rig, self.pipeline.ring
-        rows = rig.lines if ring.lines == "doubled" else rig.lines // 2
+        whole = ring.lines == "doubled" or self.pipeline.is_progressive
+        rows = rig.lines if whole else rig.lines // 2
         return bytes_per_field(ring.bits, rows, rig.columns)
 
     def check_no_capture(self) -> None:

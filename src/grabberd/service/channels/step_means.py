@@ -1,10 +1,10 @@
-"""Means of a logger's readings over the time of a field, for the last minutes."""
+"""Means of a logger's readings over short steps of time, for the last minutes."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 STEP_NS = 20_000_000
-"""Time over which readings are averaged: that of a field."""
+"""Time over which readings are averaged, short beside a pulsation, whatever the camera's rate."""
 STEPS = 15_000
 """Five minutes: 120 kB, and 180 kB for each channel."""
 

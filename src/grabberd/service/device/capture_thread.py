@@ -28,7 +28,9 @@ from grabberd.service.device.status_board import StatusBoard, cause_of
 log = logging.getLogger(__name__)
 
 DEQUEUE_TIMEOUT_S = 0.05
-"""Longest wait for a field, more than two field times; also how long a stop may go unnoticed."""
+"""Longest wait for a field, unless two of them take longer; also how long a stop may go unnoticed."""
+TIMEOUT_PERIODS, STALLED_PERIODS = 2.5, 5.0
+"""Periods of a slow camera that a field is waited for, and of silence after which its stream has failed."""
 STALLED_AFTER_S = 0.8
 """Silence after which the stream has failed."""
 SIGNAL_EVERY_NS = 500_000_000
@@ -124,6 +126,7 @@ class CaptureThread(threading.Thread):
         self._scheduling = Scheduling(clock, self._account, lambda: grabber.called_ns)
         self._asked_to_come_first = False
         self._signal_due_ns = 0
+        self._timeout_s, self._stalled_s = DEQUEUE_TIMEOUT_S, STALLED_AFTER_S
         self._signal = Signal.UNKNOWN
         self._last_fault: str | None = None
         self._take_step: dict[Rung, Callable[[], StreamInfo]] = {
@@ -224,6 +227,9 @@ class CaptureThread(threading.Thread):
         if change:
             log.warning("device %s: %s", self._board.name, change)
             self._captures.source_ended(DeviceRefused(change, "begin a new capture"))
+        self._timeout_s = max(DEQUEUE_TIMEOUT_S, TIMEOUT_PERIODS / info.rate_hz)
+        self._stalled_s = max(STALLED_AFTER_S, STALLED_PERIODS / info.rate_hz)
+        self._scheduling.paced(info.rate_hz)
         # Opening takes its time, which is no silence of the stream.
         self._scheduling.excuse()
         self._flow = FieldFlow(self._clock.now_ns())
@@ -254,10 +260,10 @@ class CaptureThread(threading.Thread):
             self._stopping.wait(POLL_S)
             return
         asked_ns = self._scheduling.asks()
-        with self._grabber.dequeue(DEQUEUE_TIMEOUT_S) as fields:
+        with self._grabber.dequeue(self._timeout_s) as fields:
             now_ns = self._clock.now_ns()
             standstill = self._scheduling.came(
-                now_ns, DEQUEUE_TIMEOUT_S, len(fields), found_empty=self._grabber.found_empty
+                now_ns, self._timeout_s, len(fields), found_empty=self._grabber.found_empty
             )
             self._pipeline.shedding.saw(0 if standstill is None else standstill.time_ns, now_ns)
             if fields and self._signal is Signal.ABSENT:
@@ -307,7 +313,7 @@ class CaptureThread(threading.Thread):
         Raises:
             StreamFailed: The stream has stalled.
         """
-        if now_ns - asked_ns < DEQUEUE_TIMEOUT_S * 0.5e9:
+        if now_ns - asked_ns < self._timeout_s * 0.5e9:
             self._stopping.wait(POLL_S)  # a device that does not wait must not take a processor in real time
         if self._signal is Signal.ABSENT:
             self._flow.excuse(now_ns)
@@ -315,9 +321,9 @@ class CaptureThread(threading.Thread):
             self._show_state()
         # Silence counts until the empty dequeue began, not until now: else a computer that stood still for
         # a second would be taken for a grabber that did.
-        elif self._flow.silent_s(asked_ns) > STALLED_AFTER_S - DEQUEUE_TIMEOUT_S:
+        elif self._flow.silent_s(asked_ns) > self._stalled_s - self._timeout_s:
             raise StreamFailed(
-                f"no field for {STALLED_AFTER_S} s", "if it stays, check camera, cable and port"
+                f"no field for {self._stalled_s:g} s", "if it stays, check camera, cable and port"
             )
 
     def _ask_signal(self) -> None:

@@ -7,12 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.acquisition import PAL_HZ
 from grabberd.processes.locating import whole
 from grabberd.processes.measure import MeasuredField, MeasureSetup
 from grabberd.reconstruction.section_width import facing_targets, section_widths
 
-FIELDS = 15_000
-"""Five minutes at 50 Hz: 1.5 MB for each device."""
+KEPT_S = 300.0
+"""Five minutes: 1.5 MB for each device at 50 fields a second, 3.6 MB at 120."""
+FIELDS = round(KEPT_S * PAL_HZ)
+MOST_FIELDS = 75_000
+"""Those of five minutes at 250 fields a second."""
 MOST_PAIRS = 8
 """Pairs of facing targets whose widths are kept, the outermost first."""
 ROW = np.dtype(
@@ -58,6 +62,13 @@ class FieldHistory:
     def nbytes(self) -> int:
         """Bytes of memory that it takes, however long it runs."""
         return self._rows.nbytes
+
+    def keep(self, rate_hz: float) -> None:
+        """Keeps five minutes at this rate from now on; what was kept at another one is forgotten."""
+        fields = min(max(round(KEPT_S * rate_hz), 1), MOST_FIELDS)
+        if fields != len(self._rows):
+            with self._lock:
+                self._rows, self._count = np.zeros(fields, ROW), 0
 
     def see(self, measured: MeasuredField, setup: MeasureSetup, latency_ns: int) -> None:
         """Enters a field, unless one as new is there: a capture is measured anew from its first field on."""

@@ -29,17 +29,21 @@ class FieldOrderHealth:
         self._capture_fit: FieldOrderFit | None = None
         self._logged = Order.RIGHT
 
-    def begin(self, setup: MeasureSetup, *, capture: bool = False) -> None:
+    def begin(self, setup: MeasureSetup, *, capture: bool = False, interlaced: bool = True) -> None:
         """Announces fields whose numbers go on from one another; what another setup told holds no longer.
 
         Args:
             setup: Setup that the following fields are measured with.
             capture: True if they are a capture's, which has a fit of its own.
+            interlaced: False if they are progressive pictures, which have no order to be wrong.
         """
         if setup is not self._setup:
             self._setup, self.fit = setup, None
         if capture:
             self._capture_fit = None
+        if not interlaced:
+            self.fit = self._check = None
+            return
         # Always afresh: a capture numbers its fields from its own first one, which may be of either parity.
         self._check = FieldOrderCheck(setup.object_model.target)
 

@@ -1,5 +1,6 @@
 """Field pipeline: from a grabbed field to a slot of the ring, by number, lines, threshold and bits."""
 
+import logging
 import threading
 from collections import deque
 from collections.abc import Iterable
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.acquisition import (
+    PAL_HZ,
     Content,
     ContentCheck,
     FieldNumbering,
@@ -27,8 +29,15 @@ from grabberd.field import NumberedField, PackedField, Packing, pack
 from grabberd.service.device.shedding import Shedding
 from grabberd.service.device.threshold_keeper import NewestField, ThresholdKeeper
 
-ARRIVALS = 4096
-"""Number of fields whose arrival is remembered: 82 s at 50 Hz."""
+ARRIVALS = 16384
+"""Number of fields whose arrival is remembered: those of a minute at 250 fields a second."""
+
+
+log = logging.getLogger(__name__)
+
+NOT_DOUBLED = "a progressive picture lacks no lines that could be doubled"
+LEAST_SLOTS = 32
+"""Slots of a ring (paper 3.4)."""
 
 
 class _Unnumbered(NamedTuple):
@@ -59,7 +68,8 @@ class FieldPipeline:
 
     def __init__(self, config: DeviceConfig) -> None:
         bits, lines = config.ring.bits, config.ring.lines
-        self._slots = config.ring.slots
+        self._slots_asked, self._asks_for_doubled = config.ring.slots, lines == "doubled"
+        self._slots = self._slots_at(PAL_HZ)
         self._interpolation = config.ring.interpolation
         self._configuring = threading.Lock()
         self._default = bits, lines or _default_lines(bits)
@@ -83,11 +93,9 @@ class FieldPipeline:
             InputError: Lines are to be doubled, and the camera is progressive.
         """
         with self._configuring:
-            progressive = self._granted is not None and _is_progressive(self._granted)
+            progressive = self.is_progressive
             if lines == "doubled" and progressive:
-                raise InputError(
-                    "a progressive picture lacks no lines that could be doubled", "leave out 'lines'"
-                )
+                raise InputError(NOT_DOUBLED, "leave out 'lines'")
             default_bits, default_lines = self._default
             bits = bits or default_bits
             lines = lines or (default_lines if bits == default_bits else _default_lines(bits))
@@ -108,14 +116,27 @@ class FieldPipeline:
             self._numbering = FieldNumbering(info, since_ns)
         else:
             self._numbering.resume(since_ns)
-        lines = "field" if _is_progressive(info) else self.ring.lines
-        if change or lines != self.ring.lines:
+        lines = "field" if info.field_order is FieldOrder.PROGRESSIVE else self.ring.lines
+        if lines != self.ring.lines and self._asks_for_doubled:
+            log.warning("%s; 'ring.lines' of the configuration has no effect", NOT_DOUBLED)
+        self._slots = self._slots_at(info.rate_hz)
+        if change or (lines, self._slots) != (self.ring.lines, self.ring.slots):
             with self._configuring:
                 self._exchange(self.ring.bits, lines)
         self._granted = info
-        self._content = ContentCheck() if info.live else None
+        self._content = ContentCheck(rate_hz=info.rate_hz) if info.live else None
         self.thresholds.opened(live=info.live)
         return change
+
+    @property
+    def rate_hz(self) -> float:
+        """Fields per second as granted; nominal until the device has been opened."""
+        return PAL_HZ if self._granted is None else self._granted.rate_hz
+
+    @property
+    def is_progressive(self) -> bool:
+        """True if the device has granted pictures that have all lines, and so no parity."""
+        return self._granted is not None and self._granted.field_order is FieldOrder.PROGRESSIVE
 
     @property
     def no_picture(self) -> str | None:
@@ -191,6 +212,10 @@ class FieldPipeline:
         waited.ring.put(slot)
         return slot
 
+    def _slots_at(self, rate_hz: float) -> int:
+        """Slots of a ring at this rate: unless configured, as many as last for as long as those of PAL."""
+        return self._slots_asked or max(LEAST_SLOTS, round(LEAST_SLOTS / PAL_HZ * rate_hz))
+
     def _exchange(self, bits: int, lines: str) -> None:
         # Exchanged before the old one is closed: the worker comes back at once for the ring in use.
         old, self.ring = self.ring, Ring(self._slots, bits, lines)
@@ -211,10 +236,6 @@ class FieldPipeline:
         # Missing lines are interpolated on the grey field, before the threshold (paper 3.3).
         level, by_pixel = self.thresholds.for_next_field()
         return Packing(ring.bits, ring.lines == "doubled", level, by_pixel, self._interpolation)
-
-
-def _is_progressive(info: StreamInfo) -> bool:
-    return info.field_order is FieldOrder.PROGRESSIVE
 
 
 def _default_lines(bits: int) -> str:

@@ -7,12 +7,11 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import NamedTuple, Protocol
 
-from grabberd.acquisition import Standstill
+from grabberd.acquisition import PAL_HZ, Standstill
 from grabberd.acquisition.clock import UtcClock
 
-_NOTABLE_NS = 10_000_000
-"""Half a field: a pause that is shorter is none."""
-_FIELD_NS = 20_000_000
+_NOTABLE = 0.5
+"""Periods: a pause that is shorter is none."""
 _MOST_SHARE = 0.5
 """Of a processor, for a thread in real time; a camera's fields take a twentieth."""
 _PRIORITY = 1
@@ -161,7 +160,13 @@ class Scheduling:
         self._times_at_begin: ThreadTimes | None = None
         self._late_ns = self._program_ns_at_begin = self._called_ns_at_begin = 0
         self._untold = False
+        self._period_ns = 0
+        self.paced(PAL_HZ)
         self.was_in_time = False
+
+    def paced(self, rate_hz: float) -> None:
+        """Notes how many fields come a second from now on."""
+        self._period_ns = round(1e9 / rate_hz)
 
     def excuse(self) -> None:
         """Notes that nobody had to take fields until now."""
@@ -191,14 +196,15 @@ class Scheduling:
             self._begin(self._times_at_asking, self._called_ns_at_asking)
             # A processor may have been waited for after a field had come, or something else.
             waited_ns = _waited_ns(self._times_at_asking, times)
-            late_ns = max(_overrun(request_ns, timeout_s), min(waited_ns, request_ns))
+            late_ns = max(self._overrun(request_ns, timeout_s), min(waited_ns, request_ns))
         else:
             # There was a field to take all the time since the last ones; those had their own time.
-            late_ns = now_ns - self._came_ns - self._fields * _FIELD_NS
-        self.was_in_time = found_empty and late_ns < _NOTABLE_NS
+            late_ns = now_ns - self._came_ns - self._fields * self._period_ns
+        notable_ns = _NOTABLE * self._period_ns
+        self.was_in_time = found_empty and late_ns < notable_ns
         self._came_ns, self._fields = now_ns, fields
         self._late_ns = max(0, self._late_ns + late_ns)
-        self._untold |= late_ns >= _NOTABLE_NS
+        self._untold |= late_ns >= notable_ns
         if not self._untold:
             return None
         self._untold = not fields
@@ -212,17 +218,16 @@ class Scheduling:
             self._called_ns() - self._called_ns_at_begin,
         )
 
+    def _overrun(self, request_ns: int, timeout_s: float) -> int:
+        """Time by which a request took too long; if it was longer than it may, a field was due before."""
+        if request_ns - round(timeout_s * 1e9) < _NOTABLE * self._period_ns:
+            return 0
+        return request_ns - self._period_ns
+
     def _begin(self, times: ThreadTimes | None, called_ns: int) -> None:
         self._late_ns, self._untold = 0, False
         self._times_at_begin, self._called_ns_at_begin = times, called_ns
         self._program_ns_at_begin = self._account.program_ns()
-
-
-def _overrun(request_ns: int, timeout_s: float) -> int:
-    """Time by which a request took too long; if it was longer than it may, a field was due long before."""
-    if request_ns - round(timeout_s * 1e9) < _NOTABLE_NS:
-        return 0
-    return request_ns - _FIELD_NS
 
 
 def _waited_ns(before: ThreadTimes | None, after: ThreadTimes | None) -> int:

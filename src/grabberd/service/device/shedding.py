@@ -1,7 +1,7 @@
 """Shedding: fields are measured less often while the capture thread falls behind the camera."""
 
 BEHIND_NS = 40_000_000
-"""Two fields. Less is no sign of a busy computer: its scheduler alone may cost as much."""
+"""Less is no sign of a busy computer: its scheduler alone may cost as much, whatever the rate."""
 CALM_NS = 1_000_000_000
 """Time after the capture thread was last behind until every field is measured again."""
 SPARE_S = 0.2

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from grabberd.acquisition import LossCause, Outcome, Rebase, Slot, Standstill, cause_of_loss
 from grabberd.acquisition.clock import UtcClock, iso_utc
-from grabberd.acquisition.device import Signal, StreamInfo
+from grabberd.acquisition.device import PAL_HZ, Signal, StreamInfo
 from grabberd.documents.states import DeviceState, Rung
 from grabberd.errors import Cause, DeviceError, GrabberdError, PictureError
 from grabberd.service.device.recent_fields import RecentFields
@@ -33,8 +33,10 @@ TRANSITIONS: Mapping[DeviceState, frozenset[DeviceState]] = {
 `ended` is a recording that was played to its end; a real grabber never gets there.
 """
 
-RATE_FIELDS = 100
-"""Fields that the rate is measured over: two seconds."""
+RATE_S = 2.0
+"""Time that the rate is measured over."""
+_FEWEST = 5
+"""Fields that it is measured over at least."""
 STUCK_HINT = "the program is restarted if that lasts; if it comes again, unplug the grabber, then restart"
 SILENT_NS = 1_000_000_000
 """Silence after which there is no rate; longer than a stall takes to be noticed."""
@@ -106,7 +108,7 @@ class StatusBoard:
         self._logged: tuple[DeviceState, str | None] | None = None
         self._beat_ns = clock.now_ns()
         self._stuck_since: str | None = None
-        self._arrivals_ns: deque[int] = deque(maxlen=RATE_FIELDS)
+        self._arrivals_ns: deque[int] = deque(maxlen=_fields(PAL_HZ))
 
     def beat(self) -> None:
         """Notes that the capture thread lives; called by itself, whatever its device does."""
@@ -164,7 +166,7 @@ class StatusBoard:
 
     @property
     def rate_hz(self) -> float | None:
-        """Fields per second over the last `RATE_FIELDS`; None while none come."""
+        """Fields per second over the last `RATE_S`; None while none come."""
         arrivals_ns = list(self._arrivals_ns)  # a copy: the capture thread goes on appending
         if len(arrivals_ns) < 2 or self._clock.now_ns() - arrivals_ns[-1] > SILENT_NS:
             return None
@@ -198,7 +200,7 @@ class StatusBoard:
         """Notes that the device has been opened and granted this stream."""
         with self.changed:
             known = self._status.warnings
-            self._arrivals_ns.clear()  # the rate must not span the gap
+            self._arrivals_ns = deque(maxlen=_fields(stream.rate_hz))  # the rate must not span the gap
             self._status = replace(self._status, stream=stream, openings=self._status.openings + 1)
         self._warn(known)
 
@@ -260,6 +262,11 @@ class StatusBoard:
         for warning in self._status.warnings:
             if warning not in known:
                 log.warning("device %s: %s", self.name, warning)
+
+
+def _fields(rate_hz: float) -> int:
+    """Fields that a rate is measured over."""
+    return max(round(RATE_S * rate_hz), _FEWEST)
 
 
 def may_follow(current: DeviceState, following: DeviceState) -> bool:

@@ -29,7 +29,7 @@ EVERY_S = 1.0
 """Pause between two choices: it follows the light of a barn, and a choice takes up to a tenth of a second."""
 FIELD_WITHIN_S = 0.25
 PACKED_WITHIN_S = 0.1
-"""Longest waits for a field: one comes every 20 ms, unless there is none."""
+"""Longest waits for a field: one comes far sooner, unless there is none."""
 SETTLED_WITHIN_S = 2.0
 """Longest wait for a choice; far more than the next field and the first choice for it take."""
 UNDECIDED_THRESHOLD = 128
@@ -63,7 +63,7 @@ class NewestField:
 
     def offer(self, field: Field, ring: Ring, time_ns: int = 0) -> None:
         """Leaves a copy if one is asked for."""
-        # Read without the lock: the capture thread comes by 50 times a second and mostly nobody asks.
+        # Read without the lock: the capture thread comes by with every field and mostly nobody asks.
         if not self._wanted:
             return
         # The field is a view into the driver's buffer, which is requeued when the capture thread goes on.

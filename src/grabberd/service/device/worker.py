@@ -24,8 +24,8 @@ from grabberd.service.device.rig_health import RigHealth
 PATIENCE_S = 0.05
 """Longest wait for the lock: a field that takes another worker long costs this one no more than that."""
 T = TypeVar("T")
-KEPT = 32768
-"""Ten minutes at 50 Hz, rounded up to a power of two."""
+KEPT = 131_072
+"""Ten minutes at 200 fields a second, rounded up to a power of two."""
 BOUNDS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.28)
 """Upper bounds of the histogram's classes; 32 slots of the ring last 0.64 s."""
 log = logging.getLogger(__name__)
@@ -75,7 +75,7 @@ class Histogram(NamedTuple):
 
 
 class Latency:
-    """The latest ten minutes of latencies at 50 Hz, and a histogram of all."""
+    """The latest `KEPT` latencies, and a histogram of all."""
 
     def __init__(self) -> None:
         self._kept: NDArray[np.int64] = np.zeros(KEPT, np.int64)
@@ -254,7 +254,8 @@ class Worker(threading.Thread):
             assert self._setup is not None, "a capture is measured only where there is a setup"
             tally = CoverageTally.of(self._setup.calibration, self._setup.object_model)
             self.rig.begin(self._setup, capture=True)
-            self.field_order.begin(self._setup, capture=True)
+            interlaced = not self._pipeline.is_progressive
+            self.field_order.begin(self._setup, capture=True, interlaced=interlaced)
             with closing(self._paced(recording.recorded())) as fields:
                 for measured in measure_fields(fields, self._setup, tally):
                     recording.add(measured)
@@ -274,7 +275,7 @@ class Worker(threading.Thread):
             self._stopping.wait(IDLE_S)
             return
         self.rig.begin(setup)
-        self.field_order.begin(setup)
+        self.field_order.begin(setup, interlaced=not self._pipeline.is_progressive)
         with closing(self._paced(self._ring_fields(setup))) as fields:
             for measured in measure_fields(fields, setup):
                 self._publish(measured, setup, 0)
@@ -321,6 +322,7 @@ class Worker(threading.Thread):
         # A capture numbers its fields from its first one, the pipeline from the stream's.
         arrived_ns = int(self._pipeline.arrived_ns[(measured.n + first_n) % ARRIVALS])
         self.latency.add(now_ns - arrived_ns)
+        self.history.keep(self._pipeline.rate_hz)
         self.history.see(measured, setup, now_ns - arrived_ns)
         self.rig.see(measured)
         self.field_order.see(measured)

@@ -1,22 +1,24 @@
-"""The job that calibrates from a capture of the calibration frame, and stores what it has made."""
+"""The job that calibrates from captures of the calibration frame, and stores what it has made."""
 
 from dataclasses import replace
 
 from grabberd.acquisition.clock import SystemClock, iso_utc
 from grabberd.documents.named_types import JsonObject
-from grabberd.documents.requests import CalibrationOptions
+from grabberd.documents.requests import CalibrationOptions, CaptureName
 from grabberd.documents.results import CalibrationResult
 from grabberd.errors import ExtraMissing
-from grabberd.service.jobs.calibrator import calibrate_capture
+from grabberd.service.jobs.calibrator import calibrate_captures
 from grabberd.service.jobs.job_spec import JobContext, JobSpec
 from grabberd.service.jobs.progress import Progress
 from grabberd.storage.state.calibration_store import CalibrationRecord, CalibrationStore
 
 
 class CalibrationJob(JobSpec):
-    """Calibrates from a capture, draws the report and stores all of it at once, or nothing.
+    """Calibrates from captures, draws the report and stores all of it at once, or nothing.
 
     Attributes:
+        subject: The first capture, whose pose defines the coordinates.
+        further: Captures of further poses of the calibration frame.
         calibration_frame: Document of the calibration frame, as `calibrate_files` takes it and the options.
         device: Name of the device the calibration will belong to.
         note: Free text, kept with the calibration.
@@ -24,25 +26,31 @@ class CalibrationJob(JobSpec):
     """
 
     kind = "calibrate"
+    further: tuple[CaptureName, ...] = ()
     calibration_frame: JsonObject
     options: CalibrationOptions
     device: str
     note: str = ""
     previous: JsonObject | None = None
 
+    @property
+    def captures(self) -> tuple[str, ...]:
+        """All captures, that of the first pose before those of the others."""
+        return (self.subject, *self.further)
+
     def run(self, progress: Progress, context: JobContext) -> CalibrationResult:
         """Calibrates and stores.
 
         Raises:
             Conflict: The id is taken.
-            GrabberdError: The calibrator refuses the capture.
+            GrabberdError: The calibrator refuses the captures.
         """
         store = CalibrationStore(context.calibrations)
         if (stored := store.made_by(context.job)) is not None:
             return CalibrationResult(calibration=stored)
-        made = (context.calibrator or calibrate_capture)(
+        made = (context.calibrator or calibrate_captures)(
             progress,
-            path=context.file(self.subject),
+            paths=[context.file(one) for one in self.captures],
             calibration_frame=self.calibration_frame,
             options=self.options,
             note=self.note or None,

@@ -1,5 +1,6 @@
 """Function that a calibration job runs: the program's own, or another one."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -12,13 +13,13 @@ if TYPE_CHECKING:  # what calibrates is imported where a job runs: the daemon do
 
 
 class Calibrator(Protocol):
-    """A function at module level that calibrates from a capture, such as `calibrate_capture`."""
+    """A function at module level that calibrates from captures, such as `calibrate_captures`."""
 
     def __call__(
         self,
         progress: Progress,
         *,
-        path: Path,
+        paths: Sequence[Path],
         calibration_frame: JsonObject,
         options: CalibrationOptions,
         note: str | None,
@@ -28,8 +29,8 @@ class Calibrator(Protocol):
         ...
 
 
-def calibrate_capture(progress: Progress, *, path: Path, **given: Any) -> "CalibrationOutput":
-    """Calibrates as `calibrate_files` does, which takes whatever else is given, from one capture."""
+def calibrate_captures(progress: Progress, **given: Any) -> "CalibrationOutput":
+    """Calibrates as `calibrate_files` does, which takes whatever is given."""
     from grabberd.service.jobs.calibration import calibrate_files  # noqa: PLC0415
 
-    return calibrate_files(progress, paths=[path], **given)
+    return calibrate_files(progress, **given)

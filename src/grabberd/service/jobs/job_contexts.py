@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from grabberd.service.archive.archive import Archive
-from grabberd.service.jobs.calibrator import Calibrator, calibrate_capture
+from grabberd.service.jobs.calibrator import Calibrator, calibrate_captures
 from grabberd.service.jobs.job_spec import JobContext, JobSpec
 from grabberd.storage.state.analysis_store import AnalysisStore
 from grabberd.storage.state.calibration_store import CalibrationStore
@@ -26,7 +26,7 @@ class JobContexts:
     analyses: AnalysisStore
     calibrations: CalibrationStore
     tests: LinerTestStore
-    calibrator: Calibrator = calibrate_capture
+    calibrator: Calibrator = calibrate_captures
 
     def of(self, job_id: str, spec: JobSpec) -> JobContext:
         """The surroundings of a job.

@@ -76,10 +76,10 @@ def measure_file(progress: Progress, *, path: Path, made_with: JsonObject) -> Me
         raise NotReady("measuring needs a calibration and an object model", "name both in the configuration")
     setup = measure_setup(made_with, made_with["settings"])
     counts = Counter({"fields": 0, "points": 0})
-    order = FieldOrderCheck(setup.object_model.target)
     left_out: list[Damage] = []
     with CaptureReader(path, left_out) as reader:
         reader.check_unchanged(runs=())
+        order = FieldOrderCheck(setup.object_model.target) if reader.meta.is_interlaced else None
         received = reader.received(and_damaged=made_with["settings"].get(INCLUDE_DAMAGED, False))
         fields = counted(received, reader.field_count, progress)
         tally = CoverageTally.of(setup.calibration, setup.object_model)
@@ -91,13 +91,13 @@ def measure_file(progress: Progress, *, path: Path, made_with: JsonObject) -> Me
 
         run = append_run(path, "measure", created, __version__, made_with, points, coverage)
         covered = whole_coverage(reader.run(run).coverage)
-    found = FieldOrderDocument.of(order.finish())
-    warnings = [*left_out_in_words(left_out), *([found.warning] if found.warning else [])]
+    found = None if order is None else FieldOrderDocument.of(order.finish())
+    warnings = [*left_out_in_words(left_out), *([found.warning] if found and found.warning else [])]
     return MeasurementResult(run=run, **counts, field_order=found, warnings=warnings, coverage=covered)
 
 
 def _counted_points(
-    measured: Iterable[MeasuredField], counts: Counter[str], order: FieldOrderCheck
+    measured: Iterable[MeasuredField], counts: Counter[str], order: FieldOrderCheck | None
 ) -> Iterator[tuple[int, Points]]:
     """Yields each field's points, counts them, and adds them to the check of the field order.
 
@@ -106,7 +106,8 @@ def _counted_points(
     """
     for one in measured:
         counts.update(fields=1, points=len(one.points))
-        order.add(one.n, one.points)
+        if order is not None:
+            order.add(one.n, one.points)
         yield one.n, one.points
     if not counts["points"]:
         raise MeasurementError(

@@ -2,7 +2,7 @@
 
 from dataclasses import asdict
 
-from grabberd.acquisition import LossCause, Outcome, Rebase
+from grabberd.acquisition import LossCause, Outcome, Rebase, StreamInfo
 from grabberd.documents.capture_analyses import DeviceAnalysis
 from grabberd.documents.devices import (
     ComputerDocument,
@@ -12,6 +12,7 @@ from grabberd.documents.devices import (
     ViewColumnsDocument,
 )
 from grabberd.documents.liner_tests import DeviceTest
+from grabberd.documents.named_types import JsonObject
 from grabberd.documents.states import Rung
 from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
 from grabberd.service.device.standstills import Standstills
@@ -43,7 +44,7 @@ def device_document(
         hint=status.hint,
         cause_code=status.code,
         driver=instrument.setup.config.driver,
-        stream=asdict(status.stream) if status.stream else None,
+        stream=_stream(status.stream) if status.stream else None,
         signal=status.signal,
         rate_hz=None if rate_hz is None else round(rate_hz, 1),
         fields={outcome: status.outcomes[outcome] for outcome in Outcome},
@@ -75,6 +76,11 @@ def device_document(
     )
 
 
+def _stream(stream: StreamInfo) -> JsonObject:
+    """The stream as granted; that of progressive pictures has no video standard."""
+    return {**asdict(stream), "standard": stream.standard or None}
+
+
 def _warnings(worker: Worker) -> tuple[str, ...]:
     return *worker.rig.warnings, *worker.field_order.warnings
 
@@ -96,7 +102,7 @@ def _ring(instrument: Instrument) -> RingDocument:
     return RingDocument(
         slots=ring.slots,
         bits=ring.bits,
-        lines=ring.lines,
+        lines=None if instrument.pipeline.is_progressive else ring.lines,
         threshold=instrument.pipeline.thresholds.in_force.level,
         waiting=ring.waiting,
         deepest=ring.deepest,

@@ -86,7 +86,9 @@ def device_health(instrument: Instrument, around: Surroundings) -> DeviceHealth:
         "records": _records(around),
         "clock": _clock(around.clock),
     }
-    parts = {name: found[name] for name in _ORDER}
+    if instrument.pipeline.is_progressive:
+        del found["order"]  # progressive pictures have no fields whose order could be wrong
+    parts = {name: found[name] for name in _ORDER if name in found}
     worst = max(parts, key=lambda name: _gravity(parts[name]))
     level = parts[worst].level
     wrong = level in ("warning", "bad")
@@ -102,7 +104,7 @@ def device_health(instrument: Instrument, around: Surroundings) -> DeviceHealth:
 
 def lacks_of(parts: Mapping[HealthPart, HealthPartDocument]) -> list[DeviceLackDocument]:
     """List of all that keeps a device from measuring as it should; empty if it does."""
-    lacking = {part: parts[part] for part in _NEEDED if parts[part].level == "bad"}
+    lacking = {part: parts[part] for part in _NEEDED if part in parts and parts[part].level == "bad"}
     if parts["device"].level != "good":
         # It is being opened, or was played to its end: no fault, but it does not measure either.
         lacking = {"device": parts["device"], **lacking}
@@ -121,7 +123,11 @@ def _start(
 ) -> StartAdvice:
     if not instrument.accepts or not storage.minutes_left:
         return "refused"
-    return "doubtful" if any(parts[part].level == "bad" for part in _NEEDED) else "allowed"
+    return (
+        "doubtful"
+        if any(part in _NEEDED and one.level == "bad" for part, one in parts.items())
+        else "allowed"
+    )
 
 
 def _grabber(status: DeviceStatus) -> HealthPartDocument:

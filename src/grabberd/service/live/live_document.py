@@ -17,8 +17,8 @@ from grabberd.storage.export.points_document import point_columns
 
 CURRENT_NS = 2_000_000_000
 """Age from which the newest measured field is no longer what is before the camera."""
-LATENCY_OF_LATEST = 500
-"""Fields whose latencies are summarised: those of the last ten seconds at 50 Hz."""
+LATENCY_OF_S = 10.0
+"""Time whose fields' latencies are summarised."""
 
 
 def live_document(instrument: Instrument, clock: UtcClock) -> LiveDocument | None:
@@ -36,7 +36,7 @@ def live_document(instrument: Instrument, clock: UtcClock) -> LiveDocument | Non
         points=len(live.measured.points),
         residual_px=float((residual**2).mean() ** 0.5) if len(residual) else None,
         widths=_widths(live, instrument.setup.measuring),
-        latency_ms=instrument.worker.latency.percentiles_ms(LATENCY_OF_LATEST),
+        latency_ms=instrument.worker.latency.percentiles_ms(round(LATENCY_OF_S * instrument.rate_hz)),
     )
 
 

@@ -36,11 +36,11 @@ BITS, GREY = 0, 1
 FAST = 1
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 FIELD_WITHIN_S = 0.25
-"""Longest wait for a field: one comes every 20 ms, unless there is none."""
+"""Longest wait for a field: one comes far sooner, unless there is none."""
 MEASURED_WITHIN_S = 0.015
 """Longest wait until a field is measured, so that its picture is shown with its own targets."""
-SAME_NS = 10_000_000
-"""Half the time between fields."""
+SAME = 0.5
+"""Periods between two times of one field."""
 OLD_NS = 250_000_000
 """Age from which what was found is no longer shown on a picture."""
 
@@ -177,7 +177,8 @@ class Preview:
             newest = worker.live
             if newest is None or time_ns - newest.measured.time_ns > OLD_NS:
                 return None
-            worker.published.wait_for(lambda: _is_measured(worker.live, time_ns), MEASURED_WITHIN_S)
+            since_ns = time_ns - round(SAME * 1e9 / self._instrument.rate_hz)
+            worker.published.wait_for(lambda: _is_measured(worker.live, since_ns), MEASURED_WITHIN_S)
             lives = worker.since(0)
         nearest = min(lives, key=lambda one: abs(one.measured.time_ns - time_ns))
         return nearest if abs(nearest.measured.time_ns - time_ns) <= OLD_NS else None
@@ -210,8 +211,8 @@ def preview_field(
     )
 
 
-def _is_measured(live: Live | None, time_ns: int) -> bool:
-    return live is not None and live.measured.time_ns >= time_ns - SAME_NS
+def _is_measured(live: Live | None, since_ns: int) -> bool:
+    return live is not None and live.measured.time_ns >= since_ns
 
 
 def _points(points: Points) -> NDArray[np.void]:

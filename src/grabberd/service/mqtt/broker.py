@@ -41,7 +41,7 @@ class Connection:
         Raises:
             NotReady: The broker is gone, does not answer, or refuses the message.
         """
-        text = json.dumps(message.content, ensure_ascii=False, separators=(",", ":"))
+        text = _text(message)
         self._client.refusal = None
         try:
             await self._client.publish(message.topic, text, QOS, message.retained, timeout=timeout_s)
@@ -127,7 +127,7 @@ class Broker:
             password=self._password(),
             identifier=self._client_id,
             protocol=aiomqtt.ProtocolVersion.V5,
-            will=aiomqtt.Will(farewell.topic, json.dumps(farewell.content), QOS, farewell.retained),
+            will=aiomqtt.Will(farewell.topic, _text(farewell), QOS, farewell.retained),
             clean_start=True,
             keepalive=self._config.keepalive_s,
             timeout=ACKNOWLEDGED_S,
@@ -173,6 +173,12 @@ def tls_context(tls: MqttTlsConfig) -> ssl.SSLContext:
     if tls.certificate is not None:
         context.load_cert_chain(tls.certificate, tls.key, password="")  # else ssl prompts on the terminal
     return context
+
+
+def _text(message: Message) -> str:
+    if message.content is None:
+        return ""
+    return json.dumps(message.content, ensure_ascii=False, separators=(",", ":"))
 
 
 def _not_ready(error: aiomqtt.MqttError) -> NotReady:

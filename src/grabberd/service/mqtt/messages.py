@@ -40,15 +40,20 @@ ANALYSIS = Topic(
     "devices/{device}/analysis", True, "the analysis of one of the device's captures that ended last"
 )
 TEST = Topic("devices/{device}/test", True, "the guided test of one of the device's captures that ended last")
+LAST_CAPTURE = Topic(
+    "devices/{device}/capture",
+    True,
+    "the summary of the device's capture that ended last; only with `home_assistant`",
+)
 CAPTURE = Topic("captures", False, "the summary of a capture that has ended")
-TOPICS = (ONLINE, STATE, ANALYSIS, TEST, CAPTURE)
+TOPICS = (ONLINE, STATE, ANALYSIS, TEST, LAST_CAPTURE, CAPTURE)
 
 
 class Message(NamedTuple):
-    """A JSON object and its topic. All go out with QoS 1."""
+    """A JSON object and its topic; None removes what the broker retains there. All go out with QoS 1."""
 
     topic: str
-    content: JsonObject
+    content: JsonObject | None
     retained: bool
 
 
@@ -64,6 +69,10 @@ class Topics:
     def __init__(self, prefix: str, barn: str) -> None:
         self._start = f"{prefix}/{quote(barn, safe='')}"
 
+    def name(self, topic: Topic, **parts: str) -> str:
+        """A topic in full."""
+        return f"{self._start}/{topic.name.format(**parts)}"
+
     def message(self, topic: Topic, document: Document | JsonObject, **parts: str) -> Message:
         """A message on a topic, with its schema version.
 
@@ -73,8 +82,7 @@ class Topics:
             parts: Values of the placeholders in the topic's name.
         """
         content = document.model_dump(mode="json") if isinstance(document, Document) else document
-        name = f"{self._start}/{topic.name.format(**parts)}"
-        return Message(name, {"schema": SCHEMA, **content}, topic.retained)
+        return Message(self.name(topic, **parts), {"schema": SCHEMA, **content}, topic.retained)
 
 
 def device_state(device: DeviceDocument, storage: StorageDocument) -> DeviceStateMessage:

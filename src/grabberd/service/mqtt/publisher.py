@@ -16,10 +16,12 @@ from grabberd.acquisition.clock import UtcClock, iso_utc
 from grabberd.documents.mqtt import OnlineMessage
 from grabberd.documents.state import MqttDocument, StateDocument
 from grabberd.errors import GrabberdError, NotReady, StorageError
+from grabberd.service.mqtt.announcements import Announcements
 from grabberd.service.mqtt.broker import Broker, Connection
 from grabberd.service.mqtt.messages import (
     ANALYSIS,
     CAPTURE,
+    LAST_CAPTURE,
     ONLINE,
     STATE,
     TEST,
@@ -53,6 +55,7 @@ class Publisher:
         summaries: The summaries that wait for the broker.
         clock: Dates the messages.
         every_s: Minimum time between two states of a device.
+        announcements: By which other programs discover the devices.
     """
 
     def __init__(
@@ -63,6 +66,7 @@ class Publisher:
         summaries: SummaryQueue,
         clock: UtcClock,
         every_s: float,
+        announcements: Announcements,
     ) -> None:
         self.summaries = summaries
         self._broker = broker
@@ -70,6 +74,8 @@ class Publisher:
         self._state = state
         self._clock = clock
         self._every_s = every_s
+        self._announcements = announcements
+        self._unannounced: str | None = None
         self._capture_ended = threading.Event()
         self._connected = False
         self._since_utc = iso_utc(clock.utc_now())
@@ -108,7 +114,7 @@ class Publisher:
         return MqttDocument(
             connected=self._connected,
             since_utc=self._since_utc,
-            problem=self._problem,
+            problem=self._problem or self._unannounced,
             waiting_captures=self.summaries.waiting + len(self.summaries.remaining),
             acknowledged_captures=self.summaries.acknowledged,
             missed_captures=self.summaries.missed,
@@ -166,6 +172,7 @@ class Publisher:
 
     async def _publish(self, connection: Connection) -> None:
         published: dict[str, Message] = {}
+        await self._announce(connection)
         due_s = time.monotonic()
         while True:
             if time.monotonic() >= due_s:
@@ -175,6 +182,16 @@ class Publisher:
             self._problem, self._wait_s = None, FIRST_WAIT_S
             if not self.summaries.waiting:
                 await asyncio.sleep(TICK_S)
+
+    async def _announce(self, connection: Connection) -> None:
+        """Announces the devices; a broker that refuses that is told of states and captures all the same."""
+        self._unannounced = None
+        try:
+            for message in self._announcements.due():
+                await connection.publish(message)
+        except NotReady as error:
+            log.warning("MQTT: %s; %s", error.message, error.hint)
+            self._unannounced = error.message
 
     async def _publish_states(self, connection: Connection, published: dict[str, Message]) -> None:
         state = self._state()
@@ -186,6 +203,8 @@ class Publisher:
             if device.latest_test is not None:
                 test = device_test(name, device.latest_test)
                 messages.append(self._topics.message(TEST, test, device=name))
+            if self._announcements.any and (latest := self.summaries.latest(name)) is not None:
+                messages.append(self._topics.message(LAST_CAPTURE, latest, device=name))
             for message in messages:
                 if published.get(message.topic) != message:
                     await connection.publish(self._dated(message))
@@ -205,7 +224,8 @@ class Publisher:
         return self._topics.message(ONLINE, OnlineMessage(online=online, version=__version__))
 
     def _dated(self, message: Message) -> Message:
-        return message._replace(content={**message.content, "utc": iso_utc(self._clock.utc_now())})
+        content = message.content or {}
+        return message._replace(content={**content, "utc": iso_utc(self._clock.utc_now())})
 
     def _set_connected(self, connected: bool) -> None:
         if connected == self._connected:

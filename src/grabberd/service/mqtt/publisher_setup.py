@@ -14,8 +14,11 @@ from grabberd.config import Config
 from grabberd.documents.state import StateDocument
 from grabberd.errors import ConfigError, ExtraMissing, Problem
 from grabberd.service.archive.archive import Archive
+from grabberd.storage.state.state_store import StateStore
 
 if TYPE_CHECKING:
+    from grabberd.service.mqtt.announcements import Announcements
+    from grabberd.service.mqtt.messages import Topics
     from grabberd.service.mqtt.publisher import Publisher
 
 
@@ -61,7 +64,26 @@ def create_publisher(
     broker = Broker(mqtt, mqtt.client_id or f"grabberd-{quote(barn, safe='')}", context)
     outbox = Outbox(config.state_directory / "state.sqlite", heal)
     summaries = SummaryQueue(archive, outbox, mqtt.queue_captures)
-    return Publisher(broker, Topics(mqtt.topic_prefix, barn), state, summaries, clock, mqtt.every_s)
+    topics = Topics(mqtt.topic_prefix, barn)
+    announcements = _announcements(config, topics, StateStore(outbox.path, heal))
+    return Publisher(broker, topics, state, summaries, clock, mqtt.every_s, announcements)
+
+
+def _announcements(config: Config, topics: "Topics", store: StateStore) -> "Announcements":
+    """Prepares what Home Assistant needs to discover the devices; nothing unless it is to."""
+    from grabberd.service.mqtt.announcements import Announcements  # noqa: PLC0415 - an optional extra
+    from grabberd.service.mqtt.home_assistant import discovery  # noqa: PLC0415
+    from grabberd.service.mqtt.messages import LAST_CAPTURE  # noqa: PLC0415
+
+    if config.mqtt is None or not config.mqtt.home_assistant:
+        return Announcements(store, ())
+    prefix, barn = config.mqtt.home_assistant_prefix, config.site["barn"]
+    wanted = [
+        message
+        for name, device in config.devices.items()
+        for message in discovery(prefix, topics, barn, name, device.driver)
+    ]
+    return Announcements(store, wanted, [topics.name(LAST_CAPTURE, device=name) for name in config.devices])
 
 
 def _problems(config: Config) -> list[tuple[str, str | None]]:

@@ -46,6 +46,8 @@ class SummaryQueue:
         self._limit = limit
         self._full = False
         self._deleted: set[str] = set()
+        self._newest: dict[str, tuple[str, str]] = {}
+        self._latest: dict[str, JsonObject] = {}
 
     def open(self) -> None:
         """Restores what waited when the daemon ended.
@@ -77,6 +79,23 @@ class SummaryQueue:
         self._outbox.forget(entered - set(files))
         self.waiting = self._outbox.waiting()
 
+    def latest(self, device: str) -> JsonObject | None:
+        """The summary of the device's capture that ended last; None if there is none, or it was deleted.
+
+        Raises:
+            StorageError: The capture cannot be read.
+        """
+        newest = self._newest.get(device)
+        if newest is None:
+            return None
+        capture_id, file = newest
+        if self._latest.get(device, {}).get("capture_id") != capture_id:
+            try:
+                self._latest[device] = self._summary(capture_id, file)
+            except NotFound:
+                return None
+        return self._latest[device]
+
     @property
     def has_room(self) -> bool:
         """True if another capture can be entered."""
@@ -101,22 +120,29 @@ class SummaryQueue:
         self.waiting = self._outbox.waiting()
 
     def _files(self) -> dict[str, str]:
-        """Returns the files of all captures that have ended, by id."""
-        entries = (one for one in self._archive.index.list() if one.id not in self._deleted)
-        return {one.id: one.file for one in entries if one.file.endswith(SUFFIX)}
+        """Returns the files of all captures that have ended, by id, and notes each device's newest."""
+        listed = (one for one in self._archive.index.list() if one.id not in self._deleted)
+        entries = [one for one in listed if one.file.endswith(SUFFIX)]
+        ordered = sorted(entries, key=lambda one: one.created_utc)
+        self._newest = {one.device: (one.id, one.file) for one in ordered}
+        return {one.id: one.file for one in entries}
 
     def _enter(self, capture_id: str, file: str) -> None:
         try:
-            document = self._archive.document(capture_id)
+            summary = self._summary(capture_id, file)
         except NotFound:  # deleted since the index was read, or by hand
             self._deleted.add(capture_id)
             self._note_missed(frozenset({capture_id}))
             return
+        self._outbox.enter(capture_id, summary)
+
+    def _summary(self, capture_id: str, file: str) -> JsonObject:
+        document = self._archive.document(capture_id)
         site, rate_hz, calibration_id = self._file_facts(file)
         summary = capture_summary(
             document, file=file, site=site, rate_hz=rate_hz, calibration_id=calibration_id
         )
-        self._outbox.enter(capture_id, summary.model_dump(mode="json"))
+        return summary.model_dump(mode="json")
 
     def _file_facts(self, file: str) -> tuple[dict[str, str], float, str | None]:
         try:

@@ -109,7 +109,7 @@ def _measured(task: CaptureTask) -> TaskResult:
         setup = measure_setup(made_with, made_with["settings"])
         _check_rig(setup, reader)
         tally = CoverageTally.of(setup.calibration, setup.object_model)
-        order = FieldOrderCheck(setup.object_model.target)
+        order = FieldOrderCheck(setup.object_model.target) if reader.meta.is_interlaced else None
         include_damaged = made_with["settings"].get(INCLUDE_DAMAGED, False)
         groups = _rows(reader, setup, tally, order, and_damaged=include_damaged)
 
@@ -117,7 +117,8 @@ def _measured(task: CaptureTask) -> TaskResult:
             return {"coverage": coverage_document(tally.result(), reader.missing_fields(fields))}
 
         fields, points = write_dataset_file(task.part, task.target, groups, about, found)
-    warnings = [*left_out_in_words(left_out), FieldOrderDocument.of(order.finish()).warning or ""]
+    of_order = None if order is None else FieldOrderDocument.of(order.finish()).warning
+    warnings = [*left_out_in_words(left_out), of_order or ""]
     return TaskResult("measured", fields, points, warning="; ".join(filter(None, warnings)))
 
 
@@ -125,15 +126,16 @@ def _rows(
     reader: CaptureReader,
     setup: MeasureSetup,
     tally: CoverageTally,
-    order: FieldOrderCheck,
+    order: FieldOrderCheck | None,
     *,
     and_damaged: bool,
 ) -> Iterator[tuple[int, Rows]]:
     first_ns = reader.first_time_ns or 0
 
     for group in measured_groups(reader.received(and_damaged=and_damaged), setup, tally):
-        for one in group:
-            order.add(one.n, one.points)
+        if order is not None:
+            for one in group:
+                order.add(one.n, one.points)
         n, times_ns = np.array([(one.n, one.time_ns) for one in group], np.int64).T
         yield len(group), rows_of(n, times_ns, [one.points for one in group], reader.meta, first_ns)
 

@@ -69,6 +69,12 @@ class CaptureMeta:
     ended_because: str | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def is_interlaced(self) -> bool:
+        """True unless its fields are progressive pictures, which have no parity."""
+        stream = self.device.get("stream")
+        return not (isinstance(stream, Mapping) and stream.get("field_order") == _PROGRESSIVE)
+
 
 def _id(text: str) -> str:
     # It becomes part of file names, of paths over HTTP and of lines of the log.
@@ -96,6 +102,7 @@ def _bits(bits: int) -> int:
     return bits
 
 
+_PROGRESSIVE = "progressive"
 _EARLIEST, _LATEST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
 _Name = Annotated[str, Field(max_length=200)]
 _Text = Annotated[str, Field(max_length=LONGEST_TEXT)]

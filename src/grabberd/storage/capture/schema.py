@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from grabberd.errors import CaptureFileError, LaterVersion, StorageError
+from grabberd.errors import NO_PERMISSION, CaptureFileError, LaterVersion, StorageError
 from grabberd.storage import held_files
 from grabberd.storage.disk import storage_errors
 from grabberd.storage.guarded_database import JOURNAL, GuardedConnection, open_tables, read_header
@@ -200,6 +200,8 @@ def format_of(connection: sqlite3.Connection) -> int:
 
 
 def _damaged(path: Path, error: Exception) -> CaptureFileError:
+    if path.is_dir():
+        return CaptureFileError(f"{path} is a folder, not a capture file", "name a capture file, NAME.grab")
     return CaptureFileError(
         f"{path} cannot be read as a capture: {error}",
         "if it was copied, copy it again; the sqlite3 program's .recover may save what is left",
@@ -217,7 +219,8 @@ def reading_errors(path: Path) -> Iterator[None]:
     except FileNotFoundError as error:
         raise _missing(path) from error
     except OSError as error:
-        raise StorageError(f"{path} cannot be read now: {error}", _READABLE) from error
+        hint = NO_PERMISSION if isinstance(error, PermissionError) else _READABLE
+        raise StorageError(f"{path} cannot be read now: {error}", hint) from error
     except sqlite3.DatabaseError as error:
         if not path.is_file():
             raise _missing(path) from error

@@ -19,7 +19,8 @@ from grabberd.storage.export.read_back import png_check
 Picture = NDArray[np.uint8]
 
 FORMATS = ("webm", "gif")
-MOST_PER_S = 50.0
+MOST_PER_S = {"webm": 240.0, "gif": 50.0}
+"""Pictures per second of an animation, by its format."""
 
 _VP9 = cv2.VideoWriter.fourcc(*"VP90")
 # GIF counts in hundredths of a second; browsers show a picture of fewer than two as long as one of ten.
@@ -50,7 +51,7 @@ def write_animation(directory: Path, name: str, pictures: Iterable[Picture], per
         directory: New or empty folder.
         name: NAME.webm or NAME.gif.
         pictures: (height, width, 3) uint8, all of the same even size.
-        per_s: Pictures per second, at most `MOST_PER_S`.
+        per_s: Pictures per second, at most those of `MOST_PER_S`.
 
     Raises:
         InputError: There are no pictures, or too many for a GIF.

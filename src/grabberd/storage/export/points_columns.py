@@ -13,9 +13,7 @@ from grabberd.storage.capture.checked_rows import END
 from grabberd.storage.capture.meta import CaptureMeta
 from grabberd.storage.capture.reader import CaptureReader
 
-_NUMBER = Column(
-    "n", "", "i4", "number of the field: n nominal 20 ms steps after the first, lost ones included"
-)
+_NUMBER = Column("n", "", "i4", "number of the field: n nominal steps after the first, lost ones included")
 _UTC = Column("time_utc", "", "M8[ms]", "middle of the field's exposure; empty for a recording played again")
 _POSITION = (
     Column("time_s", "s", "f8", "the same, from the first field of the capture on", csv_format=".6f"),

@@ -156,7 +156,8 @@ def _database(path: Path) -> bytes:
             return copy.serialize()
     except sqlite3.DatabaseError as error:
         raise StorageError(
-            f"{path} cannot be backed up: {error}", "name the configuration of a daemon that has run before"
+            f"{path} cannot be backed up: {error}",
+            "name the configuration of a daemon that has run before, and run it as its user",
         ) from error
 
 
@@ -184,6 +185,8 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
         if wrong or strange or STATE not in members:
             raise ValueError(f"wrong members: {', '.join(wrong or strange) or STATE}")
         _info(manifest)
+    except FileNotFoundError as error:
+        raise InputError(f"there is no backup {path}", "check the file's name") from error
     except _NO_BACKUP as error:
         raise InputError(
             f"{path} cannot be restored: it is damaged, or not a backup ({error})",

@@ -800,8 +800,8 @@ export interface paths {
         put?: never;
         /**
          * Calibrate, or store a calibration
-         * @description Calibrate from a sealed capture of the calibration frame, a job whose result names the calibration; or
-         *     store a complete calibration (201).
+         * @description Calibrate from sealed captures of the calibration frame, one or one for each of its poses, a job whose
+         *     result names the calibration; or store a complete calibration (201).
          */
         post: operations["make_calibration"];
         delete?: never;
@@ -1539,7 +1539,7 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
-    "/docs": {
+    "/api/v1/docs": {
         parameters: {
             query?: never;
             header?: never;
@@ -2418,7 +2418,7 @@ export interface components {
         };
         /**
          * CalibrationRequest
-         * @description A calibration to make from a capture of the calibration frame, or a complete one to store.
+         * @description A calibration to make from captures of the calibration frame, or a complete one to store.
          * @example {
          *       "calibration_frame": "paper-108",
          *       "capture": "20260301T093000125Z-barn",
@@ -2431,6 +2431,11 @@ export interface components {
              * @description Id of a capture of the calibration frame.
              */
             capture?: string | null;
+            /**
+             * Captures
+             * @description Ids of several, in place of one: one for each pose of the calibration frame before the same rig. The first defines the coordinates.
+             */
+            captures?: string[] | null;
             /**
              * Calibration Frame
              * @description Name of a calibration frame that comes with the program, or its document; not needed if there is only one.
@@ -2636,6 +2641,7 @@ export interface components {
          *       "note": "new liners",
          *       "pinned": false,
          *       "pre_trigger_fields": 0,
+         *       "rate_hz": 50,
          *       "runs": [
          *         {
          *           "coverage": {
@@ -2706,8 +2712,16 @@ export interface components {
             first_field_s?: number | null;
             /** Bits */
             bits: number;
-            /** Lines */
-            lines: string;
+            /**
+             * Lines
+             * @description `doubled` or `field`; null for progressive pictures, which have all lines.
+             */
+            lines: string | null;
+            /**
+             * Rate Hz
+             * @description Nominal fields, or progressive pictures, per second; null where it is not known.
+             */
+            rate_hz?: number | null;
             /**
              * Fields
              * @description Number of fields in the capture with their pictures, damaged ones and those without a signal included.
@@ -2744,7 +2758,7 @@ export interface components {
             size_bytes: number;
             /** @description What its points tell about camera and mirrors: the worst verdict (fits, doubtful, moved, unmatched) and the means of shift_px and ratio; null where the points tell nothing. */
             rig?: components["schemas"]["JsonObject"] | null;
-            /** @description What the points of moving targets, measured during the capture, tell about the sequence of its fields in time; null where none were measured. */
+            /** @description What the points of moving targets, measured during the capture, tell about the sequence of its fields in time; null where none were measured, and for progressive pictures. */
             field_order?: components["schemas"]["FieldOrderDocument"] | null;
         };
         /**
@@ -2843,6 +2857,7 @@ export interface components {
          *           "note": "new liners",
          *           "pinned": false,
          *           "pre_trigger_fields": 0,
+         *           "rate_hz": 50,
          *           "runs": [
          *             {
          *               "coverage": {
@@ -2968,6 +2983,7 @@ export interface components {
          *           "note": "new liners",
          *           "pinned": false,
          *           "pre_trigger_fields": 0,
+         *           "rate_hz": 50,
          *           "runs": [
          *             {
          *               "coverage": {
@@ -3780,7 +3796,7 @@ export interface components {
             signal: string;
             /**
              * Rate Hz
-             * @description Fields per second; null while none arrive.
+             * @description Fields per second, or progressive pictures; null while none arrive.
              */
             rate_hz: number | null;
             /** Fields */
@@ -3856,7 +3872,7 @@ export interface components {
             group_id: string | null;
             /** @description Null before the first second of measuring. */
             rig: components["schemas"]["RigDocument"] | null;
-            /** @description Sequence of the fields in time, by the latest movement; null before the first seconds. */
+            /** @description Sequence of the fields in time, by the latest movement; null before the first seconds, and for progressive pictures. */
             field_order: components["schemas"]["FieldOrderDocument"] | null;
             /** @description Null until one has ended; those of the last month are known after a restart. */
             latest_analysis?: components["schemas"]["DeviceAnalysis"] | null;
@@ -3886,7 +3902,10 @@ export interface components {
             hint: string;
             /** @description Whether a capture may be started: `doubtful` if it would be of little use now, `refused` if there would be none. */
             start: components["schemas"]["StartAdvice"];
-            /** Parts */
+            /**
+             * Parts
+             * @description Every part, but `order` where a device gives progressive pictures.
+             */
             parts: {
                 [key: string]: components["schemas"]["HealthPartDocument"];
             };
@@ -5149,7 +5168,7 @@ export interface components {
              * @description Number of points found.
              */
             points: number;
-            /** @description What the points tell about the sequence of the fields in time. */
+            /** @description What the points tell about the sequence of the fields in time; null for progressive pictures. */
             field_order?: components["schemas"]["FieldOrderDocument"] | null;
             /**
              * Warnings
@@ -5218,12 +5237,12 @@ export interface components {
             armed?: boolean;
             /**
              * Fields
-             * @description Length in fields of 20 ms, including lost ones.
+             * @description Length in fields, or progressive pictures, including lost ones.
              */
             fields?: number | null;
             /**
              * Duration S
-             * @description Length in seconds.
+             * @description Length in seconds; that of an armed capture is from the trigger on.
              */
             duration_s?: number | null;
             /** @description Bits per pixel; default: as configured. */
@@ -5297,12 +5316,12 @@ export interface components {
             armed?: boolean;
             /**
              * Fields
-             * @description Length in fields of 20 ms, including lost ones.
+             * @description Length in fields, or progressive pictures, including lost ones.
              */
             fields?: number | null;
             /**
              * Duration S
-             * @description Length in seconds.
+             * @description Length in seconds; that of an armed capture is from the trigger on.
              */
             duration_s?: number | null;
             /** @description Bits per pixel; default: as configured. */
@@ -6348,8 +6367,11 @@ export interface components {
             slots: number;
             /** Bits */
             bits: number;
-            /** Lines */
-            lines: string;
+            /**
+             * Lines
+             * @description `doubled` or `field`; null for progressive pictures, which have all lines.
+             */
+            lines: string | null;
             /** Threshold */
             threshold: number;
             /**

@@ -1,6 +1,5 @@
 // Curves over the capture, or over the mean cycle, with their σ.
 import { el, fill } from "../core/dom.js";
-import { FIELD_S } from "../captures/words.js";
 import { INKS, createChart } from "../plots/chart.js";
 import { columnsOf, summaryOf } from "../plots/series.js";
 import { column, hasAny } from "./tables.js";
@@ -33,8 +32,8 @@ const OVERS = ["time", "phase"];
 
 /** @typedef {{label: string, column: string, values: (number | null)[], sigma: (number | null)[]}} Line */
 
-/** @param {Context} context @param {Analysis} document @param {string} file begin of the files' names */
-export function createCurves(context, document, file) {
+/** @param {Context} context @param {Analysis} document @param {string} file begin of the files' names @param {number} field_s from field to field */
+export function createCurves(context, document, file, field_s) {
   const { t, format } = context;
   const place = el("div", { class: "plots-grid" });
   const none = el("p", { class: "muted" });
@@ -92,7 +91,7 @@ export function createCurves(context, document, file) {
     /** @typedef {{i: number}} Sample */
     const edge = (/** @type {number} */ sigmas) => (/** @type {Sample} */ { i }) => edgeOf(lines[0], i, sigmas);
     const picks = [...lines.map((line) => (/** @type {Sample} */ { i }) => line.values[i]), edge(1), edge(-1), ...lines.map((line) => (/** @type {Sample} */ { i }) => line.sigma[i])];
-    const columns = columnsOf(samples, picks, over === "time" ? 1.5 * FIELD_S : 1);
+    const columns = columnsOf(samples, picks, over === "time" ? 1.5 * field_s : 1);
     const summary = summaryOf(columns[1]);
     const words = summary ? t("plots.words", { name: title, last: format.number(summary.last, chart.digits), least: format.number(summary.least, chart.digits), greatest: format.number(summary.greatest, chart.digits) }) : title;
     made.set(columns.slice(0, lines.length + 3), words, columns.slice(lines.length + 3));

@@ -2,7 +2,6 @@
 import { el, fill, setText } from "../core/dom.js";
 import { createLegend } from "../scene/legend.js";
 import { scaleOver } from "../scene/scale.js";
-import { FIELD_S } from "../captures/words.js";
 import { createMapPicture } from "./map_picture.js";
 import { QUANTITIES, reasonIn, shown } from "./quantities.js";
 import { column, hasAny } from "./tables.js";
@@ -13,8 +12,8 @@ import { column, hasAny } from "./tables.js";
 
 const PAUSE_MS = 120;
 
-/** @param {Context} context @param {`/captures/${string}/analyses/${string}`} path of the analysis @param {Analysis} document */
-export function createMaps(context, path, document) {
+/** @param {Context} context @param {`/captures/${string}/analyses/${string}`} path of the analysis @param {Analysis} document @param {number} field_s from field to field */
+export function createMaps(context, path, document, field_s) {
   const { t, tn, api, format } = context;
   const { states } = document;
   const kinds = { phase: column(document.tables.phases, "phase"), field: column(document.tables.fields, "n") };
@@ -81,7 +80,7 @@ export function createMaps(context, path, document) {
 
   function tell() {
     const value = kinds[kind][Number(slider.value)] ?? 0;
-    setText(words, kind === "phase" ? t("shape.whenPhase", { phase: format.number(value * 100, 0) }) : t("capture.field", { n: value, s: format.number(value * FIELD_S, 2) }));
+    setText(words, kind === "phase" ? t("shape.whenPhase", { phase: format.number(value * 100, 0) }) : t("capture.field", { n: value, s: format.number(value * field_s, 2) }));
   }
 
   /** One scale for all states of the capture, so that colours can be compared. @param {AnalysisMap} map */

@@ -1,5 +1,6 @@
 // One analysis: what was found, curves, maps, files.
 import { el, fill, symbol } from "../core/dom.js";
+import { periodOf } from "../captures/words.js";
 import { addressOf } from "../profiles/words.js";
 import { createCurves } from "./curves.js";
 import { createFiles, createReportLink } from "./files.js";
@@ -23,8 +24,8 @@ export function createResults(context, capture, record) {
     if (record.problem) return fill(element, el("div", { class: "note is-bad" }, symbol("bad"), el("p", {}, record.problem)));
     const document = await api.get(path).catch(context.refused);
     if (ended || !document) return;
-    const curves = createCurves(context, document, `${capture.id}-analysis-${record.analysis}`);
-    const maps = createMaps(context, path, document);
+    const curves = createCurves(context, document, `${capture.id}-analysis-${record.analysis}`, periodOf(capture));
+    const maps = createMaps(context, path, document, periodOf(capture));
     parts = [curves, maps];
     const found = el("section", { class: "card stack" }, el("div", { class: "row between" }, el("h2", {}, t("analysis.found")), createReportLink(context, path, record)), createFound(context, capture, document, record), inputs());
     fill(element, outdatedNote(context, record), el("div", { class: "analysis-page" }, found, maps.element), curves.element, createFiles(context, path));

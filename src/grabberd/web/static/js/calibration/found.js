@@ -3,6 +3,7 @@ import { newKey, statusOf } from "../core/api.js";
 import { el, fill, symbol } from "../core/dom.js";
 import { createJob } from "../jobs/job.js";
 import { latestJob } from "./latest_job.js";
+import { addPose, createPoses, MOST_POSES, posesTaken, removePose } from "./poses.js";
 import { addressOf, note, way } from "./steps.js";
 import { createTargetPicture } from "./target_picture.js";
 
@@ -18,7 +19,8 @@ export function createFound(context, id) {
   const job = createJob(context, { title: t("calibration.found.looking"), done: (/** @type {JobWith<Identification>} */ { result }) => show(result), busy: (on) => (ways.hidden = on) });
   const body = el("div", { class: "stack" });
   const ways = el("div", { class: "row between" });
-  const element = el("div", { class: "stack" }, el("section", { class: "card stack" }, el("h2", {}, t("calibration.found.title")), job.element, body, ways));
+  const poses = createPoses(context, (removed) => (removed === id ? context.go("calibration", "place") : list()));
+  const element = el("div", { class: "stack" }, el("section", { class: "card stack" }, el("h2", {}, t("calibration.found.title")), job.element, body, poses.element, ways));
   /** @type {ReturnType<typeof createTargetPicture>[]} */
   let pictures = [];
   let ended = false;
@@ -93,9 +95,21 @@ export function createFound(context, id) {
   function offer(result) {
     if (!may("operator")) return fill(ways);
     const isGood = result && !result.problem;
+    if (isGood) addPose(context, id);
+    list();
     fill(ways,
-      el("div", { class: "row" }, way(addressOf("place"), t("calibration.found.placeAgain"), result?.problem && !result.moved ? "primary" : ""), way(addressOf("take"), t("calibration.again"), result?.moved ? "primary" : "")),
-      isGood ? el("a", { class: "button primary", href: addressOf("adjust", id) }, t("calibration.next"), symbol("next")) : null);
+      el("div", { class: "row", on: { click: () => removePose(context, id) } }, way(addressOf("place"), t("calibration.found.placeAgain"), result?.problem && !result.moved ? "primary" : ""), way(addressOf("take"), t("calibration.again"), result?.moved ? "primary" : "")),
+      isGood ? el("div", { class: "row" }, another(), el("a", { class: "button primary", href: addressOf("adjust", id) }, t("calibration.next"), symbol("next"))) : null);
+  }
+
+  function another() {
+    return posesTaken(context).length < MOST_POSES ? way(addressOf("place"), t("calibration.poses.another")) : null;
+  }
+
+  function list() {
+    const taken = posesTaken(context);
+    poses.element.hidden = taken.length === 0;
+    poses.show(taken).catch(context.refused);
   }
 
   open().catch((problem) => {
@@ -108,6 +122,7 @@ export function createFound(context, id) {
     unmount() {
       ended = true;
       job.unmount();
+      poses.unmount();
       for (const one of pictures) one.unmount();
     },
   };

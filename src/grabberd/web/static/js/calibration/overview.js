@@ -5,6 +5,7 @@ import { createActive } from "./active.js";
 import { createCheck } from "./check.js";
 import { createHistory } from "./history.js";
 import { createImport } from "./import.js";
+import { forgetPoses } from "./poses.js";
 import { addressOf, leftAt, way } from "./steps.js";
 
 /** @import { Context } from "../core/context.js" */
@@ -20,7 +21,9 @@ export function createOverview(context) {
   const check = createCheck(context);
   const history = createHistory(context, load);
   const left = leftAt();
-  const begin = el("div", { class: "row" }, way(addressOf("place"), t("calibration.begin"), "primary large"), left && way(addressOf(left.step, left.id), t("calibration.goOn")));
+  const anew = way(addressOf("place"), t("calibration.begin"), "primary large");
+  anew.addEventListener("click", forgetPoses);
+  const begin = el("div", { class: "row" }, anew, left && way(addressOf(left.step, left.id), t("calibration.goOn")));
   const element = el("div", { class: "stack" }, may("operator") ? begin : null, el("div", { class: "calibration-two" }, active.element, check.element), history.element, may("operator") ? createImport(context, load).element : null);
 
   async function load() {

@@ -4,6 +4,7 @@ import { delivers, deviceOf } from "../core/store.js";
 import { createPicture } from "../live/picture.js";
 import { adviceFor, isEnough } from "./advice.js";
 import { chosenFrame, createFrameChoice, knownFrames } from "./calibration_frames.js";
+import { poseHint } from "./poses.js";
 import { addressOf, note, way } from "./steps.js";
 
 /** @import { Context } from "../core/context.js" */
@@ -19,8 +20,9 @@ export function createPlace(context) {
   const counts = el("div", { class: "view-counts", "aria-live": "polite" });
   const words = el("div", { class: "stack", role: "status" });
   const choice = el("div");
+  const pose = el("div");
   const element = el("div", { class: "calibration-two" },
-    el("section", { class: "card stack" }, el("h2", {}, t("calibration.place.title")), el("ol", { class: "todo" }, tl("calibration.place.todo").map((one) => el("li", {}, one))), choice, words,
+    el("section", { class: "card stack" }, el("h2", {}, t("calibration.place.title")), el("ol", { class: "todo" }, tl("calibration.place.todo").map((one) => el("li", {}, one))), pose, choice, words,
       may("operator") ? el("div", { class: "row end" }, way(addressOf("take"), t("calibration.next"), "primary")) : note("idle", t("calibration.viewer"))),
     el("section", { class: "card stack" }, el("h2", {}, t("live.picture")), picture.element, counts));
   let timer = 0;
@@ -31,6 +33,7 @@ export function createPlace(context) {
   async function open() {
     const frames = await knownFrames(context);
     frame = chosenFrame(frames);
+    fill(pose, poseHint(context));
     if (frames.length > 1) fill(choice, createFrameChoice(context, frames, (one) => (frame = one)).element);
     look();
   }

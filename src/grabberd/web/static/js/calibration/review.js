@@ -4,6 +4,7 @@ import { el, fill, symbol } from "../core/dom.js";
 import { badges, madeOf } from "./words.js";
 import { activate } from "./activate.js";
 import { sigma } from "./judge.js";
+import { forgetPoses } from "./poses.js";
 import { addressOf, forget, note, way } from "./steps.js";
 import { rigTable, verdictCard } from "./verdict.js";
 
@@ -83,6 +84,7 @@ export function createReview(context, id) {
   async function take(row) {
     if (!(await activate(context, row))) return;
     forget();
+    forgetPoses();
     go("calibration");
   }
 
@@ -93,6 +95,7 @@ export function createReview(context, id) {
     try {
       await api.put(`${path}/rejection`, { body: { note: said.value.trim() } });
       forget();
+      forgetPoses();
       go("calibration");
     } catch (problem) {
       context.refused(problem);

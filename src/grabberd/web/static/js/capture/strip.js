@@ -1,6 +1,6 @@
 // The ledger as a strip over time: what became of every field that should have come.
 import { el, fill } from "../core/dom.js";
-import { FIELD_S, entryIn, eventIn, ledgerIn, reasonIn, totalOf } from "../captures/words.js";
+import { entryIn, eventIn, ledgerIn, periodOf, reasonIn, totalOf } from "../captures/words.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { Capture } from "types/documents" */
@@ -34,7 +34,7 @@ export function createStrip(context, choose) {
     picture.setAttribute("viewBox", `0 0 ${Math.max(1, total)} 1`);
     picture.setAttribute("aria-label", ledgerIn(context, capture, LISTED));
     picture.replaceChildren(...segments(capture), ...events(capture), ...trigger(capture));
-    fill(ends, el("span", {}, "0 s"), el("span", {}, t("captures.seconds", { s: format.number(total * FIELD_S, 1) })));
+    fill(ends, el("span", {}, "0 s"), el("span", {}, t("captures.seconds", { s: format.number(total * periodOf(capture), 1) })));
     const counts = OUTCOMES.filter((outcome) => capture.ledger.counts[outcome]);
     fill(legend, ...counts.map((outcome) => el("li", {}, el("span", { class: `strip-swatch strip-${outcome}`, "aria-hidden": "true" }), t(`capture.outcome.${outcome}`), " ", el("b", {}, tn("captures.fields", capture.ledger.counts[outcome])))));
     fill(list, ...listed(capture));
@@ -59,8 +59,8 @@ export function createStrip(context, choose) {
   /** @param {Capture} capture */
   function listed(capture) {
     const { entries, events: changes } = capture.ledger;
-    const lost = entries.map((entry) => line(entry.first_n, `${entryIn(context, entry)}: ${reasonIn(context, entry.reason)}`));
-    const lines = [...lost, ...changes.map((event) => line(event.n, eventIn(context, event)))];
+    const lost = entries.map((entry) => line(entry.first_n, `${entryIn(context, entry, periodOf(capture))}: ${reasonIn(context, entry.reason)}`));
+    const lines = [...lost, ...changes.map((event) => line(event.n, eventIn(context, event, periodOf(capture))))];
     const rest = lines.length - LISTED;
     return rest > 0 ? [...lines.slice(0, LISTED), el("li", { class: "muted" }, tn("capture.moreEntries", rest))] : lines;
   }

@@ -4,8 +4,6 @@ import { el, symbol } from "../core/dom.js";
 /** @import { Context } from "../core/context.js" */
 /** @import { Capture, CaptureAnalysis, Coverage, LedgerEntry, LedgerEvent, Quantity } from "types/documents" */
 
-/** Nominal time from one field to the next, which a ledger counts by. */
-export const FIELD_S = 0.02;
 /** Level and symbol. @type {Record<string, [string, string]>} */
 const LOOKS = {
   complete: ["good", "ok"], incomplete: ["warn", "warn"], damaged: ["bad", "bad"], unsealed: ["warn", "warn"],
@@ -110,7 +108,7 @@ export const labelValueIn = ({ t, texts }, name, value) => (name === "teat" && t
 
 /** A capture in a line: "Cow 112 · Front left · today 14:05, slipped". @param {Context} context @param {Pick<Capture, "labels" | "note" | "created_utc">} capture */
 export function lineOf(context, capture) {
-  return [labelsIn(context, capture), context.format.when(capture.created_utc), capture.note].filter(Boolean).join(" · ");
+  return [labelsIn(context, capture), context.format.instant(capture.created_utc), capture.note].filter(Boolean).join(" · ");
 }
 
 /** The time that an id such as 20260301T093000125Z-barn begins with, in words; an id of another kind as it is. @param {string} id @param {(utc: string) => string} words */
@@ -126,10 +124,15 @@ export function totalOf(capture) {
   return Object.values(capture.ledger.counts).reduce((sum, count) => sum + count, 0);
 }
 
+/** Nominal time in s from one field to the next, which a ledger counts by; 0 where nobody knows it. @param {Capture} capture */
+export function periodOf({ rate_hz }) {
+  return rate_hz ? 1 / rate_hz : 0;
+}
+
 /** "5.0 s · 250 fields". @param {Context} context @param {Capture} capture */
 export function lengthIn({ t, tn, format }, capture) {
   const total = totalOf(capture);
-  const seconds = total * FIELD_S;
+  const seconds = total * periodOf(capture);
   return `${seconds < 60 ? t("captures.seconds", { s: format.number(seconds, 1) }) : format.duration(seconds)} · ${tn("captures.fields", total)}`;
 }
 
@@ -139,13 +142,13 @@ export function ledgerIn(context, capture, most = 2) {
   if (complete) return context.t("captures.ledger.complete");
   if (!entries.length) return context.t("captures.ledger.empty");
   const rest = entries.slice(most).reduce((sum, entry) => sum + entry.count, 0);
-  const words = entries.slice(0, most).map((entry) => entryIn(context, entry));
+  const words = entries.slice(0, most).map((entry) => entryIn(context, entry, periodOf(capture)));
   return [...words, ...(rest ? [context.tn("captures.ledger.more", rest)] : [])].join(", ");
 }
 
-/** @param {Context} context @param {LedgerEntry} entry */
-export function entryIn({ tn, format }, entry) {
-  return tn(`captures.ledger.${entry.outcome}`, entry.count, { at: format.number(entry.first_n * FIELD_S, 1) });
+/** @param {Context} context @param {LedgerEntry} entry @param {number} field_s from field to field */
+export function entryIn({ tn, format }, entry, field_s) {
+  return tn(`captures.ledger.${entry.outcome}`, entry.count, { at: format.number(entry.first_n * field_s, 1) });
 }
 
 /** Reason for lost or damaged fields, in words. @param {Context} context @param {string} reason */
@@ -156,9 +159,9 @@ export function reasonIn({ t, texts }, reason) {
   return texts.has(`captures.reason.${short}`) ? t(`captures.reason.${short}`) : reason;
 }
 
-/** A change of what numbers and times go by, in words. @param {Context} context @param {LedgerEvent} event */
-export function eventIn({ t, format }, event) {
-  return t(`captures.rebase.${event.kind}`, { at: format.number(event.n * FIELD_S, 1) });
+/** A change of what numbers and times go by, in words. @param {Context} context @param {LedgerEvent} event @param {number} field_s from field to field */
+export function eventIn({ t, format }, event, field_s) {
+  return t(`captures.rebase.${event.kind}`, { at: format.number(event.n * field_s, 1) });
 }
 
 /** Reason for the end of a capture, in words. @param {Context} context @param {string | null} because */

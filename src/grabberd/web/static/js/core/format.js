@@ -61,6 +61,8 @@ export function createFormat(language, t) {
     dayIn,
     /** Day and time in words: "today 14:05". @param {Time} utc */
     when: (utc) => `${dayIn(utc)} ${hour.format(date(utc))}`,
+    /** The same with seconds, where captures of one minute stand beside each other. @param {Time} utc */
+    instant: (utc) => `${dayIn(utc)} ${clock.format(date(utc))}`,
   };
 }
 

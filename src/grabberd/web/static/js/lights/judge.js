@@ -31,7 +31,8 @@ export function judge(known) {
   if (!known.connection.online || !state || !device) return IDS.map((id) => ({ id, level: "idle", word: "unknown" }));
   /** @type {Record<string, HealthPart>} */
   const parts = device.health.parts;
-  return IDS.map((id) => (id === "clock" && parts[id].level === "good" ? clock(known) : light(id, parts[id], valuesOf(id, device, state))));
+  // What does not apply to a device, such as the order of fields where pictures are progressive, has no light.
+  return IDS.filter((id) => parts[id]).map((id) => (id === "clock" && parts[id].level === "good" ? clock(known) : light(id, parts[id], valuesOf(id, device, state))));
 }
 
 /** The worst part of a device as a light; null if nothing is wrong. @param {Device} device @param {State} state @returns {Light | null} */

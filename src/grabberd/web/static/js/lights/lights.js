@@ -30,6 +30,7 @@ export function createLights(context) {
       lights.set(light.id, one);
       one.show(light);
     }
+    for (const [id, one] of lights) one.element.hidden = !judged.some((light) => light.id === id);
   }
 
   const away = store.subscribe((known) => known.connection, show);

@@ -1,6 +1,6 @@
 // A capture replayed, at an address that says at which field.
 import { createStrip } from "../capture/strip.js";
-import { atRest, labelsIn } from "../captures/words.js";
+import { atRest, labelsIn, periodOf } from "../captures/words.js";
 import { statusOf } from "../core/api.js";
 import { el, fill, symbol } from "../core/dom.js";
 import { createMarks } from "../replay/marks.js";
@@ -85,7 +85,7 @@ export const panel = {
       if (!tools.contains(room.full)) tools.append(room.full);
       take(now);
       room.grown();
-      giveVacuum(analysis && analysedVacuum(analysis.document), mine);
+      giveVacuum(analysis && analysedVacuum(analysis.document, periodOf(now)), mine);
       if (!atRest(now)) timer = setTimeout(() => follow(run, mine), EVERY_MS);
     }
 

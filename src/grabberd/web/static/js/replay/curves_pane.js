@@ -1,5 +1,4 @@
 // Width, or a target's place, and the vacuum, over a window of the capture that the playhead is in.
-import { FIELD_S } from "../captures/words.js";
 import { el, fill, setText, symbol } from "../core/dom.js";
 import { INKS, createChart } from "../plots/chart.js";
 import { columnsOf, summaryOf } from "../plots/series.js";
@@ -19,18 +18,19 @@ const SPANS_S = [2, 10, 30];
 /** A capture that is no longer is looked at as a whole, at first. */
 const SHORT_S = 10;
 const HEIGHT = 120;
-const NEAR_FIELDS = 200;
+const NEAR_S = 4;
 const WHATS = /** @type {const} */ (["width", "x", "y", "z"]);
 
 /**
  * @param {Context} context
  * @param {object} about
  * @param {string} about.id of the capture
+ * @param {number} about.field_s from field to field
  * @param {Measured | null} about.measured
  * @param {() => number} about.total
  * @param {(n: number) => void} about.go moves the playhead
  */
-export function createCurvesPane(context, { id, measured, total, go }) {
+export function createCurvesPane(context, { id, field_s, measured, total, go }) {
   const { t, api, format } = context;
   const grid = measured?.grid ?? null;
   const courses = measured && grid ? createCourses(api, id, measured.run, grid) : null;
@@ -38,9 +38,9 @@ export function createCurvesPane(context, { id, measured, total, go }) {
   const place = el("div", { class: "replay-charts" });
   /** @type {What} */
   const what = { what: "width", target: 0 };
-  const whole = total() * FIELD_S;
+  const whole = total() * field_s;
   const choices = whole > SPANS_S[2] ? SPANS_S : [...SPANS_S.filter((one) => one < whole), whole];
-  let span = whole > SHORT_S ? SHORT_S / FIELD_S : Math.max(1, total());
+  let span = whole > SHORT_S ? Math.round(SHORT_S / field_s) : Math.max(1, total());
   let first = -1;
   let n = 0;
   let turn = 0;
@@ -55,7 +55,7 @@ export function createCurvesPane(context, { id, measured, total, go }) {
   what.target = picker?.chosen() ?? 0;
   if (picker) picker.element.hidden = true;
   const kinds = el("select", { class: "input", "aria-label": t("replay.curves.what"), on: { change: () => watch({ what: WHATS.find((one) => one === kinds.value) ?? "width" }) } }, WHATS.map((one) => el("option", { value: one }, t(`replay.curves.${one}`))));
-  const spans = el("select", { class: "input", "aria-label": t("replay.curves.span"), on: { change: () => setSpan(Number(spans.value)) } }, choices.map((one) => el("option", { value: one, selected: Math.abs(one - span * FIELD_S) < FIELD_S / 2 }, one === whole ? t("replay.curves.whole") : t("captures.seconds", { s: one }))));
+  const spans = el("select", { class: "input", "aria-label": t("replay.curves.span"), on: { change: () => setSpan(Number(spans.value)) } }, choices.map((one) => el("option", { value: one, selected: Math.abs(one - span * field_s) < field_s / 2 }, one === whole ? t("replay.curves.whole") : t("captures.seconds", { s: one }))));
   const tools = el("div", { class: "replay-tools" }, grid && kinds, spans, grid && picker?.element);
   const element = el("div", { class: "replay-body" }, tools, place, note);
   /** @type {ReturnType<typeof chartWith>[]} */
@@ -70,16 +70,16 @@ export function createCurvesPane(context, { id, measured, total, go }) {
 
   /** @param {number} seconds */
   function setSpan(seconds) {
-    span = Math.round(seconds / FIELD_S);
+    span = Math.round(seconds / field_s);
     first = -1;
     stand(n);
   }
 
   /** @param {string} title @param {string} unit @param {string[]} labels @param {boolean} band @param {[number, number]} [least] */
   function chartWith(title, unit, labels, band, least) {
-    const when = (/** @type {number} */ s) => `${format.number(first * FIELD_S + s, span * FIELD_S > 5 ? 0 : 1)} s`;
+    const when = (/** @type {number} */ s) => `${format.number(first * field_s + s, span * field_s > 5 ? 0 : 1)} s`;
     const lines = labels.map((label, i) => ({ label, ink: INKS[i % INKS.length], dash: i ? [7, 4] : undefined }));
-    const chart = createChart(context, { title, unit, digits: 2, lines, band, when, height: HEIGHT, least, over: [0, span * FIELD_S] });
+    const chart = createChart(context, { title, unit, digits: 2, lines, band, when, height: HEIGHT, least, over: [0, span * field_s] });
     const line = createTimeLine(chart.element, (share) => go(Math.min(first + share * span, total() - 1)));
     return { chart, line, title, element: el("div", { class: "replay-chart" }, chart.element, line.element) };
   }
@@ -102,8 +102,8 @@ export function createCurvesPane(context, { id, measured, total, go }) {
     place.classList.toggle("is-coming", Boolean(courses));
     const press = vacuum ? charts.at(-1) : undefined;
     if (press && vacuum) {
-      const [time_s, ...kpa] = windowOf(vacuum, first * FIELD_S, (first + span) * FIELD_S);
-      draw(press, [time_s.map((s) => Number(s) - first * FIELD_S), ...kpa], "kPa");
+      const [time_s, ...kpa] = windowOf(vacuum, first * field_s, (first + span) * field_s);
+      draw(press, [time_s.map((s) => Number(s) - first * field_s), ...kpa], "kPa");
     }
     placeMarks();
     if (!courses) return setText(note, vacuum ? "" : t("replay.curves.noVacuum"));
@@ -118,10 +118,10 @@ export function createCurvesPane(context, { id, measured, total, go }) {
 
   /** @param {Sample[]} samples */
   function drawMoves(samples) {
-    const timed = samples.map((one) => ({ ...one, time_s: (one.n - first) * FIELD_S }));
+    const timed = samples.map((one) => ({ ...one, time_s: (one.n - first) * field_s }));
     const edge = (/** @type {number} */ sigmas) => (/** @type {Sample} */ one) => (one.value === null ? null : one.value + sigmas * one.sigma);
     const picks = what.what === "width" ? [edge(0)] : [edge(0), edge(1), edge(-1)];
-    draw(charts[0], columnsOf(timed, picks, 1.5 * FIELD_S), "mm");
+    draw(charts[0], columnsOf(timed, picks, 1.5 * field_s), "mm");
   }
 
   /** @param {(typeof charts)[number]} one @param {(number | null)[][]} columns @param {string} unit */
@@ -180,8 +180,9 @@ export function createCurvesPane(context, { id, measured, total, go }) {
     /** The cycle at the playhead by the width's own course; null where nothing pulsates. */
     async cycle() {
       if (!courses) return null;
-      const found = await courses.of({ what: "width", target: 0 }, Math.max(0, n - NEAR_FIELDS), Math.min(total(), n + NEAR_FIELDS));
-      return cycleAt(startsByCurve(found.flatMap((one) => (one.value === null ? [] : [/** @type {[number, number]} */ ([one.n, one.value])]))), n);
+      const near = Math.round(NEAR_S / field_s);
+      const found = await courses.of({ what: "width", target: 0 }, Math.max(0, n - near), Math.min(total(), n + near));
+      return cycleAt(startsByCurve(found.flatMap((one) => (one.value === null ? [] : [/** @type {[number, number]} */ ([one.n, one.value])]))), n, field_s);
     },
     /** Waits until what is to be seen is drawn. */
     whole: () => filling,

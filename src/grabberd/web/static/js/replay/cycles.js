@@ -3,7 +3,7 @@
 /** Share of the movement that a curve has to go beyond its middle: noise there is no pulsation. */
 const HYSTERESIS = 0.2;
 const LEAST_MM = 0.3;
-const SHORTEST_FIELDS = 10;
+const SHORTEST_S = 0.2;
 
 /** The fields in which a cycle begins, where the phase starts anew. @param {Map<number, number>} phases by field, in order @returns {number[]} */
 export function startsByPhase(phases) {
@@ -34,10 +34,11 @@ export function startsByCurve(curve) {
  * The cycle that a field is in, or the nearest whole one; null where there is none.
  * @param {number[]} starts in order
  * @param {number} n
+ * @param {number} field_s from field to field
  * @returns {[number, number] | null} its first field, and the one after its last
  */
-export function cycleAt(starts, n) {
-  const cycles = starts.slice(1).map((end, i) => /** @type {[number, number]} */ ([starts[i], end])).filter(([first, end]) => end - first >= SHORTEST_FIELDS);
+export function cycleAt(starts, n, field_s) {
+  const cycles = starts.slice(1).map((end, i) => /** @type {[number, number]} */ ([starts[i], end])).filter(([first, end]) => (end - first) * field_s >= SHORTEST_S);
   const apart = (/** @type {[number, number]} */ [first, end]) => Math.max(first - n, n - (end - 1), 0);
   return cycles.reduce((/** @type {[number, number] | null} */ best, one) => (best && apart(best) <= apart(one) ? best : one), null);
 }

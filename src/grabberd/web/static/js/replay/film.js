@@ -1,5 +1,4 @@
 // A part of a capture as a film: the panes as they stand, field by field, none left out.
-import { FIELD_S } from "../captures/words.js";
 import { el, fill, setText, symbol } from "../core/dom.js";
 import { save } from "../scene/picture.js";
 import { SPEEDS } from "./playhead.js";
@@ -7,7 +6,7 @@ import { createWebm } from "./webm.js";
 
 /** @import { Context } from "../core/context.js" */
 
-/** Half a minute: some hundred megabytes are held until the film is saved. */
+/** Half a minute at 50 fields a second: some hundred megabytes are held until the film is saved. */
 const MOST_FIELDS = 1500;
 const QUALITY = 0.85;
 /** @type {Record<number, string>} */
@@ -17,12 +16,13 @@ const SPEED_WORDS = { 1: "1", 0.5: "½", 0.25: "¼", 0.1: "1/10" };
  * @param {Context} context
  * @param {object} about
  * @param {string} about.id of the capture
+ * @param {number} about.field_s from field to field
  * @param {() => number} about.total
  * @param {() => [number, number]} about.range fields that are offered: the one after the last is not among them
  * @param {(n: number) => Promise<HTMLCanvasElement | null>} about.frame draws a field whole; null if that ended
  * @param {(busy: boolean) => void} about.busy
  */
-export function createFilm(context, { id, total, range, frame, busy }) {
+export function createFilm(context, { id, field_s, total, range, frame, busy }) {
   const { t, tn } = context;
   const numbers = ["first", "last"].map((name) => el("input", { class: "input", type: "number", min: 0, step: 1, inputmode: "numeric", data: { film: name }, id: `film-${name}` }));
   const [first, last] = numbers;
@@ -69,7 +69,7 @@ export function createFilm(context, { id, total, range, frame, busy }) {
     for (let n = from; n <= to; n += 1) {
       const canvas = await frame(n);
       if (!canvas || stopped || ended) return void setText(words, t("replay.film.stopped"));
-      webm ??= createWebm({ width: canvas.width, height: canvas.height, frame_ms: (1000 * FIELD_S) / Number(speed.value), title: id });
+      webm ??= createWebm({ width: canvas.width, height: canvas.height, frame_ms: (1000 * field_s) / Number(speed.value), title: id });
       const picture = await new Promise((/** @type {(made: Blob | null) => void} */ resolve) => canvas.toBlob(resolve, "image/webp", QUALITY));
       if (!picture) throw new Error(t("replay.film.noEncoder"));
       await webm.add(picture);

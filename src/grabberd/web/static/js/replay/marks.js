@@ -1,5 +1,5 @@
 // Marks of a capture: fields with a name, kept by the daemon, for everybody who looks at it.
-import { FIELD_S } from "../captures/words.js";
+import { periodOf } from "../captures/words.js";
 import { el, fill, symbol } from "../core/dom.js";
 import { draftOf, keepDraft } from "../core/drafts.js";
 import { pathOf } from "./source.js";
@@ -19,6 +19,7 @@ export function createMarks(context, { id, at, go, changed }) {
   const { t, api, may, format } = context;
   const list = el("ul", { class: "replay-marks" });
   const draft = `mark.${id}`;
+  let field_s = 0;
   const name = el("input", { class: "input", maxlength: 200, value: draftOf(draft)?.name ?? "", on: { input: () => keepDraft(draft, { name: name.value }) }, autocomplete: "off", "aria-label": t("replay.marks.name"), placeholder: t("replay.marks.name") });
   const set = el("button", { class: "button", type: "submit", data: { do: "mark" } }, symbol("pin"), t("replay.marks.set"));
   const form = el("form", { class: "row replay-mark", hidden: !may("operator"), on: { submit: add } }, el("div", { class: "grow" }, name), set);
@@ -47,7 +48,7 @@ export function createMarks(context, { id, at, go, changed }) {
 
   /** @param {NonNullable<Capture["marks"]>[number]} mark */
   function line(mark) {
-    const words = t("replay.marks.at", { name: mark.name, n: mark.n, s: format.number(mark.n * FIELD_S, 2) });
+    const words = t("replay.marks.at", { name: mark.name, n: mark.n, s: format.number(mark.n * field_s, 2) });
     const remove = el("button", { class: "button icon", type: "button", "aria-label": t("replay.marks.remove", { name: mark.name }), title: t("replay.marks.remove", { name: mark.name }), on: { click: () => drop(mark.n, remove) } }, symbol("delete"));
     return el("li", { class: "row between" }, el("button", { class: "button plain grow", type: "button", data: { mark: mark.n }, on: { click: () => go(mark.n) } }, words), may("operator") && remove);
   }
@@ -64,6 +65,7 @@ export function createMarks(context, { id, at, go, changed }) {
     /** @param {Capture} capture */
     show(capture) {
       const marks = capture.marks ?? [];
+      field_s = periodOf(capture);
       none.hidden = marks.length > 0;
       fill(list, ...marks.map(line));
     },

@@ -1,6 +1,6 @@
 // The picture of the playhead's field, with rings, ids and residuals. It says itself which field it is of: one that comes
 // too late is never shown for another.
-import { reasonIn, FIELD_S } from "../captures/words.js";
+import { periodOf, reasonIn } from "../captures/words.js";
 import { ApiProblem } from "../core/api.js";
 import { el, setText } from "../core/dom.js";
 import { drawOverlay } from "../live/overlay.js";
@@ -11,6 +11,7 @@ import { outcomeOf } from "./source.js";
 /** @import { Capture, Views } from "types/documents" */
 /** @import { ReplayPicture, ReplayPoints } from "./messages.js" */
 
+/** Of a picture before one has come. */
 const FRAME = { columns: 720, lines: 576 };
 const VIEWS = ["both", "left", "right"];
 const CHOICES = /** @type {const} */ (["rings", "ids", "residuals"]);
@@ -30,6 +31,7 @@ export function createPicturePane(context, captureOf, viewsOf) {
   const bitmaps = createBitmaps();
   const chosen = { rings: true, ids: false, residuals: false };
   let view = "both";
+  let frame = FRAME;
   /** @type {Shown | null} */
   let shown = null;
   /** Field that the canvas has the picture of. @type {ReplayPicture | null} */
@@ -79,15 +81,15 @@ export function createPicturePane(context, captureOf, viewsOf) {
   /** Part of the frame that is looked at: its first column, and how many. */
   function part() {
     const { left } = viewsOf();
-    const middle = left?.end_column ?? FRAME.columns / 2;
-    return { both: [0, FRAME.columns], left: [0, middle], right: [middle, FRAME.columns - middle] }[view] ?? [0, FRAME.columns];
+    const middle = left?.end_column ?? frame.columns / 2;
+    return { both: [0, frame.columns], left: [0, middle], right: [middle, frame.columns - middle] }[view] ?? [0, frame.columns];
   }
 
   /** @returns {CanvasRenderingContext2D} in frame pixels, whose centres are whole numbers */
   function pen() {
     const [first, columns] = part();
     const scale = Math.min(2, Math.max(1, devicePixelRatio));
-    const [width, height] = [Math.round(columns * scale), FRAME.lines * scale];
+    const [width, height] = [Math.round(columns * scale), frame.lines * scale];
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     const to = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d", { alpha: false }));
     to.setTransform(scale, 0, 0, scale, (0.5 - first) * scale, 0.5 * scale);
@@ -97,7 +99,7 @@ export function createPicturePane(context, captureOf, viewsOf) {
   function clear() {
     const to = pen();
     to.fillStyle = "#000";
-    to.fillRect(-1, -1, FRAME.columns + 1, FRAME.lines + 1);
+    to.fillRect(-1, -1, frame.columns + 1, frame.lines + 1);
     drawn = null;
     return to;
   }
@@ -105,14 +107,15 @@ export function createPicturePane(context, captureOf, viewsOf) {
   /** @param {Shown} now @param {ImageBitmap} bitmap */
   function paint({ picture, points }, bitmap) {
     if (!picture) return;
+    frame = { columns: bitmap.width, lines: bitmap.height * picture.yStep };
     const to = clear();
     to.imageSmoothingEnabled = picture.yStep > 1;
     to.drawImage(bitmap, -0.5, picture.y0 - picture.yStep / 2, bitmap.width, bitmap.height * picture.yStep);
     const images = Array.from(points?.target ?? [], (target, i) => ({ target, image: [0, 1, 2, 3].map((k) => points?.image_px[4 * i + k] ?? NaN), residual: points?.residual_px[i] ?? NaN }));
     const centroids = Float32Array.from(chosen.rings ? images.flatMap(({ image }) => image) : []);
     to.translate(-0.5, -0.5); // the overlay counts from the frame's corner
-    const unit = FRAME.columns / Math.max(1, canvas.clientWidth || FRAME.columns);
-    drawOverlay(to, { frame: FRAME, centroids, points: images }, viewsOf(), { ids: chosen.ids, residuals: chosen.residuals }, unit);
+    const unit = frame.columns / Math.max(1, canvas.clientWidth || frame.columns);
+    drawOverlay(to, { frame, centroids, points: images }, viewsOf(), { ids: chosen.ids, residuals: chosen.residuals }, unit);
     drawn = picture;
   }
 
@@ -130,8 +133,8 @@ export function createPicturePane(context, captureOf, viewsOf) {
     setText(missing, text);
     place.classList.toggle("is-late", drawn !== null && drawn.n !== now.n);
     const late = now.picture && drawn?.n !== now.n;
-    setText(words, late ? t("replay.picture.late", { n: drawn?.n ?? "–", wanted: now.n }) : t("capture.field", { n: now.n, s: format.number(now.n * FIELD_S, 2) }));
-    canvas.setAttribute("aria-label", t("capture.picture", { n: now.n, s: format.number(now.n * FIELD_S, 2) }));
+    setText(words, late ? t("replay.picture.late", { n: drawn?.n ?? "–", wanted: now.n }) : t("capture.field", { n: now.n, s: format.number(now.n * periodOf(captureOf()), 2) }));
+    canvas.setAttribute("aria-label", t("capture.picture", { n: now.n, s: format.number(now.n * periodOf(captureOf()), 2) }));
   }
 
   return {

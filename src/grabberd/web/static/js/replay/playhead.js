@@ -1,6 +1,4 @@
 // The playhead: which field is shown, and which comes next. All panes follow it.
-import { FIELD_S } from "../captures/words.js";
-
 /** As fast as it was, and slower. */
 export const SPEEDS = [1, 0.5, 0.25, 0.1];
 /** A page that was held up for longer goes on where it stood. */
@@ -12,21 +10,23 @@ const LONGEST_S = 0.25;
  * @param {number} passed_s
  * @param {number} speed 1: as fast as it was
  * @param {[number, number]} range first field, and the one after the last
+ * @param {number} field_s from field to field
  */
-export function advanced(at, passed_s, speed, [first, end]) {
+export function advanced(at, passed_s, speed, [first, end], field_s) {
   const length = Math.max(1, end - first);
   const from = at >= first && at < end ? at : first;
-  return first + ((from - first + (passed_s * speed) / FIELD_S) % length);
+  return first + ((from - first + (passed_s * speed) / field_s) % length);
 }
 
 /**
  * @param {object} about
+ * @param {number} about.field_s from field to field
  * @param {() => number} about.total number of fields
  * @param {(n: number) => boolean} about.ready whether a field can be shown
  * @param {(n: number) => void} about.moved
  * @param {() => void} about.changed it plays, waits or loops, or does no longer
  */
-export function createPlayhead({ total, ready, moved, changed }) {
+export function createPlayhead({ field_s, total, ready, moved, changed }) {
   let at = 0;
   let n = -1;
   let playing = false;
@@ -43,7 +43,7 @@ export function createPlayhead({ total, ready, moved, changed }) {
   function next(now_ms) {
     const passed_s = Math.min(Math.max(0, now_ms - last_ms) / 1000, LONGEST_S);
     last_ms = now_ms;
-    const later = advanced(at, passed_s, speed, range());
+    const later = advanced(at, passed_s, speed, range(), field_s);
     const waits = !ready(Math.floor(later));
     if (!waits) at = later;
     stand(Math.floor(waits ? later : at), waits);

@@ -1,5 +1,5 @@
 // A capture replayed: one playhead, and four panes that follow it.
-import { FIELD_S } from "../captures/words.js";
+import { periodOf } from "../captures/words.js";
 import { el } from "../core/dom.js";
 import { css } from "../scene/colours.js";
 import { coloursOf } from "../scene/theme.js";
@@ -25,8 +25,11 @@ import { ANALYSED, createWallPane } from "./wall_pane.js";
 
 const AHEAD = 8;
 const MAPS_AHEAD = 4;
+const FILM_S = 5;
 const FRAME = { width: 1280, height: 960 };
-/** Stretches of pictures that are kept: twelve seconds of one bit; of grey ones, which take thirty times as much, two. */
+/** Time that is fetched ahead of the playhead, in s. */
+const AHEAD_S = 1;
+/** Stretches of pictures that are kept: of PAL twelve seconds of one bit; of grey ones, which take thirty times as much, two. */
 const KEPT_PICTURES = { bits: 24, grey: 5 };
 const KEPT_POINTS = 40;
 
@@ -45,25 +48,28 @@ const KEPT_POINTS = 40;
 export function createRoom(context, { capture, measured, analysis, total, now, views, moved }, first) {
   const { t, api, format } = context;
   const { id } = capture;
+  const field_s = periodOf(capture);
+  const ahead = (/** @type {number} */ fields) => Math.max(2, Math.ceil(AHEAD_S / field_s / fields));
+  const keeps = Math.max(capture.bits > 1 ? KEPT_PICTURES.grey : KEPT_PICTURES.bits, ahead(PICTURE_FIELDS) + 3);
   let ended = false;
   const layout = createLayout(context, () => show(playhead.now().n));
 
-  const pictures = createStretches({ length: PICTURE_FIELDS, ahead: 2, kept: capture.bits > 1 ? KEPT_PICTURES.grey : KEPT_PICTURES.bits, total, load: pictureLoader(api, id), changed: come });
-  const points = measured && createStretches({ length: POINT_FIELDS, ahead: 2, kept: KEPT_POINTS, total, load: pointLoader(api, id, () => measured.run), changed: come });
+  const pictures = createStretches({ length: PICTURE_FIELDS, ahead: ahead(PICTURE_FIELDS), kept: keeps, total, load: pictureLoader(api, id), changed: come });
+  const points = measured && createStretches({ length: POINT_FIELDS, ahead: ahead(POINT_FIELDS), kept: KEPT_POINTS, total, load: pointLoader(api, id, () => measured.run), changed: come });
   const maps = analysis && createMapSource(api, id, analysis, () => show(playhead.now().n));
   const analysed = maps ? ANALYSED.filter((name) => maps.quantities.some((one) => one.name === name)) : [];
 
-  const playhead = createPlayhead({ total, ready, moved: (n) => { show(n); moved(n); }, changed: () => transport.change() });
+  const playhead = createPlayhead({ field_s, total, ready, moved: (n) => { show(n); moved(n); }, changed: () => transport.change() });
   const go = (/** @type {number} */ n) => {
     playhead.play(false);
     playhead.go(n);
   };
-  const transport = createTransport(context, playhead, { total, cycle });
+  const transport = createTransport(context, playhead, { field_s, total, cycle });
   const picture = createPicturePane(context, now, views);
-  const wall = createWallPane(context, { id, measured, analysed, scaleOf: (name) => maps?.scaleOf(name) ?? null, chosen: (target) => target !== null && curves.choose(target) });
-  const curves = createCurvesPane(context, { id, measured, total, go });
+  const wall = createWallPane(context, { id, field_s, measured, analysed, scaleOf: (name) => maps?.scaleOf(name) ?? null, chosen: (target) => target !== null && curves.choose(target) });
+  const curves = createCurvesPane(context, { id, field_s, measured, total, go });
   const map = createMapPane(context, id, maps, () => show(playhead.now().n));
-  const film = createFilm(context, { id, total, range, frame: frameAt, busy: (busy) => busy && playhead.play(false) });
+  const film = createFilm(context, { id, field_s, total, range, frame: frameAt, busy: (busy) => busy && playhead.play(false) });
   layout.put({ picture: picture.element, wall: wall.element, curves: curves.element, map: map.element });
   layout.element.append(transport.element);
 
@@ -107,14 +113,14 @@ export function createRoom(context, { capture, measured, analysis, total, now, v
   /** The pulsation at the playhead: by the analysis, or by the curve itself. */
   async function cycle() {
     const { n } = playhead.now();
-    const known = maps?.phases && cycleAt(startsByPhase(maps.phases), n);
+    const known = maps?.phases && cycleAt(startsByPhase(maps.phases), n, field_s);
     return known || curves.cycle();
   }
 
   /** What a film is offered of: what is looped, or five seconds from the playhead on. @returns {[number, number]} */
   function range() {
     const { n, loop } = playhead.now();
-    return loop ?? [n, Math.min(n + 250, total())];
+    return loop ?? [n, Math.min(n + Math.round(FILM_S / field_s), total())];
   }
 
   /** Draws a field whole, for a film. @param {number} n */
@@ -148,7 +154,7 @@ export function createRoom(context, { capture, measured, analysis, total, now, v
       wall: inSpace ? drawnWall(inSpace) : drawnWords(t("replay.noPoints")), map: ofMap ? drawnMap(ofMap) : drawnWords(t("replay.map.none")),
     };
     const panes = layout.seen().filter((name) => name !== "map" || ofMap);
-    const caption = [format.moment(capture.created_utc), t("capture.field", { n, s: format.number(n * FIELD_S, 2) })].join(" · ");
+    const caption = [format.moment(capture.created_utc), t("capture.field", { n, s: format.number(n * field_s, 2) })].join(" · ");
     drawFrame(pen, caption, panes.map((name) => ({ title: t(`replay.pane.${name}`), draw: draws[name] })), look);
     return canvas;
   }

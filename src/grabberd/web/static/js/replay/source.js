@@ -1,6 +1,6 @@
 // All that a replay is made of: a capture, one of its runs, what that was made with, and its analyses.
 import { column, hasAny } from "../analysis/tables.js";
-import { totalOf } from "../captures/words.js";
+import { periodOf, totalOf } from "../captures/words.js";
 import { ApiProblem } from "../core/api.js";
 import { frustaOf } from "../scene/frustum.js";
 import { gridOf } from "../scene/grid.js";
@@ -13,8 +13,8 @@ import { readPictureStretch, readPointStretch } from "./messages.js";
 /** @import { Api } from "types/routes" */
 
 // The newest fields of a running capture, which may not be on the disk yet: it is written to twice a second.
-const UNWRITTEN = 100;
-/** Fields of a stretch: a second of points, half a second of pictures, as the file has them together. */
+const UNWRITTEN_S = 2;
+/** Fields of a stretch, as the file has them together: of PAL a second of points, half a second of pictures. */
 export const POINT_FIELDS = 50;
 export const PICTURE_FIELDS = 25;
 
@@ -32,7 +32,7 @@ export const pathOf = (id) => `/captures/${encodeURIComponent(id)}`;
 
 /** Number of fields that can be read: of a running capture the newest are not on the disk yet. @param {Capture} capture */
 export function readableOf(capture) {
-  return capture.verdict === null ? Math.max(0, totalOf(capture) - UNWRITTEN) : totalOf(capture);
+  return capture.verdict === null ? Math.max(0, totalOf(capture) - Math.round(UNWRITTEN_S / (periodOf(capture) || 1))) : totalOf(capture);
 }
 
 /** Outcome of a field, and its reason. @param {Capture} capture @param {number} n */

@@ -1,5 +1,4 @@
 // Play, pause, step, speed, loop: what moves the playhead, by touch and by keys.
-import { FIELD_S } from "../captures/words.js";
 import { el, setSymbol, setText, symbol } from "../core/dom.js";
 import { SPEEDS } from "./playhead.js";
 
@@ -17,10 +16,11 @@ const SPEED_WORDS = { 1: "1", 0.5: "½", 0.25: "¼", 0.1: "1/10" };
  * @param {Context} context
  * @param {ReturnType<typeof createPlayhead>} playhead
  * @param {object} about
+ * @param {number} about.field_s from field to field
  * @param {() => number} about.total
  * @param {() => Promise<[number, number] | null>} about.cycle the pulsation at the playhead
  */
-export function createTransport(context, playhead, { total, cycle }) {
+export function createTransport(context, playhead, { field_s, total, cycle }) {
   const { t, format } = context;
   const sign = symbol("play");
   const word = el("span", {}, t("shape.play"));
@@ -94,7 +94,7 @@ export function createTransport(context, playhead, { total, cycle }) {
     stand(n) {
       slider.max = String(Math.max(0, total() - 1));
       slider.value = String(n);
-      const words = t("capture.field", { n, s: format.number(n * FIELD_S, 2) });
+      const words = t("capture.field", { n, s: format.number(n * field_s, 2) });
       slider.setAttribute("aria-valuetext", words);
       setText(when, words);
     },

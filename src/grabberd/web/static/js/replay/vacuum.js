@@ -1,6 +1,5 @@
 // The vacuum beside a capture: as loggers have recorded it, or as its analysis knows it. Nothing here touches the page.
 import { column, hasAny } from "../analysis/tables.js";
-import { FIELD_S } from "../captures/words.js";
 
 /** @import { Analysis } from "types/documents" */
 
@@ -25,11 +24,11 @@ export function recordedVacuum(channels) {
   return { names: some.map(({ name }) => name), time_s, kpa: some.map((one) => (one.time_s === time_s ? one.kpa : time_s.map((at) => between(one, at)))) };
 }
 
-/** What an analysis was told, field by field. @param {Analysis} document @returns {Vacuum | null} */
-export function analysedVacuum({ tables }) {
+/** What an analysis was told, field by field. @param {Analysis} document @param {number} field_s from field to field @returns {Vacuum | null} */
+export function analysedVacuum({ tables }, field_s) {
   const names = ANALYSED.filter((name) => hasAny(column(tables.fields, name)));
   if (!names.length) return null;
-  return { names, time_s: column(tables.fields, "n").map((n) => (n ?? 0) * FIELD_S), kpa: names.map((name) => column(tables.fields, name)) };
+  return { names, time_s: column(tables.fields, "n").map((n) => (n ?? 0) * field_s), kpa: names.map((name) => column(tables.fields, name)) };
 }
 
 /** The readings of a window, as columns: times first. @param {Vacuum} vacuum @param {number} first_s @param {number} end_s */

@@ -3,7 +3,6 @@ import { el, fill, symbol } from "../core/dom.js";
 import { MEASURED } from "../scene/live_source.js";
 import { displacement, momentOf } from "../scene/moments.js";
 import { createViewer } from "../scene/viewer.js";
-import { FIELD_S } from "../captures/words.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { Grid } from "../scene/grid.js" */
@@ -20,12 +19,13 @@ export const ANALYSED = ["contact_kpa", "strain1", "strain2", "tension1_n_per_m"
  * @param {Context} context
  * @param {object} about
  * @param {string} about.id of the capture
+ * @param {number} about.field_s from field to field
  * @param {Measured | null} about.measured
  * @param {string[]} about.analysed quantities that its analysis has
  * @param {(quantity: string) => Scale | null} about.scaleOf the scale of one of them
  * @param {(target: number | null) => void} about.chosen told of the target that is touched
  */
-export function createWallPane(context, { id, measured, analysed, scaleOf, chosen }) {
+export function createWallPane(context, { id, field_s, measured, analysed, scaleOf, chosen }) {
   const { t, format } = context;
   const element = el("div", { class: "replay-body" });
   const grid = measured?.grid ?? null;
@@ -33,7 +33,7 @@ export function createWallPane(context, { id, measured, analysed, scaleOf, chose
     fill(element, el("div", { class: "note is-warn" }, symbol("warn"), el("p", {}, t(measured ? "replay.noObject" : "replay.noPoints"))));
     return { element, show: () => {}, picture: () => null, end: () => {} };
   }
-  const when = (/** @type {Moment} */ moment) => t("shape.whenField", { n: moment.n ?? 0, seconds: format.number((moment.n ?? 0) * FIELD_S, 2) });
+  const when = (/** @type {Moment} */ moment) => t("shape.whenField", { n: moment.n ?? 0, seconds: format.number((moment.n ?? 0) * field_s, 2) });
   const viewer = createViewer(context, { grid, frusta: measured.frusta, quantities: [...analysed, ...MEASURED], when, file: id, scaleOf, chosen, compact: true });
   fill(element, viewer.element);
 

@@ -51,7 +51,7 @@ export function createWebm({ width, height, frame_ms, title }) {
         ...element(ID.docType, text("webm")), ...element(ID.docVersion, whole(4)), ...element(ID.docReadVersion, whole(2)));
       const info = element(ID.info, ...element(ID.timeScale, whole(NS_PER_MS)), ...element(ID.duration, real(frames.length * frame_ms)), ...element(ID.muxer, text("grabberd")), ...element(ID.writer, text("grabberd")), ...element(ID.title, text(title)));
       const video = element(ID.video, ...element(ID.width, whole(width)), ...element(ID.height, whole(height)));
-      const track = element(ID.track, ...element(ID.number, whole(1)), ...element(ID.uid, whole(1)), ...element(ID.type, whole(1)), ...element(ID.lacing, whole(0)), ...element(ID.codec, text("V_VP8")), ...element(ID.frameNs, whole(frame_ms * NS_PER_MS)), ...video);
+      const track = element(ID.track, ...element(ID.number, whole(1)), ...element(ID.uid, whole(1)), ...element(ID.type, whole(1)), ...element(ID.lacing, whole(0)), ...element(ID.codec, text("V_VP8")), ...element(ID.frameNs, whole(Math.round(frame_ms * NS_PER_MS))), ...video);
       const parts = [...head, ...element(ID.segment, ...info, ...element(ID.tracks, ...track), ...clusters())];
       return new Blob(/** @type {BlobPart[]} */ (parts), { type: "video/webm" });
     },

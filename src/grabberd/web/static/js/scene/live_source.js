@@ -13,7 +13,7 @@ import { columnsOf, PROTOCOL, readPoints } from "../live/points_message.js";
 /** @import { Api } from "types/routes" */
 
 export const REACH_MM = 120;
-const DRAWN_EVERY_MS = 32; // thirty times a second, as near as fields 20 ms apart allow
+const DRAWN_EVERY_MS = 32; // thirty times a second, as near as the fields' rate allows
 export const MEASURED = ["displacement_mm", "sigma_mm", "residual_px"];
 
 /**
