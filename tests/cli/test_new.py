@@ -1,7 +1,8 @@
-"""A kit works from the first minute: it is made, installed, tested, and takes a capture, in an empty folder."""
+"""A kit works from the first minute: made in an empty folder, installed, tested, and taking a capture."""
 
 import json
 import os
+import re
 import subprocess
 import sys
 import venv
@@ -16,6 +17,7 @@ import grabberd_fake
 from grabberd.cli.app import app
 from grabberd.errors import GrabberdError, InputError, StorageError
 
+ROOT = Path(__file__).parents[2]
 KINDS = ("driver", "logger", "locator")
 Run = Callable[..., str]
 
@@ -30,7 +32,7 @@ def make(*words: object) -> Result:
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """Runs Python in a new environment, in which grabberd is as it is here and nothing comes from a network."""
+    """Runs Python in a new environment, with grabberd as it is here and nothing from a network."""
     pytest.importorskip("hatchling", reason="pip install 'grabberd[test]'")
     folder = tmp_path_factory.mktemp("environment")
     venv.create(folder, with_pip=True, system_site_packages=True, symlinks=True)
@@ -94,11 +96,17 @@ def test_a_capture_is_complete_with_it(
     )
     document = json.loads(said)
     assert document["verdict"] == "complete", said
-    if kind == "locator":
-        with CaptureReader.open(out) as capture:
-            points = capture.run(1)
     if kind == "logger":
-        assert [one["name"] for one in document["channels"]["channels"]] == ["pulsation"]
+        assert document["channels"] | {"in_words": ""} == {
+            "names": ["pulsation"],
+            "verdict": "complete",
+            "in_words": "",
+        }
+    if kind == "locator":
+        (measured,) = document["runs"]
+        assert measured["coverage"]["verdict"] == "measured_well"
+        with grabberd.open(out) as capture:
+            assert capture.meta.config["location"]["method"] == "barn_locator"
 
 
 @pytest.mark.slow
@@ -160,7 +168,29 @@ def test_a_package_that_is_there_is_not_hidden(tmp_path: Path) -> None:
         make("driver", "loggers", "--out", tmp_path / "kit")
 
 
+def test_an_empty_folder_is_filled(tmp_path: Path) -> None:
+    make("driver", "mycard", "-o", tmp_path)
+    assert (tmp_path / "pyproject.toml").is_file()
+
+
 def test_nothing_is_written_over(tmp_path: Path) -> None:
     make("driver", "mycard", "--out", tmp_path / "kit")
     with pytest.raises((InputError, StorageError)):
         make("driver", "mycard", "--out", tmp_path / "kit")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_guide_has_the_commands_of_the_kit(kind: str, tmp_path: Path) -> None:
+    guide = (ROOT / "docs" / "howto" / f"write-a-{kind}.md").read_text()
+    (name,) = re.findall(rf"^    grabberd new {kind} (\w+)", guide, re.MULTILINE)
+    make(kind, name, "--out", tmp_path / "kit")
+    readme = (tmp_path / "kit" / "README.md").read_text()
+    assert set(commands(readme)) <= set(commands(guide))
+    files = {path.name for path in (tmp_path / "kit").rglob("*")}
+    assert set(re.findall(r"`(\w+\.py)`", guide)) <= files
+
+
+def commands(page: str) -> list[str]:
+    """The commands in a page's indented blocks, without comments."""
+    lines = re.findall(r"^    ((?:pip|pytest|grabberd) ?.*)$", page, re.MULTILINE)
+    return [line.split("   #")[0].strip() for line in lines]

@@ -1,6 +1,9 @@
-"""The program's locators keep what `grabberd.testing` asks of one, each as far as it was made for."""
+"""The program's locators keep what `grabberd.testing` asks of one, each as far as it was made for.
 
-from collections.abc import Iterator
+Left out are those kept for comparison whose σ does not hold on these discs at 8 bits (χ² on a field of top
+lines, on a progressive picture): correlation 11.2, 4.6; tian-huhns .59, .18; vernier .71, .34.
+"""
+
 from importlib import import_module
 
 import numpy as np
@@ -86,11 +89,11 @@ class TestVernierAtOneBit(AtOneBit):
 
 
 @pytest.fixture
-def short() -> Iterator[LocationSettings]:
+def short() -> LocationSettings:
     def first_alone(seen: Seen) -> Located:
         return Located(seen.centroids[:1], np.ones((1, 2)))
 
-    yield LocationSettings(method="short", locator=first_alone)
+    return LocationSettings(method="short", locator=first_alone)
 
 
 def test_a_locator_that_leaves_components_out_is_named(short: LocationSettings) -> None:

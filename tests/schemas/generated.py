@@ -1,4 +1,4 @@
-"""Documents drawn from a schema, and valid ones with something changed, for the tests that hold readers to it."""
+"""Documents drawn from a schema, and valid ones with something changed, to hold readers to it."""
 
 import copy
 from collections.abc import Iterator

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from grabberd.cli.options import JsonOption, check_absent, check_folder, print_result
+from grabberd.cli.options import JsonOption, check_absent, check_folder, out_folder, print_result
 from grabberd.errors import InputError
 
 Kind = Literal["driver", "logger", "locator"]
@@ -18,7 +18,7 @@ KITS = Path(__file__).parent / "kits"
 """Templates of the packages' files, a folder for each kind; NAME and PACKAGE in their paths are replaced."""
 SUFFIX = ".template"
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
-_GROUPS: Mapping[Kind, str] = {
+_KINDS: Mapping[Kind, str] = {
     "driver": "driver of a grabber",
     "logger": "driver of a logger",
     "locator": "locator",
@@ -28,16 +28,14 @@ _GROUPS: Mapping[Kind, str] = {
 def new(
     kind: Annotated[Kind, typer.Argument(help="What to begin.")],
     name: Annotated[str, typer.Argument(help="Name that the configuration will call it by.")],
-    out: Annotated[
-        Path | None, typer.Option(help="Folder to make; default: grabberd-NAME.", show_default=False)
-    ] = None,
+    out: Annotated[Path | None, out_folder("the package; default: grabberd-NAME")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Write a package to begin a driver, a logger or a locator with: it works, and its tests are the contract's.
+    """Write a package to begin a driver, a logger or a locator with: it works, and runs the contract's tests.
 
     Example: grabberd new driver mycard
 
-    Example: grabberd new locator gaussian --out ~/gaussian
+    Example: grabberd new locator gaussian --out gaussian
     """
     from grabberd.storage.disk import storage_errors  # noqa: PLC0415
 
@@ -45,14 +43,16 @@ def new(
     words = words_of(name)
     folder = (out or Path(words["DISTRIBUTION"])).expanduser()
     check_folder(folder)
-    check_absent(folder)
+    if not (folder.is_dir() and not any(folder.iterdir())):
+        check_absent(folder)
     made = dict(files(kind, words))
     with storage_errors(folder):
         for path, text in made.items():
             file = folder / path
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(text, encoding="utf-8")
-    said = f"{folder}: a {_GROUPS[kind]} that works; go on with\n  pip install -e '{folder}[test]'\n  pytest {folder}"
+    said = f"{folder}: a {_KINDS[kind]} that works; go on with"
+    said += f"\n  pip install -e '{folder}[test]'\n  pytest {folder}"
     print_result({"folder": str(folder), "files": sorted(made)}, said, as_json=json)
 
 
@@ -70,7 +70,7 @@ def files(kind: Kind, words: Mapping[str, str]) -> Iterator[tuple[str, str]]:
 
 
 def words_of(name: str) -> dict[str, str]:
-    """What the templates call by other words, from the name."""
+    """Words that the templates are filled with, from the name."""
     from grabberd.config import shipped_configs  # noqa: PLC0415 - loads pydantic
 
     return {

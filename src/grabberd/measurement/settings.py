@@ -31,9 +31,10 @@ class LocationSettings:
     """Settings of target location.
 
     Attributes:
-        method: One of `METHODS`, or the name of `locator`; "automatic" picks the most accurate for the field's bits, "locale" at 1 bit
-            and "template" with more; "weighted" is nearly as accurate as "template" in half the time;
-            "centroid" weights all pixels equally at 1 bit, and by g − T with more bits (paper eqs. 1, 2).
+        method: One of `METHODS`, or the name of `locator`; "automatic" picks the most accurate for the
+            field's bits, "locale" at 1 bit and "template" with more; "weighted" is nearly as accurate as
+            "template" in half the time; "centroid" weights all pixels equally at 1 bit, and by g − T with
+            more bits (paper eqs. 1, 2).
         min_diameter_px: Blobs smaller than a disc of this diameter, in frame pixels, are not targets; None
             if it is not known what to expect, then that of `USUAL_LIMITS_PX`.
         max_diameter_px: Blobs larger than a disc of this diameter are not targets; None likewise.

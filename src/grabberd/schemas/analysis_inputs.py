@@ -3,7 +3,6 @@
 from dataclasses import MISSING, fields
 
 from grabberd.analysis import UNSEEN
-from grabberd.analysis.vacuum.vacuum import LEAST_KPA, MOST_KPA
 from grabberd.analysis.wall.material import LAWS, Material
 from grabberd.processes.analysis.inputs import MOST_PHASES
 from grabberd.schemas.forms import (
@@ -18,6 +17,7 @@ from grabberd.schemas.forms import (
     positive,
     text,
 )
+from grabberd.vacuum_units import LEAST_KPA, MOST_KPA
 
 _ABOVE_0 = ("E_mpa", "wall_mm", "radius_mm")
 _SIGNED = ("first_end_mm", "last_end_mm")

@@ -79,10 +79,11 @@ def _view() -> Schema:
 
 def _local_field() -> Schema:
     keys = {"origin_px": numbers(2), "step_px": positive(), "x_px": _grid(), "y_px": _grid()}
-    keys |= {"sigma_x_px": _grid(minimum=0), "sigma_y_px": _grid(minimum=0)}
+    keys |= {"sigma_x_px": _grid(least=0), "sigma_y_px": _grid(least=0)}
     return mapping(keys, tuple(keys), "What the picture shows beyond the model, a spline on a grid of nodes.")
 
 
-def _grid(**limits: float) -> Schema:
-    row = {"type": "array", "items": number(**limits), "minItems": _NODES}
+def _grid(*, least: float | None = None) -> Schema:
+    value = number() if least is None else number(minimum=least)
+    row = {"type": "array", "items": value, "minItems": _NODES}
     return {"type": "array", "items": row, "minItems": _NODES}

@@ -92,5 +92,5 @@ def _disc(centre: NDArray[np.int64], diameter_px: float) -> NDArray[np.float64]:
     """A disc of brightness 1 through the lens's spread and square pixels, at a fine sample (x, y)."""
     fine = np.zeros((_PATCH_PX * FINE, _PATCH_PX * FINE), np.float32)
     cv2.circle(fine, (int(centre[0]), int(centre[1])), round(diameter_px / 2 * FINE), 1.0, cv2.FILLED)
-    fine = cv2.GaussianBlur(fine, (0, 0), _SPREAD_PX * FINE)
-    return cv2.resize(fine, (_PATCH_PX, _PATCH_PX), interpolation=cv2.INTER_AREA).astype(np.float64)
+    spread = cv2.GaussianBlur(fine, (0, 0), _SPREAD_PX * FINE)
+    return cv2.resize(spread, (_PATCH_PX, _PATCH_PX), interpolation=cv2.INTER_AREA).astype(np.float64)

@@ -1,4 +1,4 @@
-"""What every driver of a grabber promises to the capture thread, as tests that a driver's own tests subclass."""
+"""Promises of every grabber's driver to the capture thread, as tests that a driver's own subclass."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ class GrabberContract:
 
     @pytest.fixture
     def info(self, grabber: Grabber) -> StreamInfo:
-        """What the grabber grants when it is opened."""
+        """The stream that the grabber grants when it is opened."""
         return grabber.open()
 
     def test_it_says_what_was_granted(self, bench: GrabberBench, info: StreamInfo) -> None:

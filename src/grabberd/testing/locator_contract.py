@@ -1,4 +1,4 @@
-"""What every locator promises to the rooms that use its blobs, as tests that its own tests subclass."""
+"""Promises of every locator to the rooms that use its blobs, as tests that a locator's own subclass."""
 
 from typing import ClassVar
 

@@ -1,4 +1,4 @@
-"""What every driver of a logger promises to the thread that reads it, as tests that its own tests subclass."""
+"""Promises of every logger's driver to the thread that reads it, as tests that a driver's own subclass."""
 
 from collections.abc import Iterator
 from typing import Protocol
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from grabberd.acquisition import LOGGERS
-from grabberd.acquisition.channels import Dating, Logger, LoggerInfo, Readings
+from grabberd.acquisition.channels import Anomaly, Dating, Logger, LoggerInfo, Readings
 from grabberd.errors import DeviceAbsent, DeviceError, DeviceLost, DeviceRefused
 
 COUNT = 40
@@ -56,7 +56,7 @@ class LoggerContract:
 
     @pytest.fixture
     def info(self, bench: LoggerBench) -> LoggerInfo:
-        """What is found when the logger is opened."""
+        """The logger as it is found when it is opened."""
         return bench.logger.open()
 
     def test_it_says_what_was_found(self, bench: LoggerBench, info: LoggerInfo) -> None:
@@ -91,7 +91,7 @@ class LoggerContract:
     def test_nonsense_is_named_and_the_reading_goes_on(self, bench: LoggerBench, info: LoggerInfo) -> None:
         take(bench)
         bench.spoil()
-        named = []
+        named: list[Anomaly] = []
         for _ in range(5):
             named += bench.logger.read(0.02).anomalies
         assert named
