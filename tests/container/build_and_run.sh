@@ -2,6 +2,7 @@
 # Builds the image from a bundle, on a Debian made of this machine's own sources, and runs it with a root that is only
 # read: it becomes healthy, captures, keeps the capture in its volume over a restart, and says no to who has no token.
 # usage: build_and_run.sh BUILDING_PYTHON [BUNDLE]
+# DRIVER=vfs: where there is no overlay file system (slow: every layer is a copy).
 set -euo pipefail
 python=$1 here=$(cd "$(dirname "$0")/../.." && pwd)
 for program in podman mmdebstrap; do
@@ -10,7 +11,7 @@ done
 test "$(id -u)" = 0 || { echo "container: NOT tested, the base is made by root"; exit 0; }
 work=$(mktemp -d)
 # A store of its own: nothing of this machine's images is touched, and nothing stays.
-podman() { command podman --root "$work/store" --runroot "$work/run" --storage-driver "${DRIVER:-vfs}" --cgroup-manager cgroupfs "$@"; }
+podman() { command podman --root "$work/store" --runroot "$work/run" --storage-driver "${DRIVER:-overlay}" --cgroup-manager cgroupfs "$@"; }
 trap 'podman rm --force --all >/dev/null 2>&1 || true; podman unmount --all >/dev/null 2>&1 || true; rm -rf "$work"' EXIT
 fail() { echo "container: $*"; podman logs grabberd 2>&1 | tail -20; exit 1; }
 
@@ -24,7 +25,7 @@ mmdebstrap --quiet --variant=minbase --include=python3,python3-venv,libusb-1.0-0
 podman import --quiet "$base" localhost/base >/dev/null
 rm "$base"
 isolation=${ISOLATION:-chroot}
-podman build --quiet --format docker --isolation "$isolation" --network host --build-arg BASE=localhost/base --tag grabberd \
+podman build --quiet --layers=false --format docker --isolation "$isolation" --network host --build-arg BASE=localhost/base --tag grabberd \
     --file "$here/systemd/Containerfile" "$work/context" >"$work/built" 2>&1 || { cat "$work/built"; fail "cannot be built"; }
 echo "container: built, $(podman image inspect --format '{{.Size}}' grabberd | awk '{printf "%.0f MB", $1 / 1e6}')"
 test "$(podman image inspect --format '{{.Config.User}}' grabberd)" = 8050:8050 || fail "it runs as root"
