@@ -32,10 +32,11 @@ test "$(podman image inspect --format '{{.Config.User}}' grabberd)" = 8050:8050 
 
 podman volume create captures >/dev/null
 run() { # NAME AND OPTIONS -- COMMAND
-    podman run --read-only --cap-drop=all --security-opt=no-new-privileges --cgroups=disabled --network host \
+    # Limits as they are, and no timer of systemd's for the health: neither can be had everywhere.
+    podman run --ulimit host --health-interval disable --read-only --cap-drop=all --security-opt=no-new-privileges --cgroups=disabled --network host \
         --tmpfs /tmp --volume captures:/var/lib/grabberd "$@"
 }
-probe=$(run --rm grabberd --version 2>&1) || { echo "container: built, but NOT run, this machine lets nobody run one: $probe"; exit 0; }
+probe=$(run --rm grabberd --version 2>&1 | tail -1) || { echo "container: built, but NOT run, this machine lets nobody run one: $(tail -1 <<<"$probe")"; exit 0; }
 echo "container: $probe"
 
 port=18050
@@ -53,6 +54,7 @@ serve() {
 }
 ask() { "$python" -c 'import sys, urllib.request as r; print(r.urlopen(r.Request(sys.argv[1], sys.argv[2].encode() if len(sys.argv) > 2 else None, {"Content-Type": "application/json"}), timeout=30).read().decode())' "http://127.0.0.1:$port/$1" "${@:2}" 2>/dev/null; }
 serve
+podman healthcheck run grabberd >/dev/null || fail "it serves, but is not healthy by its own check"
 ask api/v1/captures '{"fields": 25}' >"$work/begun" || fail "it does not capture"
 id=$("$python" -c 'import json, sys; print(json.load(open(sys.argv[1]))["id"])' "$work/begun")
 podman exec grabberd touch /opt/grabberd/written 2>/dev/null && fail "its root can be written"
