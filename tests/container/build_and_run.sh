@@ -9,7 +9,7 @@ for program in podman mmdebstrap; do
     command -v $program >/dev/null || { echo "container: NOT tested, $program is missing: sudo apt-get install podman mmdebstrap"; exit 0; }
 done
 test "$(id -u)" = 0 || { echo "container: NOT tested, the base is made by root"; exit 0; }
-work=$(mktemp -d)
+work=$(mktemp -d) runtime=$(command -v runc || true)
 # A store of its own: nothing of this machine's images is touched, and nothing stays.
 podman() { command podman --root "$work/store" --runroot "$work/run" --storage-driver "${DRIVER:-overlay}" --cgroup-manager cgroupfs "$@"; }
 trap 'podman rm --force --all >/dev/null 2>&1 || true; podman unmount --all >/dev/null 2>&1 || true; rm -rf "$work"' EXIT
@@ -32,8 +32,9 @@ test "$(podman image inspect --format '{{.Config.User}}' grabberd)" = 8050:8050 
 
 podman volume create captures >/dev/null
 run() { # NAME AND OPTIONS -- COMMAND
-    # Limits as they are, and no timer of systemd's for the health: neither can be had everywhere.
-    podman run --ulimit host --health-interval disable --read-only --cap-drop=all --security-opt=no-new-privileges --cgroups=disabled --network host \
+    # Limits that nobody has to raise, and no timer of systemd's for the health: neither can be had everywhere.
+    podman ${runtime:+--runtime "$runtime"} run --ulimit nofile=1024:1024 --ulimit nproc=1000:1000 --health-interval disable \
+        --read-only --cap-drop=all --security-opt=no-new-privileges --network host \
         --tmpfs /tmp --volume captures:/var/lib/grabberd "$@"
 }
 probe=$(run --rm grabberd --version 2>&1 | tail -1) || { echo "container: built, but NOT run, this machine lets nobody run one: $(tail -1 <<<"$probe")"; exit 0; }
