@@ -23,7 +23,7 @@ SITE := src/grabberd/web/site/index.html
 SITE_SOURCES = README.md CHANGELOG.md $(shell find docs src/grabberd/public -name '*.md' -o -name '*.ipynb' -o -name '*.py' -o -name '*.png' -o -name '*.svg')
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto ffmpeg promtool screenshots test-vm test-wheel test-pythons sizes test-install test-deb test-container wheel sdist deb check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs site format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto ffmpeg promtool screenshots test-vm test-wheel test-pythons sizes test-install test-deb test-vm-deb test-container wheel sdist deb check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs site format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -94,7 +94,10 @@ npm:
 	  || echo "*** npm is missing, so the page's types are NOT checked: sudo apt-get install npm ***"
 
 test-vm: $(READY)  ## driver and service under a real kernel and systemd, in a virtual machine (WRITE=1: results into docs/)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/vm $(if $(WRITE),--write-tables)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/vm --ignore=tests/vm/test_deb.py $(if $(WRITE),--write-tables)
+
+test-vm-deb: $(READY)  ## the Debian package in the same machine: installed, captures, purged (six minutes)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/vm/test_deb.py
 
 test-wheel: wheel sdist  ## install wheel and source archive, with a compiler and without, into an empty environment; capture there
 	@! ls $(WHEELS)/grabberd-*abi3*.whl >/dev/null 2>&1 || $(BIN)/abi3audit --strict $(WHEELS)/grabberd-*.whl

@@ -29,7 +29,7 @@ do_tree() {
     step_imports
     compile_release
     # The same program as installer.sh's, at another place.
-    grep -rIl /opt/grabberd/current "$new/share" | grep -v '\.sh$' | xargs sed -i "s|/opt/grabberd/current|$PREFIX|g"
+    grep -rIl /opt/grabberd/current "$new/share" | grep -v '\.sh$' | xargs -r sed -i "s|/opt/grabberd/current|$PREFIX|g"
     system_files | while read -r to from; do
         install -D -m 644 "$new/$from" "$DESTDIR$to"
     done
@@ -48,6 +48,12 @@ strip_release() {
     rm -f "$site"/*.dist-info/direct_url.json "$site"/*.dist-info/RECORD "$site"/*.dist-info/REQUESTED
     find "$site" -mindepth 2 -type d -name tests ! -path "$site/grabberd*" -prune -exec rm -rf {} +
     find "$new" -type d -name __pycache__ -prune -exec rm -rf {} +
+    find "$site" -name '*.so*' -type f -exec chmod 644 {} +
+    # What makes packages, and the other way to install.
+    cd "$new/share/grabberd/systemd"
+    rm -rf bundle.sh deb.sh check-units.sh installer.sh debian Containerfile
+    find . -name '*.sh' ! -name release.sh -exec chmod 755 {} +
+    cd - >/dev/null
 }
 
 # By one process in one order, with digests in place of times: the same bytes every time.

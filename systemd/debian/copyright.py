@@ -13,7 +13,7 @@ HEAD = """Format: https://www.debian.org/doc/packaging-manuals/copyright-format/
 Upstream-Name: grabberd
 
 Files: *
-Copyright: The grabberd authors
+Copyright: 2026 The grabberd authors
 License: Apache-2.0
 
 Files: usr/lib/grabberd/lib/python3*/site-packages/*

@@ -49,7 +49,7 @@ def test_the_readme_is_short() -> None:
 
 WRITING = {
     *("capture", "frame", "calibrate", "analyse", "study", "test", "export", "render", "reprocess"),
-    *("inspect", "diagnostics", "backup", "profile export"),
+    *("inspect", "diagnostics", "backup", "new", "profile export"),
 }
 """Commands that write a file or a folder of the user's choice."""
 

@@ -2,15 +2,16 @@
 # Builds the image from a bundle, on a Debian made of this machine's own sources, and runs it with a root that is only
 # read: it becomes healthy, captures, keeps the capture in its volume over a restart, and says no to who has no token.
 # usage: build_and_run.sh BUILDING_PYTHON [BUNDLE]
+# DRIVER=vfs: where there is no overlay file system (slow: every layer is a copy).
 set -euo pipefail
 python=$1 here=$(cd "$(dirname "$0")/../.." && pwd)
 for program in podman mmdebstrap; do
     command -v $program >/dev/null || { echo "container: NOT tested, $program is missing: sudo apt-get install podman mmdebstrap"; exit 0; }
 done
 test "$(id -u)" = 0 || { echo "container: NOT tested, the base is made by root"; exit 0; }
-work=$(mktemp -d)
+work=$(mktemp -d) runtime=$(command -v runc || true)
 # A store of its own: nothing of this machine's images is touched, and nothing stays.
-podman() { command podman --root "$work/store" --runroot "$work/run" --storage-driver "${DRIVER:-vfs}" --cgroup-manager cgroupfs "$@"; }
+podman() { command podman --root "$work/store" --runroot "$work/run" --storage-driver "${DRIVER:-overlay}" --cgroup-manager cgroupfs "$@"; }
 trap 'podman rm --force --all >/dev/null 2>&1 || true; podman unmount --all >/dev/null 2>&1 || true; rm -rf "$work"' EXIT
 fail() { echo "container: $*"; podman logs grabberd 2>&1 | tail -20; exit 1; }
 
@@ -24,17 +25,19 @@ mmdebstrap --quiet --variant=minbase --include=python3,python3-venv,libusb-1.0-0
 podman import --quiet "$base" localhost/base >/dev/null
 rm "$base"
 isolation=${ISOLATION:-chroot}
-podman build --quiet --format docker --isolation "$isolation" --network host --build-arg BASE=localhost/base --tag grabberd \
+podman build --quiet --layers=false --format docker --isolation "$isolation" --network host --build-arg BASE=localhost/base --tag grabberd \
     --file "$here/systemd/Containerfile" "$work/context" >"$work/built" 2>&1 || { cat "$work/built"; fail "cannot be built"; }
 echo "container: built, $(podman image inspect --format '{{.Size}}' grabberd | awk '{printf "%.0f MB", $1 / 1e6}')"
 test "$(podman image inspect --format '{{.Config.User}}' grabberd)" = 8050:8050 || fail "it runs as root"
 
 podman volume create captures >/dev/null
 run() { # NAME AND OPTIONS -- COMMAND
-    podman run --read-only --cap-drop=all --security-opt=no-new-privileges --cgroups=disabled --network host \
+    # Limits that nobody has to raise, and no timer of systemd's for the health: neither can be had everywhere.
+    podman ${runtime:+--runtime "$runtime"} run --ulimit nofile=1024:1024 --ulimit nproc=1000:1000 --health-interval disable \
+        --read-only --cap-drop=all --security-opt=no-new-privileges --network host \
         --tmpfs /tmp --volume captures:/var/lib/grabberd "$@"
 }
-probe=$(run --rm grabberd --version 2>&1) || { echo "container: built, but NOT run, this machine lets nobody run one: $probe"; exit 0; }
+probe=$(run --rm grabberd --version 2>&1 | tail -1) || { echo "container: built, but NOT run, this machine lets nobody run one: $(tail -1 <<<"$probe")"; exit 0; }
 echo "container: $probe"
 
 port=18050
@@ -52,6 +55,7 @@ serve() {
 }
 ask() { "$python" -c 'import sys, urllib.request as r; print(r.urlopen(r.Request(sys.argv[1], sys.argv[2].encode() if len(sys.argv) > 2 else None, {"Content-Type": "application/json"}), timeout=30).read().decode())' "http://127.0.0.1:$port/$1" "${@:2}" 2>/dev/null; }
 serve
+podman healthcheck run grabberd >/dev/null || fail "it serves, but is not healthy by its own check"
 ask api/v1/captures '{"fields": 25}' >"$work/begun" || fail "it does not capture"
 id=$("$python" -c 'import json, sys; print(json.load(open(sys.argv[1]))["id"])' "$work/begun")
 podman exec grabberd touch /opt/grabberd/written 2>/dev/null && fail "its root can be written"

@@ -58,9 +58,10 @@ install_source GRABBERD_KERNEL=must
 complete
 expect "compiled kernel"
 "$work/venv/bin/grabberd" capture --fields 8 --out compiled.grab >/dev/null
+compiled=$(version)
 install_source -u CC PATH="$work/venv/bin"
 complete
 expect "no compiled kernel"
 "$work/venv/bin/grabberd" capture --fields 8 --out plain.grab >/dev/null
-echo "wheel: from the source archive with a compiler: $(version); without:"
+echo "wheel: from the source archive with a compiler: $compiled; without:"
 version
