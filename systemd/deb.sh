@@ -29,7 +29,7 @@ numbers=$("$python" -c 'import sys; print("%d.%d %d.%d" % (*sys.version_info[:2]
 doc=$work/tree/usr/share/doc/grabberd
 mkdir -p "$doc" "$work/tree/usr/share/lintian/overrides" "$work/tree/DEBIAN"
 "$python" "$here/debian/copyright.py" "$work/tree/usr/lib/grabberd" >"$doc/copyright"
-printf 'grabberd (%s) unstable; urgency=medium\n\n  * See https://pypi.org/project/grabberd and /docs of the daemon.\n\n -- %s  %s\n' \
+printf 'grabberd (%s) unstable; urgency=medium\n\n  * What changed for users: /docs/changelog/ of the daemon.\n\n -- %s  %s\n' \
     "$version" "$(sed -n 's/^Maintainer: //p' "$here/debian/control")" "$(date -R -d "@$SOURCE_DATE_EPOCH")" | gzip -9n >"$doc/changelog.gz"
 cp "$here/debian/lintian-overrides" "$work/tree/usr/share/lintian/overrides/grabberd"
 size_kb=$(find "$work/tree" -type f -printf '%s\n' | awk '{sum += $1} END {print int(sum / 1024) + 1}')
