@@ -123,7 +123,7 @@ test-container: $(READY)  ## build the image and run it, where podman or buildah
 wheel: $(READY) site  ## the wheel, tagged for the oldest glibc that its kernel runs with, into build/wheel
 	@rm -rf $(WHEELS)
 	@$(BIN)/python -m build --wheel --outdir $(WHEELS)/built . >$(VENV)/wheel.log 2>&1 || { cat $(VENV)/wheel.log; exit 1; }
-	@PATH="$(abspath $(BIN)):$$PATH" auditwheel --quiet repair --wheel-dir $(WHEELS) $(WHEELS)/built/*.whl >>$(VENV)/wheel.log 2>&1 \
+	@PATH="$(abspath $(BIN)):$$PATH" auditwheel repair --wheel-dir $(WHEELS) $(WHEELS)/built/*.whl >>$(VENV)/wheel.log 2>&1 \
 	  || { echo "wheel: tagged for computers like this one alone: $$(tail -1 $(VENV)/wheel.log)"; cp $(WHEELS)/built/*.whl $(WHEELS); }
 
 sdist: $(READY) site  ## the source archive, with the documentation's site, into build/source
