@@ -21,7 +21,8 @@ ALL_FOUND = "108 targets found on the left and 108 on the right, of 108"
 def before_the_frame(tmp_path: Path, start_daemon: Start) -> Daemon:
     """A daemon whose camera sees the calibration frame, and which has no calibration yet."""
     write_config(tmp_path, {"scene": "calibration_frame"})
-    return start_daemon(config=str(tmp_path / "config.yaml"), location="weighted")
+    # The cheaper locator of other tests is off on discs that lean as much as those of the second pose.
+    return start_daemon(config=str(tmp_path / "config.yaml"), location="automatic")
 
 
 def write_config(folder: Path, scene: dict[str, Any]) -> None:
@@ -81,7 +82,7 @@ def test_a_calibration_from_two_poses(before_the_frame: Daemon, open_page: Open)
     rows = [f"Pose {n} – {ALL_FOUND}Remove" for n in (1, 2)]
     expect(page.locator("[data-pose]")).to_have_text(rows)
     page.get_by_role("button", name="Compute").click()
-    page.locator("[data-verdict]").wait_for(timeout=LONG_MS)
+    expect(page.locator("[data-verdict]")).to_be_visible(timeout=LONG_MS)
     made = page.url.rsplit("/", 1)[1]
     document = daemon.ask(f"/calibrations/{made}")
     (pose,) = document["details"]["poses"]

@@ -78,7 +78,7 @@ def test_one_playhead_moves_picture_shape_curves_and_map(
     expect(page.locator("[data-pane=map] .replay-of")).to_have_text("Field 61")
     page.get_by_role("slider", name="Which field").fill("100")
     stands_at(page, 100)
-    curve = page.locator(".replay-over").first
+    curve = page.locator(".replay-chart .u-over").first
     curve.click(position={"x": curve.bounding_box()["width"] * 0.2, "y": 20})
     stands_at(page, 30)
     until(page, "address => location.hash === address", f"#replay/{capture}/30")
@@ -125,14 +125,14 @@ def test_marks_are_set_named_shown_found_and_removed(daemon: Daemon, capture: st
     page.reload()
     until(page, BRIGHT)
     page.get_by_role("button", name="Mark this field").click()
-    expect(page.locator(".replay-flag")).to_have_text("kick")
+    expect(page.locator(".chart-flag")).to_have_text("kick")
     assert daemon.ask(f"/captures/{capture}")["marks"] == [{"n": 40, "name": "kick"}]
     page.keyboard.press("Tab")
     page.get_by_role("slider", name="Which field").fill("90")
     page.get_by_role("button", name="0.80 s · kick (field 40)").click()
     stands_at(page, 40)
     page.get_by_role("button", name="Remove the mark kick").click()
-    expect(page.locator(".replay-flag")).to_have_count(0)
+    expect(page.locator(".chart-flag")).to_have_count(0)
     assert daemon.ask(f"/captures/{capture}")["marks"] == []
 
 
