@@ -6,6 +6,7 @@ import { onTheme } from "../scene/theme.js";
 import { createButtons } from "./chart_buttons.js";
 import { gesturesOf } from "./chart_gestures.js";
 import { createLegend } from "./chart_legend.js";
+import { createMarks } from "./chart_marks.js";
 import { aligned, coloursAt, drawingOf } from "./drawing.js";
 import { listenToGestures } from "./gestures.js";
 import { createLink, linkOf } from "./link.js";
@@ -57,7 +58,7 @@ export function createChart(context, options) {
   const link = options.together ? linkOf(options.together) : createLink();
   const legend = createLegend(context, options, choose);
   const place = el("div", { class: "chart-place", role: "img", tabindex: 0, "aria-label": options.title, "aria-description": t("plots.keys") });
-  const playhead = el("div", { class: "chart-mark", hidden: true });
+  const marks = createMarks();
   const heading = el("h2", {}, options.title, options.unit ? el("span", { class: "muted" }, ` ${options.unit}`) : null);
   const height = options.height ?? HEIGHT;
   const state = () => ({ columns: data, sigmas: options.lines.map((_, i) => sigmaOf(i)), shown: legend.shown(), range: link.get().range });
@@ -77,7 +78,7 @@ export function createChart(context, options) {
     if (!width) return;
     plot?.destroy();
     const drawing = drawingOf(options, format, coloursAt(element), { width, height, range: () => link.get().range });
-    plot = new uPlot({ ...drawing, hooks: { setCursor: [point], ready: [(one) => one.over.append(playhead)], draw: [showMark] } }, aligned(data), place);
+    plot = new uPlot({ ...drawing, hooks: { setCursor: [point], ready: [(one) => one.over.append(...marks.elements)], draw: [showMark] } }, aligned(data), place);
     legend.shown().forEach((isShown, i) => isShown || choose(i, false));
     tell();
   }
@@ -130,10 +131,7 @@ export function createChart(context, options) {
   }
 
   function showMark() {
-    const { mark } = link.get();
-    const left = mark === null || !plot ? NaN : plot.valToPos(mark, "x");
-    playhead.hidden = !(left >= 0 && left <= (plot?.over.clientWidth ?? 0));
-    playhead.style.insetInlineStart = `${left}px`;
+    if (plot) marks.place(plot, link.get().mark);
   }
 
   /** @returns {Range} */
@@ -166,6 +164,11 @@ export function createChart(context, options) {
   return {
     element,
     zoom,
+    /** Names places of its x. @param {import("./chart_marks.js").Flag[]} flags */
+    flag(flags) {
+      marks.flag(flags);
+      showMark();
+    },
     /** @param {Column[]} columns times first @param {string} words what they show @param {Column[]} [spread] σ of each line, where they are known */
     set(columns, words, spread = []) {
       data = columns;

@@ -5,7 +5,7 @@ import { columnsOf, summaryOf } from "../plots/series.js";
 import { createTargetPicker } from "../plots/target_picker.js";
 import { createCourses } from "./courses.js";
 import { cycleAt, startsByCurve } from "./cycles.js";
-import { createTimeLine } from "./time_line.js";
+import { linkOf } from "../plots/link.js";
 import { windowOf } from "./vacuum.js";
 
 /** @import { Context } from "../core/context.js" */
@@ -19,6 +19,8 @@ const SPANS_S = [2, 10, 30];
 const SHORT_S = 10;
 const HEIGHT = 120;
 const NEAR_S = 4;
+/** The charts' common cursor, range and playhead. */
+const TOGETHER = "replay";
 const WHATS = /** @type {const} */ (["width", "x", "y", "z"]);
 
 /**
@@ -44,6 +46,7 @@ export function createCurvesPane(context, { id, field_s, measured, total, go }) 
   let first = -1;
   let n = 0;
   let turn = 0;
+  const link = linkOf(TOGETHER);
   /** Until the window is drawn. */
   let filling = Promise.resolve();
   /** @type {Vacuum | null} */
@@ -79,9 +82,9 @@ export function createCurvesPane(context, { id, field_s, measured, total, go }) 
   function chartWith(title, unit, labels, band, least) {
     const when = (/** @type {number} */ s) => `${format.number(first * field_s + s, span * field_s > 5 ? 0 : 1)} s`;
     const lines = labels.map((label, i) => ({ label, ink: INKS[i % INKS.length], dash: i ? [7, 4] : undefined }));
-    const chart = createChart(context, { title, unit, digits: 2, lines, band, when, height: HEIGHT, least, over: [0, span * field_s] });
-    const line = createTimeLine(chart.element, (share) => go(Math.min(first + share * span, total() - 1)));
-    return { chart, line, title, element: el("div", { class: "replay-chart" }, chart.element, line.element) };
+    const pressed = (/** @type {number} */ s) => go(Math.min(first + Math.round(s / field_s), total() - 1));
+    const chart = createChart(context, { title, unit, digits: 2, lines, band, when, height: HEIGHT, least, over: [0, span * field_s], together: TOGETHER, pressed });
+    return { chart, title, element: el("div", { class: "replay-chart" }, chart.element) };
   }
 
   function build() {
@@ -125,17 +128,26 @@ export function createCurvesPane(context, { id, field_s, measured, total, go }) 
   }
 
   /** @param {(typeof charts)[number]} one @param {(number | null)[][]} columns @param {string} unit */
-  function draw({ chart, line, title }, columns, unit) {
+  function draw({ chart, title }, columns, unit) {
     const summary = summaryOf(columns[1] ?? []);
     const number = (/** @type {number} */ value) => format.number(value, 2);
     chart.set(columns, summary ? t("plots.words", { name: `${title} ${unit}`, last: number(summary.last), least: number(summary.least), greatest: number(summary.greatest) }) : title);
-    line.moved();
-    line.stand((n - first) / span);
+    standInCharts();
   }
 
   function placeMarks() {
-    const here = marks.filter((one) => one.n >= first && one.n < first + span).map((one) => ({ share: (one.n - first) / span, name: one.name }));
-    for (const { line } of charts) line.mark(here);
+    const here = marks.filter((one) => one.n >= first && one.n < first + span).map((one) => ({ x: (one.n - first) * field_s, name: one.name }));
+    for (const { chart } of charts) chart.flag(here);
+  }
+
+  /** A part that was zoomed into goes along with the playhead. */
+  function standInCharts() {
+    const mark = (n - first) * field_s;
+    const { range } = link.get();
+    const long = range ? range[1] - range[0] : 0;
+    const isOut = range !== null && (mark < range[0] || mark > range[1]);
+    const from = Math.min(mark, span * field_s - long);
+    link.set(isOut ? { mark, range: [from, from + long] } : { mark });
   }
 
   /** @param {number} to */
@@ -147,14 +159,11 @@ export function createCurvesPane(context, { id, field_s, measured, total, go }) 
       build();
       const next = first + span;
       if (courses && next < total()) courses.of(what, next, Math.min(next + span, total())).catch(() => {});
-    } else for (const { line } of charts) line.stand((n - first) / span);
+    } else standInCharts();
   }
 
   function end() {
-    for (const { chart, line } of charts) {
-      chart.end();
-      line.end();
-    }
+    for (const { chart } of charts) chart.end();
     charts = [];
   }
 
@@ -187,7 +196,10 @@ export function createCurvesPane(context, { id, field_s, measured, total, go }) 
     /** Waits until what is to be seen is drawn. */
     whole: () => filling,
     /** The drawings, with where their playhead stands, from 0 to 1. */
-    pictures: () => charts.map(({ chart, title }) => ({ canvas: chart.element.querySelector("canvas"), over: chart.element.querySelector(".u-over"), title, share: (n - first) / span })),
+    pictures() {
+      const [from, to] = link.get().range ?? [0, span * field_s];
+      return charts.map(({ chart, title }) => ({ canvas: chart.element.querySelector("canvas"), over: chart.element.querySelector(".u-over"), title, share: ((n - first) * field_s - from) / (to - from) }));
+    },
     end() {
       turn = NaN;
       end();
