@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { createLink, linkOf } from "../../../src/grabberd/web/static/js/plots/link.js";
-import { between, partOf, shareIn, zoomedAbout } from "../../../src/grabberd/web/static/js/plots/range.js";
+import { between, movedTo, partOf, shareIn, zoomedAbout } from "../../../src/grabberd/web/static/js/plots/range.js";
 
 const WHOLE = [0, 10];
 
@@ -49,4 +49,12 @@ test("a chart that left is told nothing", () => {
   end();
   link.set({ cursor: 2 });
   assert.deepEqual(seen, [1]);
+});
+
+test("a part of a chart goes along with a playhead that leaves it, and no farther than there is", () => {
+  const whole = [0, 10];
+  assert.deepEqual(movedTo([2, 4], 3, whole), [2, 4]);
+  assert.deepEqual(movedTo([2, 4], 5, whole), [5, 7]);
+  assert.deepEqual(movedTo([2, 4], 9.5, whole), [8, 10]);
+  assert.equal(movedTo(null, 5, whole), null);
 });

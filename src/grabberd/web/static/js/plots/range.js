@@ -31,3 +31,9 @@ export function between([low, high], from, to) {
 export function shareIn([low, high], place) {
   return place !== null && place >= low && place <= high && high > low ? (place - low) / (high - low) : 0.5;
 }
+
+/** A range that goes along with a place that leaves it. @param {Range | null} range @param {number} place @param {Range} whole */
+export function movedTo(range, place, whole) {
+  if (!range || (place >= range[0] && place <= range[1])) return range;
+  return partOf(whole, [place, place + range[1] - range[0]], 0);
+}

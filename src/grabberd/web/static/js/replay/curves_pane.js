@@ -1,11 +1,12 @@
 // Width, or a target's place, and the vacuum, over a window of the capture that the playhead is in.
 import { el, fill, setText, symbol } from "../core/dom.js";
 import { INKS, createChart } from "../plots/chart.js";
+import { linkOf } from "../plots/link.js";
+import { movedTo } from "../plots/range.js";
 import { columnsOf, summaryOf } from "../plots/series.js";
 import { createTargetPicker } from "../plots/target_picker.js";
 import { createCourses } from "./courses.js";
 import { cycleAt, startsByCurve } from "./cycles.js";
-import { linkOf } from "../plots/link.js";
 import { windowOf } from "./vacuum.js";
 
 /** @import { Context } from "../core/context.js" */
@@ -19,8 +20,6 @@ const SPANS_S = [2, 10, 30];
 const SHORT_S = 10;
 const HEIGHT = 120;
 const NEAR_S = 4;
-/** The charts' common cursor, range and playhead. */
-const TOGETHER = "replay";
 const WHATS = /** @type {const} */ (["width", "x", "y", "z"]);
 
 /**
@@ -37,7 +36,7 @@ export function createCurvesPane(context, { id, field_s, measured, total, go }) 
   const grid = measured?.grid ?? null;
   const courses = measured && grid ? createCourses(api, id, measured.run, grid) : null;
   const note = el("p", { class: "small muted", role: "status" });
-  const place = el("div", { class: "replay-charts" });
+  const place = el("div", { class: "replay-charts" }), link = linkOf("replay");
   /** @type {What} */
   const what = { what: "width", target: 0 };
   const whole = total() * field_s;
@@ -46,7 +45,6 @@ export function createCurvesPane(context, { id, field_s, measured, total, go }) 
   let first = -1;
   let n = 0;
   let turn = 0;
-  const link = linkOf(TOGETHER);
   /** Until the window is drawn. */
   let filling = Promise.resolve();
   /** @type {Vacuum | null} */
@@ -82,8 +80,7 @@ export function createCurvesPane(context, { id, field_s, measured, total, go }) 
   function chartWith(title, unit, labels, band, least) {
     const when = (/** @type {number} */ s) => `${format.number(first * field_s + s, span * field_s > 5 ? 0 : 1)} s`;
     const lines = labels.map((label, i) => ({ label, ink: INKS[i % INKS.length], dash: i ? [7, 4] : undefined }));
-    const pressed = (/** @type {number} */ s) => go(Math.min(first + Math.round(s / field_s), total() - 1));
-    const chart = createChart(context, { title, unit, digits: 2, lines, band, when, height: HEIGHT, least, over: [0, span * field_s], together: TOGETHER, pressed });
+    const chart = createChart(context, { title, unit, digits: 2, lines, band, when, height: HEIGHT, least, over: [0, span * field_s], together: "replay", pressed: (s) => go(Math.min(first + Math.round(s / field_s), total() - 1)) });
     return { chart, title, element: el("div", { class: "replay-chart" }, chart.element) };
   }
 
@@ -140,14 +137,9 @@ export function createCurvesPane(context, { id, field_s, measured, total, go }) 
     for (const { chart } of charts) chart.flag(here);
   }
 
-  /** A part that was zoomed into goes along with the playhead. */
   function standInCharts() {
     const mark = (n - first) * field_s;
-    const { range } = link.get();
-    const long = range ? range[1] - range[0] : 0;
-    const isOut = range !== null && (mark < range[0] || mark > range[1]);
-    const from = Math.min(mark, span * field_s - long);
-    link.set(isOut ? { mark, range: [from, from + long] } : { mark });
+    link.set({ mark, range: movedTo(link.get().range, mark, [0, span * field_s]) });
   }
 
   /** @param {number} to */
