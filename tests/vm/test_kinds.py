@@ -22,8 +22,10 @@ RIG = {
 OF_SERVICE = {"rig": RIG, "input": WEBCAM, "size": "640x360", "rate_hz": 40.0, "format": "GREY"}
 PROGRESSIVE = 2
 FEW = 3
-"""Fields of ten seconds that the kernel's test device may be late with, where a period is no multiple of its tick or
-the host is busy: then they count as lost, and are told."""
+"""Fields of ten seconds that the kernel's test device may be late with; they count as lost, and are told.
+
+It is where a period is no multiple of its tick, or the host is busy.
+"""
 NOTE = (
     "Lost: of the fields of 10 s, by the ledger. A progressive webcam, and a camera of 525 lines: "
     "its pattern moves on by the same step from each to the next, its squares lie where they should."
