@@ -47,8 +47,9 @@ TYPES = {
     LABELS: "map of strings to strings",
 }
 COMMANDS_BEFORE = """\
-What `grabberd COMMAND --help` says. Exit codes: 0 success; 1 failure, explained by the message; 2 invalid command line; 70 an
-error of grabberd itself; 74 the daemon cannot write to its disk, or a command its output; 78 invalid configuration."""
+What `grabberd COMMAND --help` says. Exit codes: 0 success; 1 failure, explained by the message; 2 invalid
+command line; 70 an error of grabberd itself; 74 the daemon cannot write to its disk, or a command its output;
+78 invalid configuration."""
 POINTS_BEFORE = """\
 The points of one run of a capture, written by `grabberd export --format csv|ply|parquet|mat|c3d`, or
 downloaded from `/api/v1/captures/{capture_id}/points.csv`, `.ply`, `.parquet`, `.mat` and `.c3d`, with
