@@ -66,6 +66,8 @@ def test_points_of_some_fields_are_those_of_all(liner: grabberd.Capture) -> None
     assert np.array_equal(some.array, every.array[np.isin(every["n"], range(40, 60, 2))])
     with pytest.raises(NotFound, match="no points"):
         liner.points(first_n=1000)
+    with pytest.raises(InputError, match="every is 0"):
+        liner.points(every=0)
 
 
 def test_a_data_frame_has_the_columns_and_their_units(liner: grabberd.Capture) -> None:
@@ -95,6 +97,13 @@ def test_measuring_adds_a_run(copy: grabberd.Capture) -> None:
     first, second = copy.points(1), copy.points()
     assert second.about["run"] == 2
     assert np.array_equal(first["x_mm"], second["x_mm"])
+
+
+def test_a_method_that_there_is_not_is_refused_and_no_run_added(copy: grabberd.Capture) -> None:
+    assert copy.calibration is not None
+    with pytest.raises(InputError, match="method"):
+        copy.measure(copy.calibration, method="guess")
+    assert len(copy.runs) == 1
 
 
 def test_measuring_without_an_object_is_refused(tmp_path: Path) -> None:
@@ -136,8 +145,10 @@ def test_pictures_are_drawn_into_given_axes(liner: grabberd.Capture) -> None:
     assert liner.plot_points(0, ax=axes[1]).get_title() == "points of field 0"
     drawn = liner.plot_target(51, "x", ax=axes[2])
     assert drawn.get_ylabel() == "x, mm"
-    with pytest.raises(InputError, match="no column 'sigma_w_mm'"):
+    with pytest.raises(InputError, match="no column 'w_mm'"):
         liner.plot_target(51, "w", ax=axes[2])
+    with pytest.raises(NotFound, match="target 999 was found in no field"):
+        liner.plot_target(999, ax=axes[2])
 
 
 def test_an_unknown_example_is_refused() -> None:

@@ -88,6 +88,8 @@ class Analysis:
         """
         targets, grid = self.table("targets"), self._made.analysis.grid
         chosen = targets["n"] == n
+        if not len(targets):
+            raise InputError("no field was analysed", "; ".join(self.problems) or "see analysis.lacks")
         if not chosen.any():
             first, last = (int(end) for end in (targets["n"].min(), targets["n"].max()))
             raise InputError(f"field {n} was not analysed", f"choose one from {first} to {last}")

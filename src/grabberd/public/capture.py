@@ -142,27 +142,34 @@ class Capture:
         calibration: Calibration | PathLike,
         object_model: PathLike | Mapping[str, Any] | None = None,
         *,
+        method: str | None = None,
+        line_jitter_px: float | None = None,
+        include_damaged: bool = False,
         progress: Progress = lambda _: None,
-        **settings: Any,
     ) -> Measurement:
         """Measures all fields again; the points become a further run in the file.
 
         Args:
             calibration: The calibration to measure with.
             object_model: File or document of the object model; by default that of the newest run.
+            method: Location method in place of the capture's own.
+            line_jitter_px: Standard deviation of the lines' shifts, in place of the capture's own.
+            include_damaged: True to measure damaged fields as well.
             progress: Told the share that is done.
-            **settings: In place of the capture's own: `method`, `line_jitter_px`, `include_damaged`.
 
         Raises:
             NotReady: There is no object model.
+            InputError: A setting is invalid.
             CalibrationMismatch: The calibration is for pictures of another size.
             MeasurementError: No target was found in any field; no run was added.
         """
+        given = {"method": method, "line_jitter_px": line_jitter_px, "include_damaged": include_damaged}
+        chosen = {name: value for name, value in given.items() if value is not None}
         known = calibration if isinstance(calibration, Calibration) else Calibration.load(calibration)
         made_with = {
             "calibration": dict(known.document),
             "object": self._object(object_model),
-            "settings": settings_of_capture(self.meta.config) | settings,
+            "settings": settings_of_capture(self.meta.config) | chosen,
         }
         made = measure_file(progress, path=self.path, made_with=made_with)
         covered = made.coverage

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.errors import NotFound
 from grabberd.public.fields import CapturedField
 from grabberd.public.point_table import PointTable
 from grabberd.public.table import Table, optional
@@ -47,10 +48,13 @@ def draw_points(points: PointTable, ax: "Axes | None" = None) -> "Axes":
 
 def draw_target(points: PointTable, target: int, axis: str, ax: "Axes | None" = None) -> "Axes":
     """Draws a coordinate of a target over time, with its σ."""
-    axes, name = _axes(ax, figsize=(9, 3.5)), f"{axis}_mm"
-    chosen = points["target"] == target
-    time_s, sigma = points["time_s"][chosen], points[f"sigma_{name}"][chosen]
-    axes.errorbar(time_s, points[name][chosen], sigma, fmt=".-", elinewidth=1)
+    name = f"{axis}_mm"
+    value, sigma, chosen = points[name], points[f"sigma_{name}"], points["target"] == target
+    if not chosen.any():
+        known = ", ".join(map(str, points.targets.target))
+        raise NotFound(f"target {target} was found in no field", f"the targets are {known}")
+    axes = _axes(ax, figsize=(9, 3.5))
+    axes.errorbar(points["time_s"][chosen], value[chosen], sigma[chosen], fmt=".-", elinewidth=1)
     axes.set(xlabel="time, s", ylabel=f"{axis}, mm", title=f"target {target}")
     return axes
 

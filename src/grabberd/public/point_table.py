@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from grabberd.errors import NotFound
+from grabberd.errors import InputError, NotFound
 from grabberd.processes.columns import Rows
 from grabberd.public.table import Table, optional
 from grabberd.storage import CaptureReader
@@ -113,9 +113,12 @@ def read_points(reader: CaptureReader, chosen: Chosen) -> PointTable:
     """The chosen points of a capture.
 
     Raises:
+        InputError: `every` is less than 1.
         NotFound: The run does not exist, or none of these fields has points.
         CaptureFileError: They are damaged.
     """
+    if chosen.every < 1:
+        raise InputError(f"every is {chosen.every}, not 1 or more", "every=2 gives every second field")
     run = reader.run(chosen.run)
     end_n = END if chosen.end_n is None else chosen.end_n
     reader.check_points(run.run, chosen.first_n, end_n)
