@@ -25,6 +25,11 @@ def test_quantities_have_a_sigma_or_a_reason(found: grabberd.Analysis) -> None:
     assert any("material" in one for one in found.lacks)
 
 
+def test_a_vacuum_log_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"none\.csv cannot be read"):
+        grabberd.open(grabberd.example("liner.grab")).analyse(SHAPE, vacuum_log=tmp_path / "none.csv")
+
+
 def test_tables_have_units(found: grabberd.Analysis) -> None:
     fields = found["fields"]
     assert (fields.units["area_mm2"], len(fields), "sections" in found.tables) == ("mm²", 32, True)

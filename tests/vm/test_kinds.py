@@ -83,9 +83,9 @@ def test_progressive_pictures_come_at_the_rate_that_was_granted(
     )
     assert rate["granted"].startswith("progressive")
     assert rate["nominal_hz"] == rate_hz
-    assert rate["rate_hz"] == pytest.approx(rate_hz, abs=(FEW + 1) / SECONDS)
-    assert rate["fields"] >= rate_hz * SECONDS - FEW - 3
-    assert (rate["ledger"] == "complete") == (rate["lost"] == 0)
+    assert rate["rate_hz"] == pytest.approx(rate_hz, rel=1e-3)
+    assert rate["fields"] >= rate_hz * SECONDS - 3
+    assert (rate["lost"], rate["ledger"]) == (0, "complete")
     assert seen["parities"] == [PROGRESSIVE]
     assert seen["lines"] == int(size.partition("x")[2])
     assert len(seen["steps"]) == 1

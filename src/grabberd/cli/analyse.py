@@ -17,7 +17,7 @@ from grabberd.cli.options import (
     warn,
 )
 from grabberd.cli.terminal import console, progress_bar
-from grabberd.errors import ExtraMissing, InputError
+from grabberd.errors import ExtraMissing
 
 if TYPE_CHECKING:
     from grabberd.service.jobs.analysis import AnalysisOutput
@@ -83,11 +83,12 @@ def analyse(  # noqa: PLR0913, PLR0917 - options of a command
     from grabberd.service.setup import read_yaml  # noqa: PLC0415
     from grabberd.storage.disk import results_folder  # noqa: PLC0415
     from grabberd.storage.export.analysis_export import check_formats, write_analysis  # noqa: PLC0415
+    from grabberd.storage.input_files import read_vacuum_log  # noqa: PLC0415
 
     wanted = [name.strip() for name in formats.split(",") if name.strip()]
     check_formats(wanted)
     given = read_yaml(inputs) if inputs else {}
-    log = text_of(vacuum_log) if vacuum_log else None
+    log = read_vacuum_log(vacuum_log) if vacuum_log else None
     found = _found(capture, config, label or [], profiles)
     sources = {**dict.fromkeys(given, str(inputs)), **({"vacuum.log": str(vacuum_log)} if vacuum_log else {})}
     with results_folder(out):
@@ -134,20 +135,6 @@ def _found(capture: Path, config: Path | None, words: list[str], wanted: bool) -
     if words:
         raise typer.BadParameter("--label requires --profiles", param_hint="--label")
     return None
-
-
-def text_of(path: Path) -> str:
-    """The text of a vacuum logger's file.
-
-    Raises:
-        InputError: It cannot be read.
-    """
-    from grabberd.bounded_documents import LARGEST_TABLE, read_text  # noqa: PLC0415
-
-    try:
-        return read_text(path, LARGEST_TABLE)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read: {error}", "give the logger's CSV file") from error
 
 
 def _document(made: "AnalysisOutput", written: list[Path]) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from grabberd.service.jobs.analysis import AnalysisOptions, analyse_file, with_l
 from grabberd.service.jobs.measurement import measure_file
 from grabberd.service.setup import settings_of_capture
 from grabberd.storage import CaptureMeta, CaptureReader, RunInfo
-from grabberd.storage.input_files import read_truth
+from grabberd.storage.input_files import read_truth, read_vacuum_log
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -202,7 +202,7 @@ class Capture:
             AnalysisError: The points make no surface.
         """
         given = {} if inputs is None else document_of(inputs)
-        log = None if vacuum_log is None else Path(vacuum_log).read_text(encoding="utf-8")
+        log = None if vacuum_log is None else read_vacuum_log(Path(vacuum_log))
         source = "the program" if inputs is None or isinstance(inputs, Mapping) else str(inputs)
         made = analyse_file(
             progress,

@@ -1,4 +1,4 @@
-"""CSV files that people give to commands: true positions of targets, and identifications made by hand."""
+"""CSV files that people give: true positions of targets, identifications made by hand, vacuum logs."""
 
 import math
 from collections import Counter
@@ -44,6 +44,18 @@ def read_truth(path: Path) -> Truth:
         xyz_mm=np.array([[row[name] for name in POSITION] for row in rows]),
         expected=np.array([row.get("visible", 1) != 0 for row in rows]),
     )
+
+
+def read_vacuum_log(path: Path) -> str:
+    """Reads the text of a vacuum logger's file.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    try:
+        return read_text(path, LARGEST_TABLE)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read: {error}", "give the logger's CSV file") from error
 
 
 def read_identifications(path: Path) -> list[Mark]:
