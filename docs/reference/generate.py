@@ -1,7 +1,7 @@
 """Writes the parts of docs/reference that the program knows itself: `make docs`; a test compares them."""
 
 import json
-import re
+import runpy
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -9,10 +9,8 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
-from typer.main import get_command
 
 from grabberd.api import create_app
-from grabberd.cli.app import app
 from grabberd.config import Config, default_config_file, load_config
 from grabberd.documents.profiles import CowProfile, CupProfile, LinerProfile, PulsatorProfile
 from grabberd.documents.requests import CertifiedLength
@@ -46,10 +44,6 @@ TYPES = {
     WORD: "dictionary of strings",
     LABELS: "map of strings to strings",
 }
-COMMANDS_BEFORE = """\
-What `grabberd COMMAND --help` says. Exit codes: 0 success; 1 failure, explained by the message; 2 invalid
-command line; 70 an error of grabberd itself; 74 the daemon cannot write to its disk, or a command its output;
-78 invalid configuration."""
 POINTS_BEFORE = """\
 The points of one run of a capture, written by `grabberd export --format csv|ply|parquet|mat|c3d`, or
 downloaded from `/api/v1/captures/{capture_id}/points.csv`, `.ply`, `.parquet`, `.mat` and `.c3d`, with
@@ -247,7 +241,7 @@ def documents() -> dict[str, str]:
         "profiles.md": "\n".join(_profiles()) + "\n",
         "study.md": "\n".join(_study()) + "\n",
         "object-files.md": "\n".join(_object_files()) + "\n",
-        "commands.md": "\n".join(_commands()) + "\n",
+        "commands.md": runpy.run_path(str(HERE / "commands.py"))["page"](),
         "schemas.md": "\n".join(_schemas()) + "\n",
         **{f"schemas/{name}.schema.json": _json(schema_of(name)) for name in SCHEMAS},
     }
@@ -255,27 +249,6 @@ def documents() -> dict[str, str]:
 
 def _json(document: dict[str, Any]) -> str:
     return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
-
-
-def _commands() -> Iterator[str]:
-    yield f"{MADE}# Commands\n"
-    yield COMMANDS_BEFORE
-    for name, command in sorted(get_command(app).commands.items()):  # type: ignore[attr-defined]
-        for inner, one in getattr(command, "commands", {"": command}).items():
-            yield f"\n## grabberd {name} {inner}".rstrip() + "\n"
-            yield from _command(one)
-
-
-def _command(command: Any) -> Iterator[str]:
-    words, *examples = re.split(r"Example: ", command.help or "")
-    yield words.strip() + "\n"
-    yield from (f"    {' '.join(example.split())}" for example in examples)
-    yield "\n| | |\n|---|---|"
-    for one in command.params:
-        if one.name != "help":
-            shown = ", ".join(f"`{name}`" for name in [*one.opts, *one.secondary_opts])
-            named = shown if one.param_type_name == "option" else f"`{one.name.upper()}`"
-            yield f"| {named} | {' '.join((one.help or '').split()).replace('|', '/')} |"
 
 
 def _schemas() -> Iterator[str]:

@@ -5,23 +5,22 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 from queued_jobs import Jobs, jobs_in
 from running import configuration
+from sealed_setups import DEVICE, SHAPE, setups_of
 from slots import ManualClock
 
 from grabberd.config import AnalysisConfig, default_config_file
 from grabberd.documents.capture_analyses import CaptureAnalysis
 from grabberd.documents.job_problem import JobProblem
-from grabberd.documents.named_types import JsonObject
 from grabberd.documents.states import JobState
-from grabberd.errors import ConfigError, StorageError
+from grabberd.errors import StorageError
 from grabberd.processes.liner_tests.recipes import RECIPES
 from grabberd.service.archive.archive import Archive
 from grabberd.service.archive.capture_analyses import CaptureAnalyses
 from grabberd.service.jobs import job_queue
 from grabberd.service.jobs.analysis import AnalysisJob
-from grabberd.service.jobs.analysis_inputs import check_analysis_inputs, inputs_of, inputs_of_test
+from grabberd.service.jobs.analysis_inputs import inputs_of_test
 from grabberd.service.jobs.check_job import NOTE as CHECK
 from grabberd.service.jobs.liner_test import LinerTestJob
 from grabberd.service.jobs.sealed_analyses import AGAIN_S, SealedAnalyses
@@ -34,17 +33,6 @@ from processes.analysis.profiling import LINER, MATERIAL, PULSATOR
 from processes.milking import still
 from storage.captures import slots, write
 from storage.milkings import milking
-
-DEVICE = "simulated"
-SHAPE = {"heights_mm": [0]}
-
-
-def setups_of(folder: Path, inputs: JsonObject | None = None, **analysis: Any) -> dict[str, DeviceSetup]:
-    """The simulated device, whose captures are analysed when sealed unless something else is said."""
-    file = folder / "inputs.yaml"
-    file.write_text(yaml.safe_dump(SHAPE if inputs is None else inputs))
-    config = AnalysisConfig(**{"when_sealed": True, "inputs": file, **analysis})
-    return set_up(configuration({}, analysis=config), default_config_file())
 
 
 class Barn:
@@ -379,13 +367,6 @@ def test_a_test_takes_of_its_device_what_neither_recipe_nor_profile_states(
 # --- inputs ---
 
 
-def test_a_device_without_inputs_and_a_label_without_a_profile_say_what_is_missing() -> None:
-    setup = set_up(configuration({}), default_config_file())[DEVICE]
-    problem = inputs_of(FoundProfiles({"liner": "A"}, []), setup)
-    assert isinstance(problem, JobProblem)
-    assert "devices.simulated.analysis.inputs" in problem.hint
-
-
 def test_the_profiles_that_a_captures_labels_name_complete_the_inputs(
     tmp_path: Path, clock: ManualClock
 ) -> None:
@@ -412,20 +393,6 @@ def test_the_profiles_that_a_captures_labels_name_complete_the_inputs(
 
 def _without_inputs() -> dict[str, DeviceSetup]:
     return set_up(configuration({}, analysis=AnalysisConfig(when_sealed=True)), default_config_file())
-
-
-def test_inputs_that_are_no_document_are_a_problem_of_the_configuration(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"devices\.simulated\.analysis\.inputs: .*has no keys"):
-        setups_of(tmp_path, inputs=[1, 2])  # type: ignore[arg-type]
-
-
-def test_inputs_that_no_analysis_takes_are_found_by_a_check(tmp_path: Path) -> None:
-    check_analysis_inputs(setups_of(tmp_path), tmp_path / "grabberd.yaml")
-    wrong = setups_of(tmp_path, inputs={"colour": "red", "phases": 1})
-    with pytest.raises(ConfigError) as found:
-        check_analysis_inputs(wrong, tmp_path / "grabberd.yaml")
-    assert "colour" in str(found.value)
-    assert "phases" in str(found.value)
 
 
 def test_times_are_kept_when_the_settings_are_recovered(
