@@ -37,6 +37,14 @@ def test_captures_are_found_by_their_labels(connection: grabberd.Connection) -> 
     assert list(connection.captures(cow="7")) == []
 
 
+def test_captures_of_several_pages_come_as_one_list(
+    connection: grabberd.Connection, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = [connection.start(fields=2, labels={"day": "long"}).wait(PATIENCE_S).id for _ in range(3)]
+    monkeypatch.setattr("grabberd.public.connection._PAGE", 2)
+    assert [one.id for one in connection.captures(day="long")] == made[::-1]
+
+
 def test_a_capture_without_a_length_is_stopped(connection: grabberd.Connection) -> None:
     running = connection.start()
     with pytest.raises(NotReady, match=r"is recording after 0\.2 s"):

@@ -36,7 +36,8 @@ export function createCurvesPane(context, { id, field_s, measured, total, go }) 
   const grid = measured?.grid ?? null;
   const courses = measured && grid ? createCourses(api, id, measured.run, grid) : null;
   const note = el("p", { class: "small muted", role: "status" });
-  const place = el("div", { class: "replay-charts" }), link = linkOf("replay");
+  const place = el("div", { class: "replay-charts" });
+  const link = linkOf("replay");
   /** @type {What} */
   const what = { what: "width", target: 0 };
   const whole = total() * field_s;
@@ -45,8 +46,7 @@ export function createCurvesPane(context, { id, field_s, measured, total, go }) 
   let first = -1;
   let n = 0;
   let turn = 0;
-  /** Until the window is drawn. */
-  let filling = Promise.resolve();
+  let filling = Promise.resolve(); // until the window is drawn
   /** @type {Vacuum | null} */
   let vacuum = null;
   /** @type {NonNullable<Capture["marks"]>} */
