@@ -223,7 +223,7 @@ class ProfileList(Document):
 
 
 class ProfileVersions(Document):
-    """All versions of a profile, the newest first."""
+    """All versions of a profile, newest first."""
 
     versions: list[ProfileRow]
 
