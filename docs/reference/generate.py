@@ -50,13 +50,13 @@ downloaded from `/api/v1/captures/{capture_id}/points.csv`, `.ply`, `.parquet`, 
 `?run=`. In the first three, a row is one target in one field:
 """
 POINTS_AFTER = """
-**CSV** has every column. Coordinates have all their digits, so they read back bit for bit. In all CSV files, a
-text that begins with `=`, `+`, `-`, `@`, a tab or a carriage return is prefixed with an apostrophe, because
+**CSV** has every column. Coordinates have all their digits, so they read back bit for bit. In all CSV files,
+a text that begins with `=`, `+`, `-`, `@`, a tab or a carriage return is prefixed with an apostrophe, because
 spreadsheet programs would run it as a formula; numbers are unchanged.
 
 **PLY** is binary, little-endian, a point cloud for MeshLab, CloudCompare, Open3D and the like: all fields in
-one cloud, distinguished by the property `n`, or a single field with `?field=` (`--field`). It contains neither
-the time of day nor image coordinates.
+one cloud, distinguished by the property `n`, or a single field with `?field=` (`--field`). It contains
+neither the time of day nor image coordinates.
 
 **Captures recorded as a group share one time axis**: `time_s` plus the capture's `first_field_s` (in its
 document; from the file, `time_ns` of its first field minus `start_ns`) is the time in seconds since the
@@ -78,8 +78,8 @@ MAT = """
 ## MAT
 
 `points.mat` (version 5) opens in MATLAB and Octave without a toolbox, in Python with `scipy.io.loadmat`, in
-Julia and R. Arrays are F fields by T targets, including lost fields and targets that were not found; NaN where
-there is no point:
+Julia and R. Arrays are F fields by T targets, including lost fields and targets that were not found; NaN
+where there is no point:
 
 | array | size | unit | |
 |---|---|---|---|"""
@@ -101,15 +101,15 @@ residuals and image coordinates are single, the precision stored in a capture.
     imagesc(p.n, p.target, isnan(p.xyz_mm(:, :, 1))')           % what was not found
     plot(S.channels.time_s{1}, S.channels.vacuum_kpa{1})        % the first channel
 
-Not included are the time of day of each field (`about.first_field_utc` plus `time_s`) and correlations between
-the axes. MATLAB reads variables of this version up to 2 GB, an hour and a half at 108 targets; larger files
-are refused, with their size. Writing needs one and a half times as much memory. Downloads of more than 600 MB,
-half an hour, are refused as well, since the process that makes them shares the daemon's memory.
+Not included are the time of day of each field (`about.first_field_utc` plus `time_s`) and correlations
+between the axes. MATLAB reads variables of this version up to 2 GB, an hour and a half at 108 targets; larger
+files are refused, with their size. Writing needs one and a half times as much memory. Downloads of more than
+600 MB, half an hour, are refused as well, since the process that makes them shares the daemon's memory.
 
 ## C3D
 
-`points.c3d` is for motion analysis programs. Each target is a marker, named after its id, row and column on the
-target grid: `T027_R04_C02`. Each field, including lost ones, is a frame, so that frame k is field
+`points.c3d` is for motion analysis programs. Each target is a marker, named after its id, row and column on
+the target grid: `T027_R04_C02`. Each field, including lost ones, is a frame, so that frame k is field
 k − 1 + `GRABBERD:FIRST_N`, (k − 1) / `POINT:RATE` seconds after the first. A marker that was not found has
 the residual −1. Units are mm; the axes are those of the object's frame, `X_SCREEN` and `Y_SCREEN` those in
 which the left view shows it. The group `GRABBERD` has the capture's id, creation time, run, calibration and
@@ -157,10 +157,10 @@ The tables written by `grabberd analyse`, or served at
 [analyse](../howto/analyse.md).
 
 Every measured column (marked ±) is followed by `sigma_NAME`, its σ in the same unit. σ includes the
-contributions of the points, the vacuum, the clocks and the material, as far as their σ were given, but not the
-error of the calibration, which is the same in all fields. An unknown value is empty in CSV and NaN in Parquet,
-HDF5, MAT, VTU and PLY; nothing is filled in. An integer column is float64 if a value is unknown. Coordinates
-are in the object's frame.
+contributions of the points, the vacuum, the clocks and the material, as far as their σ were given, but not
+the error of the calibration, which is the same in all fields. An unknown value is empty in CSV and NaN in
+Parquet, HDF5, MAT, VTU and PLY; nothing is filled in. An integer column is float64 if a value is unknown.
+Coordinates are in the object's frame.
 
 **CSV**: one file per table, seven digits. **Parquet** (`pip install 'grabberd[parquet]'`): the same with all
 digits; columns have the metadata `unit` and `description`, and the file's metadata `grabberd` say what it was
@@ -190,8 +190,8 @@ NaN in Parquet; nothing is filled in. **CSV**: one file per table, seven digits.
 The **report** is `report.html` to read and `study.json` for programs: the question, all values and results
 for each quantity, what was left out, and all tables column by column.
 
-The table `captures` has columns for the labels and quantities of the study; shown here are those of a study of
-one label and one quantity."""
+The table `captures` has columns for the labels and quantities of the study; shown here are those of a study
+of one label and one quantity."""
 PROFILES_BEFORE = """\
 The keys of each kind of profile. For how to use profiles see [profiles](../howto/profiles.md). Unknown keys
 are refused. `material`, `pulsation`, `liner`, `flow_stop` and `analysis` have the same keys as in the
@@ -206,8 +206,8 @@ SCHEMAS_AFTER = """
 
     grabberd schema configuration > configuration.schema.json
 
-Then, for VS Code (with its YAML extension), Neovim, Emacs and other editors that use the YAML language server,
-begin the file with the line
+Then, for VS Code (with its YAML extension), Neovim, Emacs and other editors that use the YAML language
+server, begin the file with the line
 
     # yaml-language-server: $schema=configuration.schema.json
 
@@ -300,10 +300,10 @@ def _configuration() -> Iterator[str]:
 
 def _section(model: type[BaseModel], prefix: str) -> Iterator[str]:
     yield f"## {prefix or 'top'}\n\n{' '.join((model.__doc__ or '').split())}\n"
-    yield "| key | default | allowed |\n|---|---|---|"
+    yield "| key | default | allowed | |\n|---|---|---|---|"
     inner: list[tuple[str, type[BaseModel]]] = []
     for name, field in model.model_fields.items():
-        yield f"| `{name}` | {_default(field)} | {_allowed(field)} |"
+        yield f"| `{name}` | {_default(field)} | {_allowed(field)} | {field.description or ''} |"
         inner += [(f"{prefix}.{name}".strip("."), found) for found in _models(field.annotation)]
     yield ""
     for name, found in inner:
@@ -325,8 +325,7 @@ def _profiles() -> Iterator[str]:
 
 
 def _allowed(field: FieldInfo) -> str:
-    limits = ", ".join(_limit(limit) for limit in field.metadata if _limit(limit))
-    return " ".join(filter(None, [limits, field.description or ""]))
+    return ", ".join(_limit(limit) for limit in field.metadata if _limit(limit))
 
 
 def _limit(limit: object) -> str:
@@ -336,7 +335,7 @@ def _limit(limit: object) -> str:
         "le": "≤",
         "lt": "<",
         "multiple_of": "a multiple of",
-        "min_length": "at least",
+        "min_length": "length ≥",
     }
     found = [
         f"{sign} {getattr(limit, name)}"

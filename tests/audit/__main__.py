@@ -14,12 +14,12 @@ from .real_time import Row, all_rows, table
 
 HEAD = """# Audit of field numbers, times and ledgers
 
-Made by `make audit`; do not edit. {runs} runs in simulated time, {fields} fields, with a camera whose pictures
-show their own number in a corner. Camera, driver, computer and up to three kinds of faults at a time are
-drawn at random. Capture thread, content checks, numbering, ring, recorder and capture file are the program's
-own. Each capture starts and ends at a random time, with or without a pre-trigger. Then every field in the
-file is compared with the number in its picture and with the camera's clock, and the start and end of the
-ledger with the request. One case is left out: on a busy computer, a timestamp clock that is set by a few
+Made by `make audit`; do not edit. {runs} runs in simulated time, {fields} fields, with a camera whose
+pictures show their own number in a corner. Camera, driver, computer and up to three kinds of faults at a time
+are drawn at random. Capture thread, content checks, numbering, ring, recorder and capture file are the
+program's own. Each capture starts and ends at a random time, with or without a pre-trigger. Then every field
+in the file is compared with the number in its picture and with the camera's clock, and the start and end of
+the ledger with the request. One case is left out: on a busy computer, a timestamp clock that is set by a few
 fields. While every field is delayed and some are lost, that cannot be told from losing more or fewer fields,
 until one arrives on time.
 

@@ -156,9 +156,7 @@ def _seconds(utc: str) -> float:
 
 def table(rows: Sequence[Row]) -> str:
     """A Markdown table."""
-    head = (
-        "| fault | what the ledger says | fields | uncertain | errors |\n|---|---|---|---|---|\n"
-    )
+    head = "| fault | what the ledger says | fields | uncertain | errors |\n|---|---|---|---|---|\n"
     return head + "".join(
         f"| {one.fault} | {one.account} | {one.fields} | {one.uncertain} | {len(one.lies)} |\n"
         for one in rows

@@ -91,11 +91,15 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "A ramp with the empty liner, and what it is worth": pressure_ramp.table,
         "False pressure when an empty liner is analysed as one on a teat": pressure_empty.table,
     },
-    "identification": {"Identification of 2 × 108 targets, in the first field and after a gap": identification.table},
+    "identification": {
+        "Identification of 2 × 108 targets, in the first field and after a gap": identification.table
+    },
     "study": {"Studies: coverage of intervals, and false alarms": study_coverage.table},
     "light": {"Clock alignment by a light, compared with the truth": light_clock.table},
     "liners": {"Three liners, four captures each: quantities compared with the truth": liner_study.table},
-    "demonstration": {"A complete liner study from the command line, compared with the truth": demonstration.table},
+    "demonstration": {
+        "A complete liner study from the command line, compared with the truth": demonstration.table
+    },
     "location": {
         "Pointing of all locators on the same fields, RMS in px": location.table,
         "Pointing by bits, one capture requantised, RMS in px": location.table_of_bits,

@@ -35,9 +35,7 @@ def clients_at_once(machine: Machine) -> Finding:
         (told == CLIENTS, f"{told} of {CLIENTS} were told of a change"),
         (health == 200, f"who asks meanwhile is answered by {health}"),
     )
-    behaviour = (
-        f"all see changes within {all_told_s:.1f} s; other requests take {asked_s:.2f} s"
-    )
+    behaviour = f"all see changes within {all_told_s:.1f} s; other requests take {asked_s:.2f} s"
     return Finding(behaviour, None, None, (*problems, *nothing_lost(evidence), *machine.whole_capture()))
 
 
@@ -120,7 +118,9 @@ def idle_connections_of_one(machine: Machine) -> Finding:
         (refused, "one connection more of the same client is accepted"),
         (health == 200, f"another client is answered by {health}"),
     )
-    behaviour = f"it gets http.limits.connections_per_client and no more (429); other requests take {asked_s:.2f} s"
+    behaviour = (
+        f"it gets http.limits.connections_per_client and no more (429); other requests take {asked_s:.2f} s"
+    )
     return Finding(behaviour, noticed_s, None, (*problems, *nothing_lost(evidence), *machine.whole_capture()))
 
 

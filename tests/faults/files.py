@@ -138,7 +138,9 @@ def descriptors_gone(machine: Machine) -> Finding:
         (logged < 50, f"the log has {logged} lines more"),
     )
     problems += machine.whole_capture()
-    behaviour = "the capture ends, and is sealed as soon as files can be opened; the log grows by a few lines only"
+    behaviour = (
+        "the capture ends, and is sealed as soon as files can be opened; the log grows by a few lines only"
+    )
     return Finding(behaviour, None, recovered_s, problems)
 
 

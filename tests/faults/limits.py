@@ -82,9 +82,7 @@ def little_memory_for_jobs(machine: Machine) -> Finding:
         ("memory" in str(failed["problem"]), f"it says {failed['problem']}"),
         (done["state"] == "done", f"measured again, the job says {done['problem']}"),
     )
-    behaviour = (
-        "the job fails with a message; the running capture continues, the next job gets a new process"
-    )
+    behaviour = "the job fails with a message; the running capture continues, the next job gets a new process"
     return Finding(behaviour, noticed_s, recovered_s, (*problems, *nothing_lost(evidence)))
 
 

@@ -24,9 +24,9 @@ LIES = ("seq_bt",)
 
 NOTE = (
     "Lost: fields lost in 30 s, according to the ledger. Rows and parity: alternating lines and squares of "
-    "the device's own patterns are where they should be. Age: a moving pattern advances by the same step from "
-    "each field to the next; in seq_bt the device draws the top field as the older one, contrary to what it "
-    "reports, and `older_field: top` corrects that."
+    "the device's own patterns are where they should be. Age: a moving pattern advances by the same step "
+    "from each field to the next; in seq_bt the device draws the top field as the older one, contrary to "
+    "what it reports, and `older_field: top` corrects that."
 )
 
 

@@ -19,9 +19,7 @@ OBJECT_KEYS = ("# homologous: false   # if targets mark other points of the surf
 def frame(  # noqa: PLR0913, PLR0917 - options of a command
     rows: Annotated[int, typer.Option(min=1, help="Number of rows, along X.")],
     columns: Annotated[int, typer.Option(min=1, help="Number of columns, along Y.")],
-    pitch_mm: Annotated[
-        float, typer.Option(help="Distance between the centres of neighbouring targets.")
-    ],
+    pitch_mm: Annotated[float, typer.Option(help="Distance between the centres of neighbouring targets.")],
     out: Annotated[Path, out_file("the targets (YAML)")],
     row_pitch_mm: Annotated[
         float | None, typer.Option(help="Distance between rows; default: that of the columns.")

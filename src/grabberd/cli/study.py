@@ -37,9 +37,7 @@ def study(  # noqa: PLR0913, PLR0917 - options of a command
     ] = None,
     within: Annotated[
         str | None,
-        typer.Option(
-            help="Compare groups within this: with cow, the liners are compared within each cow."
-        ),
+        typer.Option(help="Compare groups within this: with cow, the liners are compared within each cow."),
     ] = None,
     unit: Annotated[
         str | None,

@@ -12,8 +12,8 @@ Made by `make bench` from the runs in [benchmarks](benchmarks); do not edit.
 
 Both sides get the same fields from the simulator (two views of 108 targets, 2 % noise, line jitter .12 px)
 and the same cameras, run on one thread of the same processor, and take turns. A turn is the median processor
-time over the fields. A ratio is our time divided by the peer's in the same turn, so below 1 we are faster; the
-column beside it is the range of 80 % of the turns. *Ours* is all the work from the packed field to points
+time over the fields. A ratio is our time divided by the peer's in the same turn, so below 1 we are faster;
+the column beside it is the range of 80 % of the turns. *Ours* is all the work from the packed field to points
 with covariances and identities, after {settled} fields in which the targets are identified. Peers get
 unpacked pictures and the best of the settings tried for them. Neither side sees the truth.
 """
@@ -51,8 +51,8 @@ def newest(run: Run) -> list[str]:
     lines += ["### Points compared with the truth", "", *_points(run["points"]), ""]
     lines += [
         "With a real camera the paper reached .170 / .225 px and .141 mm at 1 bit.",
-        "optv uses our rig, converted into its own calibration; the two project the targets to positions that "
-        f"differ by {run['optv_disagreement_px']:.3f} px at most. Its points have no target identity.",
+        "optv uses our rig, converted into its own calibration; the two project the targets to positions "
+        f"that differ by {run['optv_disagreement_px']:.3f} px at most. Its points have no target identity.",
     ]
     return lines
 

@@ -47,9 +47,15 @@ def fault_metrics(service: Service) -> Iterator[Metric]:
     yield counter(
         "grabberd_index_rebuilds", "Rebuilds of a damaged index.", (), [((), service.archive.keeper.rebuilt)]
     )
-    yield gauge("grabberd_unsealed_captures", "Captures still to be sealed.", (), [((), len(unsealed.captures))])
-    yield counter("grabberd_failed_seals", "Failed attempts to seal a capture.", (), [((), unsealed.attempts)])
-    yield counter("grabberd_state_backups", "Backups of state.sqlite.", (), [((), service.state_keeper.backed_up)])
+    yield gauge(
+        "grabberd_unsealed_captures", "Captures still to be sealed.", (), [((), len(unsealed.captures))]
+    )
+    yield counter(
+        "grabberd_failed_seals", "Failed attempts to seal a capture.", (), [((), unsealed.attempts)]
+    )
+    yield counter(
+        "grabberd_state_backups", "Backups of state.sqlite.", (), [((), service.state_keeper.backed_up)]
+    )
     yield counter(
         "grabberd_descriptors_exhausted", "Refused for lack of descriptors.", (), [((), exhaustion.count)]
     )

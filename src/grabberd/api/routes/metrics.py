@@ -88,7 +88,9 @@ def _fields(instruments: list[Instrument]) -> Iterator[Metric]:
     losses = (((name, cause), board.losses[cause]) for name, board in boards for cause in LossCause)
     rebases = (((name, kind), board.rebases[kind]) for name, board in boards for kind in Rebase)
     yield counter("grabberd_fields_missing", "Fields not received, by cause.", ("device", "cause"), losses)
-    yield counter("grabberd_rebases", "Changes of the reference of numbers and times.", ("device", "kind"), rebases)
+    yield counter(
+        "grabberd_rebases", "Changes of the reference of numbers and times.", ("device", "kind"), rebases
+    )
     yield from _standstills(instruments)
 
 
@@ -99,7 +101,9 @@ def _standstills(instruments: list[Instrument]) -> Iterator[Metric]:
     yield counter(
         "grabberd_standstills", "Times the program stopped taking fields.", ("device", "cause"), counts
     )
-    yield counter("grabberd_standstill_seconds", "Total duration of standstills.", ("device", "cause"), seconds)
+    yield counter(
+        "grabberd_standstill_seconds", "Total duration of standstills.", ("device", "cause"), seconds
+    )
 
 
 def _ring(instruments: list[Instrument]) -> Iterator[Metric]:
@@ -159,20 +163,22 @@ def _captures(instruments: list[Instrument], service: Service) -> Iterator[Metri
     measured = (((one.name, v), one.captures.measured[v]) for one in instruments for v in CoverageVerdict)
     free = service.storage_document().free_bytes
     yield gauge("grabberd_capture_running", "1 while a capture is recorded.", ("device",), running)
-    yield counter(
-        "grabberd_captures", "Captures sealed or given up.", ("device", "verdict"), ended
-    )
+    yield counter("grabberd_captures", "Captures sealed or given up.", ("device", "verdict"), ended)
     yield counter(
         "grabberd_captures_measured", "Measured captures, by coverage.", ("device", "verdict"), measured
     )
-    yield gauge("grabberd_disk_free_bytes", "Free space for captures.", (), [] if free is None else [((), free)])
+    yield gauge(
+        "grabberd_disk_free_bytes", "Free space for captures.", (), [] if free is None else [((), free)]
+    )
 
 
 def _mqtt(service: Service) -> Iterator[Metric]:
     if service.publisher is None:
         return
     now = service.publisher.document()
-    yield gauge("grabberd_mqtt_connected", "1 while connected to the broker.", (), [((), float(now.connected))])
+    yield gauge(
+        "grabberd_mqtt_connected", "1 while connected to the broker.", (), [((), float(now.connected))]
+    )
     waiting, acknowledged = now.waiting_captures, now.acknowledged_captures
     yield gauge("grabberd_mqtt_waiting_captures", "Summaries not yet acknowledged.", (), [((), waiting)])
     yield counter("grabberd_mqtt_acknowledged_captures", "Summaries acknowledged.", (), [((), acknowledged)])

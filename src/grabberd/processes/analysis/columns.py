@@ -41,7 +41,9 @@ _PHASE = (
 )
 
 _WALL = (
-    _measured("area_mm2", "mm²", "area of the outer face between the outermost targets, where supported by data"),
+    _measured(
+        "area_mm2", "mm²", "area of the outer face between the outermost targets, where supported by data"
+    ),
     _number("covered", "1", "share of the target grid supported by data, to which the area refers"),
     _measured("volume_mm3", "mm³", "between the plane and the wall, from the first section to the last"),
     _measured("pulsation_vacuum_kpa", "kPa", "vacuum in the pulsation chamber, below atmosphere"),
@@ -58,16 +60,22 @@ _WALL = (
         "where shape, strain and tension are from: equilibrium, the wall that explains the targets, or "
         "smooth, a surface through them, which knows little of a closed wall between and beside its columns",
     ),
-    _number("misfit", "1", "weighted squared deviation of the points from the outer face, over its expectation"),
+    _number(
+        "misfit", "1", "weighted squared deviation of the points from the outer face, over its expectation"
+    ),
 )
 _SECTION = (
     _number("height_mm", "mm", "height of the section: x in the object's frame"),
-    _measured("distance_mm", "mm", "from the plane to the wall; half the distance of opposite walls if symmetric"),
+    _measured(
+        "distance_mm", "mm", "from the plane to the wall; half the distance of opposite walls if symmetric"
+    ),
     _measured("area_mm2", "mm²", "between the outline and the plane"),
     _measured("length_mm", "mm", "along the outline, from the first column of targets to the last"),
     _measured("chord_mm", "mm", "between the outline's ends"),
     _measured("least_width_mm", "mm", "least width of the outline; only if the targets go all the way round"),
-    _measured("opposite_mm", "mm", "least distance of opposite walls; only if the targets go all the way round"),
+    _measured(
+        "opposite_mm", "mm", "least distance of opposite walls; only if the targets go all the way round"
+    ),
 )
 _TARGET = (
     _id("target", "id of the target, the same through the capture"),
@@ -75,7 +83,9 @@ _TARGET = (
     _id("column", "its column on the target grid, from 0"),
     *(_measured(f"{a}_mm", "mm", f"{a.upper()} of the smooth outer face, object's frame") for a in "xyz"),
     _measured(
-        "kappa1_per_m", "1/m", "greater principal curvature of the middle surface (outer one without material)"
+        "kappa1_per_m",
+        "1/m",
+        "greater principal curvature of the middle surface (outer one without material)",
     ),
     _measured("kappa2_per_m", "1/m", "lesser principal curvature of the same"),
     _measured(
@@ -85,10 +95,10 @@ _TARGET = (
     _measured("tension1_n_per_m", "N/m", "greater principal tension of the wall"),
     _measured("tension2_n_per_m", "N/m", "lesser principal tension of the wall"),
     _measured("contact_kpa", "kPa", "pressure of the liner on the teat, above the pressure in the liner"),
-    _measured(
-        "above_atmosphere_kpa", "kPa", "the same above atmosphere: minus the vacuum in the liner"
+    _measured("above_atmosphere_kpa", "kPa", "the same above atmosphere: minus the vacuum in the liner"),
+    _number(
+        "unseen_kpa", "kPa", "change of contact_kpa by mirroring the hidden half instead of leaving it free"
     ),
-    _number("unseen_kpa", "kPa", "change of contact_kpa by mirroring the hidden half instead of leaving it free"),
 )
 _PROFILE = (
     _number("x_mm", "mm", "height on the mounted tube: x in the object's frame; it stays with the material"),
@@ -96,7 +106,9 @@ _PROFILE = (
         "compression_kpa", "kPa", "mean contact pressure over the arc between the outermost columns seen"
     ),
     _measured("load_n_per_mm", "N/mm", "force on one side of the teat per present length of the tube"),
-    _measured("gap_mm", "mm", "between the inner faces of opposite walls, assuming a mirror-symmetric hidden half"),
+    _measured(
+        "gap_mm", "mm", "between the inner faces of opposite walls, assuming a mirror-symmetric hidden half"
+    ),
 )
 _REASON = _text("reason", "why there is no pressure there; empty if there is, or if none was requested")
 _STRETCH = "present length divided by that in the reference state, on the outer face, where the targets are"
@@ -116,13 +128,17 @@ TABLES: Mapping[str, TableSpec] = {
             _number("residual_mm", "mm", "root mean square deviation of the movement from the mean cycle"),
             _number("expected_mm", "mm", "its expected value from the points' σ alone"),
             _number("period_spread_s", "s", "standard deviation of the cycles' lengths"),
-            _number("stroke_spread", "1", "standard deviation of the cycles' strokes, relative to the mean stroke"),
+            _number(
+                "stroke_spread", "1", "standard deviation of the cycles' strokes, relative to the mean stroke"
+            ),
             *_phases("wall", "wall"),
             *_phases("iso", "ISO"),
             _measured(
                 "offset_s", "s", "camera's time minus the vacuum's, from the light or the wall's movement"
             ),
-            _measured("clock_drift", "1", "seconds per second by which the vacuum's clock is slow, from the light"),
+            _measured(
+                "clock_drift", "1", "seconds per second by which the vacuum's clock is slow, from the light"
+            ),
             _count("light_switchings", "switchings of the light that relate the clocks"),
             _measured(
                 "opening_lag_s",
@@ -130,7 +146,9 @@ TABLES: Mapping[str, TableSpec] = {
                 "from half the vacuum to half the wall's stroke, with clocks related by the light or shared",
             ),
             _measured("closing_lag_s", "s", "likewise, closing"),
-            _number("clock_kpa", "kPa", "σ of the vacuum on its steepest slope due to the uncertain clock offset"),
+            _number(
+                "clock_kpa", "kPa", "σ of the vacuum on its steepest slope due to the uncertain clock offset"
+            ),
             _count("touch_n", "field in which contact begins; the first field if there is contact already"),
             _id("touch_target", "target at which contact begins"),
         ),
@@ -163,9 +181,13 @@ TABLES: Mapping[str, TableSpec] = {
         _FIELD,
         (
             _number("cycle", "", "number of the cycle, from 0; empty where no pulsation was found"),
-            _number("phase", "1", "position in its cycle, from 0 to 1, counted from the start of wall phase a"),
+            _number(
+                "phase", "1", "position in its cycle, from 0 to 1, counted from the start of wall phase a"
+            ),
             _measured(
-                "movement_mm", "mm", "distance of the target that moves most from its mean position, toward +z"
+                "movement_mm",
+                "mm",
+                "distance of the target that moves most from its mean position, toward +z",
             ),
             *_WALL,
         ),

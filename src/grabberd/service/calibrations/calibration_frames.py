@@ -28,8 +28,8 @@ CALIBRATION_FRAME_KEYS: Mapping[str, FileKey] = MappingProxyType(
             "mapping",
             "",
             "none",
-            "Distance between two targets, certified independently of the positions: only this reveals a file "
-            "whose scale is wrong.",
+            "Distance between two targets, certified independently of the positions: only this reveals a "
+            "file whose scale is wrong.",
         ),
     }
 )

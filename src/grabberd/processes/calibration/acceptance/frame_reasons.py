@@ -75,8 +75,7 @@ def _grid(result: CalibrateResult) -> Iterator[Reason]:
         yield Reason(
             "grid_order",
             REMARK,
-            f"targets {ids} are not where their rows and columns in the calibration frame's file put "
-            "them",
+            f"targets {ids} are not where their rows and columns in the calibration frame's file put them",
             "correct the ids, positions or rows and columns of these targets in the file",
             {"ids": ids},
         )
