@@ -27,7 +27,7 @@ def run(*words: object) -> Result:
 
 
 def test_without_jobs_it_says_so(daemon: Daemon) -> None:
-    assert "no job runs or waits" in run("list", "--url", daemon.url).stdout
+    assert "no jobs are running or waiting" in run("list", "--url", daemon.url).stdout
     assert json.loads(run("list", "--url", daemon.url, "--json").stdout) == []
 
 
