@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 from typing import Any, NamedTuple
 
 from tests.bench.page_host import MISSING, Host, browsing, chromium, host, page_at
@@ -12,7 +11,8 @@ STAY_S = 1.0
 """Time in each panel: its first answers and pictures have come."""
 LOOKS = (0.1, 0.25, 0.5, 0.75, 1.0)
 """When a page that stays open is looked at, as parts of its time."""
-OPEN = ("operate", "live", "shape")
+OPEN = "operate"
+"""The panel that hangs open in a barn."""
 FIELDS = 250
 DESK = {"width": 1600, "height": 1000}
 PANELS = ("live", "shape", "plots", "captures", "tests", "calibration", "profiles", "compare")
@@ -32,7 +32,7 @@ def table() -> str:
 
 
 def table_of_open(seconds: float) -> str:
-    """What pages hold that are open at the same time for so long, as a Markdown table."""
+    """What the operator's page holds that is open for so long, as a Markdown table."""
     return _table(lambda browser, daemon: _stay_open(browser, daemon, seconds))
 
 
@@ -65,15 +65,11 @@ def _go(page: Any, panel: str) -> None:
 
 
 def _stay_open(browser: Any, daemon: Host, seconds: float) -> Iterator[tuple[str, Held]]:
-    with ExitStack() as pages:
+    with page_at(browser, f"{daemon.url}/#{OPEN}", DESK) as page:
         began_s = time.monotonic()
-        at = {panel: pages.enter_context(page_at(browser, f"{daemon.url}/#{panel}", DESK)) for panel in OPEN}
         for part in LOOKS:
-            # Every page waits in this loop, or its messages would pile up here.
-            while (left_s := began_s + part * seconds - time.monotonic()) > 0:
-                at["operate"].wait_for_timeout(1000 * min(left_s, STAY_S))
-            for panel, page in at.items():
-                yield f"`#{panel}` for {part * seconds / 60:.0f} minutes", held_by(page)
+            page.wait_for_timeout(1000 * max(0.0, began_s + part * seconds - time.monotonic()))
+            yield f"`#{OPEN}` for {part * seconds / 60:.0f} minutes", held_by(page)
 
 
 def held_by(page: Any) -> Held:

@@ -202,7 +202,7 @@ def test_the_focus_is_a_line_with_its_best_value(daemon: Daemon, open_page: Open
 def test_numbers_and_picture_that_are_not_of_now_are_not_shown_as_if_they_were(
     start_daemon: Start, open_page: Open
 ) -> None:
-    daemon = start_daemon(faults=[{"kind": "unplug", "at_s": 2.0, "back_after_s": 6000.0}])
+    daemon = start_daemon(faults=[{"kind": "unplug", "at_s": 2.0, "back_after_s": 6000.0}], idle_slowness=1)
     page = open_page(f"{daemon.url}/#live").page
     expect(page.locator(".veil")).to_contain_text("The grabber is not there")
     expect(page.locator('[data-view="left"] dd').first).to_have_text("–")
