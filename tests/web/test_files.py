@@ -52,7 +52,9 @@ def test_the_version_changes_with_any_file(tmp_path: Path) -> None:
     assert files.newest().version != before.version
 
 
-def test_style_sheets_are_served_as_one_and_catalogues_as_the_first_view_s_and_the_others(tmp_path: Path) -> None:
+def test_style_sheets_are_served_as_one_and_catalogues_as_the_first_view_s_and_the_others(
+    tmp_path: Path,
+) -> None:
     edition = Files(small(tmp_path)).edition
     assert edition.files["page.css"].content == b"a {}\nb {}"
     assert json.loads(edition.files["texts/en.json"].content) == {"core": {"skip": "Skip"}}

@@ -78,7 +78,11 @@ def test_both_languages_have_the_same_keys() -> None:
 def test_the_first_view_has_its_texts_at_once() -> None:
     catalogues = catalogue("en")
     first = {name: source for name, source in SOURCES.items() if name.startswith((*AT_ONCE, *AFTER))}
-    needed = {match["key"].partition(".")[0]: name for name, source in first.items() for match in NAMED.finditer(source)}
+    needed = {
+        match["key"].partition(".")[0]: name
+        for name, source in first.items()
+        for match in NAMED.finditer(source)
+    }
     late = {key: name for key, name in needed.items() if key in catalogues and key not in FIRST_TEXTS}
     assert late == {}
 

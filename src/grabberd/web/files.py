@@ -151,7 +151,10 @@ def _all_texts(files: Mapping[str, StaticFile]) -> dict[str, StaticFile]:
     for language in LANGUAGES:
         catalogues = _catalogues(files, language)
         first = {name: catalogues.pop(name) for name in FIRST_TEXTS if name in catalogues}
-        documents |= {f"texts/{language}.json": _json(first), f"texts/{language}.rest.json": _json(catalogues)}
+        documents |= {
+            f"texts/{language}.json": _json(first),
+            f"texts/{language}.rest.json": _json(catalogues),
+        }
     return documents
 
 
