@@ -147,7 +147,7 @@ def _styles(files: Mapping[str, StaticFile]) -> StaticFile:
 
 def _all_texts(files: Mapping[str, StaticFile]) -> dict[str, StaticFile]:
     """Two documents a language: the first view's catalogues, and the others."""
-    documents = {}
+    documents: dict[str, StaticFile] = {}
     for language in LANGUAGES:
         catalogues = _catalogues(files, language)
         first = {name: catalogues.pop(name) for name in FIRST_TEXTS if name in catalogues}
