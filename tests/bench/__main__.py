@@ -4,6 +4,7 @@ import argparse
 import platform
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
 from tests.bench import (
@@ -59,6 +60,7 @@ other programs see [benchmarks](benchmarks.md).
 """
 
 ARMOUR = "Attacks on the HTTP server"
+OPEN = "The page: memory when it stays open"
 SOAK = "Soak test: 50 Hz, clients that come and go, captures of all kinds"
 
 PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
@@ -110,7 +112,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "poses": {"Three poses of the calibration frame compared with one": frame_poses.table},
     "page": {
         "The page: size, load time and cost": page.table,
-        "The page: memory over a long time": page_open.table,
+        "The page: memory when every panel is shown again and again": page_open.table,
     },
     "pressure": {
         "Contact pressure on solved walls, kPa: RMS / σ (χ²)": pressure_accuracy.table,
@@ -139,10 +141,10 @@ def main() -> None:
         "what",
         nargs="?",
         default="all",
-        choices=[*PARTS, "live", "several", "soak", "loaded", "armour", "all"],
+        choices=[*PARTS, "live", "several", "soak", "loaded", "armour", "open", "all"],
     )
     parser.add_argument(
-        "--seconds", type=float, default=60.0, help="length of the live capture, of the soak, or of an attack"
+        "--seconds", type=float, default=60.0, help="length of a live capture, soak, attack or open page"
     )
     parser.add_argument("--write", type=Path, help="file whose sections are replaced")
     parser.add_argument("--seed", type=int, default=soak.SEED, help="who comes when in the soak")
@@ -153,15 +155,7 @@ def main() -> None:
         sys.exit(_loaded(options))
     if options.what == "soak":
         sys.exit(_soak(options.seconds, options.seed, options.write))
-    tables = dict(_tables(options.what))
-    if options.what in ("live", "all"):
-        tables[f"Live, {options.seconds:.0f} s at 50 Hz"] = lambda: live.table(options.seconds)
-    if options.what in ("several", "all"):
-        title = f"Several: four devices at 50 Hz, {options.seconds:.0f} s"
-        tables[title] = lambda: several.table(options.seconds)
-    if options.what == "armour":
-        tables[ARMOUR] = lambda: armour.table(options.seconds)
-    for title, table in tables.items():
+    for title, table in {**_tables(options.what), **_lasting(options.what, options.seconds)}.items():
         text = table()
         print(f"## {title}\n\n{text}\n")
         if options.write:
@@ -185,6 +179,17 @@ def _loaded(options: argparse.Namespace) -> int:
     if options.write:
         write(options.write, {title: done.table()})
     return int(done.missing > 0)
+
+
+def _lasting(what: str, seconds: float) -> Mapping[str, Callable[[], str]]:
+    """Tables of what is watched for a while."""
+    asked = {
+        f"Live, {seconds:.0f} s at 50 Hz": (("live", "all"), live.table),
+        f"Several: four devices at 50 Hz, {seconds:.0f} s": (("several", "all"), several.table),
+        ARMOUR: (("armour",), armour.table),
+        OPEN: (("open",), page_open.table_of_open),
+    }
+    return {title: partial(table, seconds) for title, (names, table) in asked.items() if what in names}
 
 
 def _tables(what: str) -> Mapping[str, Callable[[], str]]:
