@@ -19,9 +19,9 @@ _MARGIN = 1
 class StreamStart:
     """Fields that a stream begins with, kept back until it is known how late the first one was.
 
-    A stamp may be the time of an arrival, and on an overloaded computer every field waits. What shows it are
-    fields that come by the same shortest way, one by one; or stamps that vary against the arrivals, which are
-    those of exposures.
+    A stamp may be the time of an arrival, and on an overloaded computer every field waits, each for another
+    time. What shows it are stamps that come regularly, or fields that come by the same shortest way, one by
+    one; or stamps that vary against the arrivals, which are those of exposures.
 
     Args:
         info: The stream as granted.
@@ -64,7 +64,17 @@ class StreamStart:
         """True if it is known how late the first field was."""
         if not self._waits or self.fields[0].arrival.time_ns is None or self._arrivals.tells_of_stamps:
             return True
-        return self._longest_wait < _AT_ONCE or self._paths.best.way.is_known
+        return self._longest_wait < _AT_ONCE or self._paths.best.way.is_known or self._stamps_are_regular
+
+    @property
+    def _stamps_are_regular(self) -> bool:
+        """True if stamps lie on the grid of the rate: no fields have waited then, however they arrived."""
+        regular = Way().after(0.0)
+        for field, step in zip(self.fields[1:], self._paths.best.steps, strict=True):
+            if step.late is None:
+                return False
+            regular = regular.after(step.late, joined=field.arrival.joined)
+        return regular.is_known
 
     @property
     def late_ns(self) -> int:
