@@ -5,6 +5,7 @@ from statistics import median
 
 from grabberd.acquisition.device import StreamInfo
 from grabberd.acquisition.numbering.arrivals import Arrivals, Way
+from grabberd.acquisition.numbering.pace import Pace
 from grabberd.acquisition.numbering.paths import Paths
 from grabberd.acquisition.numbering.pending import Pending
 
@@ -28,13 +29,16 @@ class StreamStart:
         arrivals: Those of the stream.
         since_ns: When the stream was asked for: nothing was exposed before. None if unknown.
         most: Fields that are kept back at most.
+        pace: Of the camera.
 
     Attributes:
         fields: Those that are kept back, the first of the stream first.
     """
 
-    def __init__(self, info: StreamInfo, arrivals: Arrivals, since_ns: int | None, most: int) -> None:
-        self._period_ns = 1e9 / info.rate_hz
+    def __init__(
+        self, info: StreamInfo, arrivals: Arrivals, since_ns: int | None, most: int, pace: Pace
+    ) -> None:
+        self._pace = pace
         self._waits = info.live and not info.waits_for_reader
         self._arrivals = arrivals
         self._paths = Paths(None, Way())
@@ -83,7 +87,7 @@ class StreamStart:
         late = [one for one in late if -one <= self._longest_wait]
         if min(late) > -_LATE:
             return 0
-        return round(-median(one for one in late if one < min(late) + _LATE) * self._period_ns)
+        return round(-median(one for one in late if one < min(late) + _LATE) * self._pace.period_ns)
 
     @property
     def may_be_late_by(self) -> int:
@@ -103,4 +107,4 @@ class StreamStart:
         return self._buffered + _MARGIN if asked is None or asked > 1 else max(-asked, 0.0)
 
     def _steps_to(self, time_ns: int | None) -> float | None:
-        return None if time_ns is None else (time_ns - self._time_ns) / self._period_ns
+        return None if time_ns is None else (time_ns - self._time_ns) / self._pace.period_ns
