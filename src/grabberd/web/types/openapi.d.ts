@@ -6119,7 +6119,7 @@ export interface components {
          * @description Kind of a change; each is entered once, with the first field that goes by the new base.
          * @enum {string}
          */
-        Rebase: "clock" | "arrivals" | "timestamps" | "begin" | "count" | "phase" | "numbers";
+        Rebase: "clock" | "arrivals" | "timestamps" | "begin" | "count" | "phase" | "numbers" | "rate";
         /**
          * RecipeDocument
          * @description Recipe of a guided test: its steps, and its captures.
