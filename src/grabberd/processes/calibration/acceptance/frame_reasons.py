@@ -104,7 +104,7 @@ def _displaced(frame: ObjectModel, displaced: Sequence[DisplacedTarget]) -> Iter
     yield from graded(len(displaced) / len(frame), DISPLACED_SHARE).reason(
         "displaced",
         f"targets stand elsewhere than the calibration frame's file has them: {said}",
-        "measure these targets anew, correct the file, and calibrate again",
+        "measure these targets again, correct the file, and calibrate again",
         {"n": len(displaced), "ids": short},
     )
 
