@@ -100,7 +100,7 @@ class Watch:
         own, other = standards.family(self._scan), standards.family(seen)
         return (
             f"the camera's signal is of {seen} ({other}), but the card is set to {self._scan} ({own})",
-            f"connect a {own} camera, and grabberd goes on by itself; or set the option 'standard: {other}', "
+            f"connect a {own} camera, and grabberd resumes; or set the option 'standard: {other}', "
             f"and the rig's lines to {seen.lines}",
         )
 

@@ -106,8 +106,8 @@ def to_the_verdict(page: Any) -> None:
 
 def with_some_inputs(page: Any) -> None:
     page.locator(".analysis-change > summary").click()
-    page.get_by_label("Counted from").select_option("nominal")
-    page.get_by_label("Plane that widths count from").select_option("symmetry")
+    page.get_by_label("Measured from").select_option("nominal")
+    page.get_by_label("Plane for the widths").select_option("symmetry")
     page.locator("h1").click()
 
 

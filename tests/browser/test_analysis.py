@@ -45,7 +45,7 @@ def test_what_is_known_is_there_what_lacks_is_told_and_nothing_typed_is_lost(
     expect(page.locator("[data-lack='material'] a")).to_have_text("Take a ramp with the empty liner.")
     expect(page.locator("[data-lack='vacuum_pulsation']")).to_contain_text("shape and stroke only")
     page.get_by_text("Change a value for this analysis").click()
-    page.get_by_label("Law of the rubber").select_option("linear")
+    page.get_by_label("Material law").select_option("linear")
     expect(page.locator("#analysis-why")).to_contain_text("Stiffness E")
     expect(page.get_by_role("button", name="Analyse")).to_be_disabled()
     fill_in(page, E_mpa="3", wall_mm="-2", poisson="0.7", F0_n="60", radius_mm="12.5", target_mm="0")
@@ -99,8 +99,8 @@ def test_from_one_press_to_the_report_s_first_page(daemon: Daemon, open_page: Op
     page = open_page(f"{daemon.url}/#analysis/{daemon.capture(FIELDS, bits=8)}").page
     page.get_by_text("Change a value for this analysis").click()
     expect(page.locator("[data-lack='reference']")).to_be_visible()
-    page.get_by_label("Counted from").select_option("nominal")
-    page.get_by_label("Plane that widths count from").select_option("symmetry")
+    page.get_by_label("Measured from").select_option("nominal")
+    page.get_by_label("Plane for the widths").select_option("symmetry")
     expect(page.locator("[data-lack='reference']")).to_have_count(0)
     page.get_by_role("button", name="Analyse").click()
     expect(page.get_by_role("progressbar")).to_be_visible()
@@ -181,7 +181,7 @@ def test_any_number_is_compared_by_quantities_and_mean_cycles(daemon: Daemon, op
     expect(row).not_to_contain_text("not analysed", timeout=PATIENCE_MS)
     assert serious(page) == []
     page.goto(f"{daemon.url}/#compare/{two[0]},nonsuch")
-    expect(page.get_by_text("nonsuch, which is gone")).to_be_visible()
+    expect(page.get_by_text("nonsuch (not found)")).to_be_visible()
     expect(page.locator(f"tr[data-capture='{two[0]}']")).to_be_visible()
 
     page.goto(f"{daemon.url}/#operate")
@@ -190,7 +190,7 @@ def test_any_number_is_compared_by_quantities_and_mean_cycles(daemon: Daemon, op
     measured_per_min = float(page.get_by_label("Pulsations a minute").input_value())
     assert abs(measured_per_min - 60.0) < 1.0
     page.get_by_label("Pulsations a minute").fill("90")
-    expect(page.locator("#length-rate-from")).to_contain_text("As entered here. Measured last: ")
+    expect(page.locator("#length-rate-from")).to_contain_text("As entered here. Last measured: ")
     page.get_by_label("Pulsations a minute").fill("")
     page.get_by_label("How many").focus()
     expect(page.locator("#length-rate-from")).to_contain_text("As measured")

@@ -57,7 +57,7 @@ def test_from_the_calibration_frame_to_an_accepted_calibration(
     watched.expect_errors("ERR_CONNECTION", "ERR_INCOMPLETE", "ERR_EMPTY", "WebSocket")  # of its restart
     page = watched.page
     expect(page.locator(".note.is-bad")).to_contain_text("There is none.")
-    page.get_by_role("link", name="Calibrate anew").click()
+    page.get_by_role("link", name="New calibration").click()
 
     expect(page.get_by_text("Both views show the calibration frame well.")).to_be_visible()
     expect(page.locator(".badge[data-view=left]")).to_have_text("Left view: 108 of 108")
@@ -124,7 +124,7 @@ def test_one_from_a_file_is_stored_activated_and_another_one_rejected(
     daemon: Daemon, open_page: Open, tmp_path: Path
 ) -> None:
     page = open_page(f"{daemon.url}/#calibration").page
-    page.get_by_text("A calibration from a file").click()
+    page.get_by_text("Import a calibration").click()
     for name in ("of-may", "of-june"):
         file = tmp_path / f"{name}.json"
         file.write_text(json.dumps(imported(daemon, name)))
@@ -135,7 +135,7 @@ def test_one_from_a_file_is_stored_activated_and_another_one_rejected(
     page.get_by_role("dialog").get_by_role("button", name="Use it").click()
     expect(page.locator("[data-calibration=of-may]")).to_contain_text("In use")
 
-    page.locator("[data-calibration=of-june]").get_by_role("link", name="Look at it").click()
+    page.locator("[data-calibration=of-june]").get_by_role("link", name="Open").click()
     page.get_by_role("button", name="Reject").click()
     page.get_by_label("Why (optional)").fill("from another barn")
     page.get_by_role("dialog").get_by_role("button", name="Reject").click()
@@ -149,7 +149,7 @@ def test_a_file_that_is_no_calibration_is_refused_in_words(
     watched = open_page(f"{daemon.url}/#calibration")
     watched.expect_errors("422")
     page = watched.page
-    page.get_by_text("A calibration from a file").click()
+    page.get_by_text("Import a calibration").click()
     for text in ("no JSON", "{}"):
         (tmp_path / "some.json").write_text(text)
         page.get_by_label("File (.json)").set_input_files(tmp_path / "some.json")
@@ -161,7 +161,7 @@ def test_a_viewer_may_look_and_is_offered_nothing_to_do(guarded: Guarded, open_p
     expect(page.locator(f"[data-calibration={CONFIGURED}]")).to_contain_text("In use")
     assert page.locator("[data-do], input[type=file]").count() == 0
     page.goto(f"{guarded.url}/#calibration/place")
-    expect(page.get_by_text("To calibrate, an operator's key is needed.")).to_be_visible()
+    expect(page.get_by_text("To calibrate, sign in with an operator token.")).to_be_visible()
     expect(page.get_by_role("link", name="Next")).to_have_count(0)
 
 

@@ -72,7 +72,7 @@ def test_a_calibration_from_two_poses(before_the_frame: Daemon, open_page: Open)
     watched = open_page(f"{daemon.url}/#calibration")
     watched.expect_errors("ERR_CONNECTION", "ERR_INCOMPLETE", "ERR_EMPTY", "WebSocket")  # of its restart
     page = watched.page
-    page.get_by_role("link", name="Calibrate anew").click()
+    page.get_by_role("link", name="New calibration").click()
     expect(page.get_by_text("place the frame differently")).to_have_count(0)
     capture(page)
     expect(page.locator("[data-pose]")).to_have_text([f"Pose 1 – {ALL_FOUND}Remove"])
@@ -102,7 +102,7 @@ def test_a_calibration_from_two_poses(before_the_frame: Daemon, open_page: Open)
     assert document["details"]["capture"]["id"] == poses[0]
 
     page.get_by_role("link", name="Overview").first.click()
-    page.get_by_role("link", name="Calibrate anew").click()
+    page.get_by_role("link", name="New calibration").click()
     expect(page.get_by_text("Both views show the calibration frame well.")).to_be_visible()
     expect(page.get_by_text("place the frame differently")).to_have_count(0)
 

@@ -62,7 +62,7 @@ def test_a_running_capture_is_shown_as_it_grows_and_cannot_be_deleted(
     expect(page.locator(".state")).to_have_attribute("data-state", "ready", timeout=PATIENCE_MS)
     running = daemon.ask("/captures", body={})["id"]
     page.get_by_role("link", name="Captures").click()
-    expect(row(page, running)).to_contain_text("Being recorded")
+    expect(row(page, running)).to_contain_text("Recording")
     row(page, running).click()
     expect(page.get_by_role("button", name="Delete")).to_be_disabled()
     expect(page.locator("#delete-why")).to_contain_text("still being recorded")
@@ -120,7 +120,7 @@ def test_an_answer_from_before_a_change_does_not_undo_it(daemon: Daemon, open_pa
     page.get_by_role("button", name="Pin").click()
     expect(page.locator("#delete-why")).to_contain_text("Unpin it first")
     held[0].continue_()
-    expect(page.get_by_text("targets in a field on average")).to_be_visible()
+    expect(page.get_by_text("targets per field on average")).to_be_visible()
     expect(page.locator("#delete-why")).to_contain_text("Unpin it first")
 
 
@@ -149,7 +149,7 @@ def test_what_a_new_measurement_warns_of_stays_on_the_page(daemon: Daemon, open_
     page.get_by_role("button", name="Measure again").click()
     expect(page.get_by_text("afterwards")).to_be_visible(timeout=PATIENCE_MS)
     expect(page.get_by_text(warning)).to_be_visible()
-    expect(page.get_by_text("What the new measurement warns of:")).to_be_visible()
+    expect(page.get_by_text("Warnings from the new measurement:")).to_be_visible()
     assert serious(page) == []
 
 
@@ -171,4 +171,4 @@ def test_a_viewer_reads_what_was_lost_and_is_offered_no_change(start_daemon: Sta
     first = guarded.ask(f"/captures/{one}", tokens["viewer"])["ledger"]["entries"][0]["first_n"]
     page.locator(".strip-list button").first.click()
     expect(page.locator(".replay-when")).to_contain_text(f"Field {first},")
-    expect(page.locator(".picture-missing")).to_contain_text("This field never came")
+    expect(page.locator(".picture-missing")).to_contain_text("This field was lost")

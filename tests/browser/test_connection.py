@@ -26,7 +26,7 @@ def test_the_page_survives_a_restart_of_the_daemon_without_being_loaded_anew(
     expect(page.locator(".banner")).to_contain_text("No connection", timeout=RETURN_MS)
     expect(page.locator(".state")).to_have_attribute("data-state", "away")
     expect(page.get_by_role("button", name="Start")).to_be_disabled()
-    expect(page.locator("#start-why")).to_contain_text("has to wait")
+    expect(page.locator("#start-why")).to_contain_text("once the connection")
     expect(page.locator(".veil")).to_contain_text("this picture is old")
     daemon.start()
     expect(page.locator(".banner")).to_be_hidden(timeout=RETURN_MS)

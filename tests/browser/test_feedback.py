@@ -105,7 +105,7 @@ def test_a_part_whose_modules_do_not_come_says_so_and_leaves_the_rest_usable(
     page.route("**/live/viewfinder.js", lambda route: route.abort())
     page.evaluate("location.hash = 'operate'")
     page.reload()
-    expect(page.locator(".viewfinder").get_by_role("button", name="Load the page anew")).to_be_visible()
+    expect(page.locator(".viewfinder").get_by_role("button", name="Reload the page")).to_be_visible()
     expect(page.get_by_role("button", name="Start")).to_be_enabled()
 
 

@@ -38,13 +38,13 @@ def test_captures_are_narrowed_down_by_touch_and_the_address_keeps_it(
     daemon: Daemon, four: list[str], open_page: Open
 ) -> None:
     page = open_page(f"{daemon.url}/#captures", size=PHONE).page
-    page.get_by_text("Narrow down").click()
+    page.get_by_text("Filter").click()
     page.get_by_role("button", name=re.compile("^501")).click()
     expect(page.get_by_role("status").filter(has_text=re.compile("^2 of"))).to_be_visible()
     expect(page.locator(".capture-item")).to_have_count(2)
     assert ids(page) == [four[1], four[0]]
     assert serious(page) == []
-    page.get_by_label("Order").select_option("time")
+    page.get_by_label("Sort").select_option("time")
     expect(page.locator(".capture-item").first).to_have_attribute("data-capture", four[0])
     page.reload()
     expect(page.locator(".capture-item").first).to_have_attribute("data-capture", four[0])
@@ -80,8 +80,8 @@ def test_several_are_chosen_by_keyboard_labelled_taken_home_and_deleted(
     expect(page.locator(".capture-item")).to_have_count(3)
     for key in ("ArrowDown", "Space", "ArrowDown", "ArrowDown", "Space"):
         page.keyboard.press(key)
-    expect(page.get_by_text("2 chosen")).to_be_visible()
-    bar = page.get_by_role("region", name="With the chosen captures")
+    expect(page.get_by_text("2 selected")).to_be_visible()
+    bar = page.get_by_role("region", name="Selected captures")
     bar.get_by_role("button", name="Label").click()
     page.get_by_role("dialog").get_by_label("Cow").fill("503")
     page.get_by_role("dialog").get_by_role("button", name="Label").click()
@@ -95,7 +95,7 @@ def test_several_are_chosen_by_keyboard_labelled_taken_home_and_deleted(
     bar.get_by_role("button", name="All shown").click()
     bar.get_by_role("button", name="Delete").click()
     page.get_by_role("dialog").get_by_role("button", name="Delete 3").click()
-    expect(page.get_by_role("alert").filter(has_text="With 1 capture it could not be done")).to_contain_text(
+    expect(page.get_by_role("alert").filter(has_text="Failed for 1 capture")).to_contain_text(
         "is pinned"
     )
     expect(page.locator(".capture-item")).to_have_count(1)
@@ -124,7 +124,7 @@ def test_what_narrows_down_has_its_name_before_the_first_answer(daemon: Daemon, 
 
     page.route("**/api/v1/captures?*", hold)
     page.goto(f"{daemon.url}/#captures")
-    expect(page.locator(".facets > summary")).to_have_text("Narrow down")
+    expect(page.locator(".facets > summary")).to_have_text("Filter")
     assert serious(page) == []
     for route in held:
         route.continue_()

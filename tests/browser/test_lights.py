@@ -50,7 +50,7 @@ def test_every_light_has_a_word_and_what_is_well_is_green(daemon: Daemon, open_p
 def test_a_light_that_is_well_says_what_it_means(daemon: Daemon, open_page: Open) -> None:
     page = open_page(daemon.url).page
     page.get_by_text("Camera and mirrors", exact=True).click()
-    expect(page.locator('[data-light="rig"]')).to_contain_text("still stand as they did")
+    expect(page.locator('[data-light="rig"]')).to_contain_text("still where they were")
 
 
 def test_a_grabber_that_is_pulled_out_is_noticed_with_reasons_and_advice(
@@ -60,7 +60,7 @@ def test_a_grabber_that_is_pulled_out_is_noticed_with_reasons_and_advice(
     has_level(page, "device", "bad")
     expect(page.locator(".state")).to_have_attribute("data-state", "absent")
     expect(page.locator("#start-why")).to_have_text("No grabber is plugged in.")
-    page.get_by_role("button", name="Grabber: Not there").click()
+    page.get_by_role("button", name="Grabber: Not found").click()
     light = page.locator('[data-light="device"]')
     expect(light).to_contain_text("Since")
     expect(light).to_contain_text("its plug is loose")
@@ -98,7 +98,7 @@ def busy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
 
 @pytest.mark.parametrize(
     ("language", "what"),
-    [("en", "Another program uses the grabber."), ("nb", "Et annet program bruker bildefangeren.")],
+    [("en", "Another program is using the grabber."), ("nb", "Et annet program bruker bildefangeren.")],
 )
 def test_what_the_daemon_finds_wrong_is_said_in_the_language_of_the_page(
     busy: Daemon, open_page: Open, language: str, what: str
@@ -140,7 +140,7 @@ def test_numbers_of_a_grabber_that_is_gone_are_not_shown_as_if_they_were_current
 ) -> None:
     page = open_page(unplugged.url).page
     has_level(page, "device", "bad")
-    expect(page.locator(".viewfinder")).to_contain_text("Nothing is measured now", timeout=NOTICED_MS)
+    expect(page.locator(".viewfinder")).to_contain_text("Nothing is being measured", timeout=NOTICED_MS)
     expect(page.locator(".viewfinder")).not_to_contain_text("residual")
 
 

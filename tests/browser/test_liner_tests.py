@@ -50,7 +50,7 @@ def test_a_liner_is_chosen_captured_by_one_press_evaluated_and_judged(
     choose(page, "pressed")
     expect(page.get_by_text("Earlier tests of liner pressed")).to_be_visible()
     page.get_by_role("link", name="Reference state").click()
-    expect(page.get_by_text("Vacuum off. Open both hoses.")).to_be_visible()
+    expect(page.get_by_text("Turn the vacuum off. Open both hoses.")).to_be_visible()
     expect(page.locator("[data-condition='device']")).to_have_attribute("data-level", "good")
     expect(page.locator("[data-condition='measures']")).to_have_attribute("data-level", "good")
     page.get_by_role("button", name="Start").click()
@@ -80,8 +80,8 @@ def test_a_check_that_failed_says_why_and_what_to_do(daemon: Daemon, open_page: 
     expect(failed).to_contain_text("What to do: Mount the liner again")
     expect(page.locator("[data-check='touch'] [data-verdict]")).to_have_text("Passed")
     expect(page.locator("[data-quantity='touch_kpa']")).to_contain_text("12.38 ± 0.21 kPa")
-    expect(page.get_by_role("button", name="Store in the profile")).to_have_count(0)
-    report = page.get_by_role("link", name="Report of one page")
+    expect(page.get_by_role("button", name="Save to the profile")).to_have_count(0)
+    report = page.get_by_role("link", name="One-page report")
     assert page.request.get(f"{daemon.url}{report.get_attribute('href')}").ok
     assert serious(page) == []
     page.get_by_role("link", name="Test again").click()
@@ -96,7 +96,7 @@ def test_what_a_test_offers_is_stored_by_a_press_and_is_then_the_profiles(
     choose(page, "stiff")
     page.locator("a[data-test]", has_text=RAMP).click()
     expect(page.locator("[data-offer]")).to_contain_text("E_mpa: 3 becomes 3.4 ± 0.1 MPa")
-    page.get_by_role("button", name="Store in the profile").click()
+    page.get_by_role("button", name="Save to the profile").click()
     expect(page.locator("[data-stored='2']")).to_be_visible()
     assert daemon.ask("/profiles/liner/stiff")["profile"]["material"]["E_mpa"] == 3.4
     page.reload()
@@ -106,7 +106,7 @@ def test_what_a_test_offers_is_stored_by_a_press_and_is_then_the_profiles(
     expect(page.get_by_label("The profile as text")).to_have_value(re.compile("E_mpa: 3.4"))
     daemon.ask("/profiles/liner/stiff", body={"yaml": "kind: liner\nname: stiff\n"}, method="PUT")
     page.goto(f"{daemon.url}/#test/{test}")
-    expect(page.get_by_text("The profile was changed since (version 3, the test knew 1)")).to_be_visible()
+    expect(page.get_by_text("The profile has changed since (now version 3, the test used 1)")).to_be_visible()
 
 
 def test_known_pressures_are_captured_one_by_one_and_what_was_typed_survives_a_reload(
@@ -127,7 +127,7 @@ def test_known_pressures_are_captured_one_by_one_and_what_was_typed_survives_a_r
     page.get_by_role("button", name="Start").click()
     page.get_by_role("button", name="Stop").click()
     expect(page.get_by_label("2.5 kPa")).to_be_checked()
-    expect(page.get_by_text("At least two captures.")).to_be_visible()
+    expect(page.get_by_text("Select at least two captures.")).to_be_visible()
     expect(page.get_by_role("button", name="Evaluate")).to_be_disabled()
     capture = daemon.ask("/captures?limit=1")["captures"][0]
     assert capture["labels"] == {"test": "artificial-teat", "liner": "squeezed", "known_kpa": "2.5"}
@@ -137,5 +137,5 @@ def test_known_pressures_are_captured_one_by_one_and_what_was_typed_survives_a_r
 def test_a_viewer_reads_tests_and_cannot_make_or_accept_one(guarded: Guarded, open_page: Open) -> None:
     page = open_page(f"{guarded.url}/#tests/reference").page
     sign_in(page, guarded.tokens["viewer"])
-    expect(page.get_by_text("Testing takes a token for operators.")).to_be_visible()
+    expect(page.get_by_text("To run a test, sign in with an operator token.")).to_be_visible()
     expect(page.get_by_role("button", name="Start")).to_have_count(0)

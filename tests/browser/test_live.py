@@ -77,7 +77,7 @@ def test_ids_and_residuals_are_drawn_on_demand(daemon: Daemon, open_page: Open) 
         before = page.evaluate(PICTURE)
         page.get_by_role("button", name=name).click()
         changes(page, before)
-    expect(page.get_by_text("to 0.15 px")).to_be_visible()
+    expect(page.get_by_text("up to 0.15 px")).to_be_visible()
 
 
 def test_each_view_says_how_many_targets_it_shows_and_how_large(daemon: Daemon, open_page: Open) -> None:
@@ -124,7 +124,7 @@ def test_one_looks_closer_by_button_wheel_keys_and_double_tap_and_only_that_part
     until(page, f"() => ({WHITE})() > 500")
     assert part_of(asked) is None
 
-    page.get_by_role("button", name="Closer").click()
+    page.get_by_role("button", name="Zoom in").click()
     wait_for_part(page, asked, lambda part: part is not None and part["columns"] < 500)
     whole = page.get_by_role("button", name="Whole picture")
     whole.click()
@@ -215,7 +215,7 @@ def test_the_focus_is_a_line_with_its_best_value(daemon: Daemon, open_page: Open
     expect(
         page.get_by_role("img", name="the best so far").or_(page.get_by_role("img", name="best 0."))
     ).to_be_visible()
-    page.get_by_role("button", name="Start again").click()
+    page.get_by_role("button", name="Reset").click()
     expect(page.locator('[data-focus="left"]')).to_have_text(re.compile(r"0\.\d\d"))
 
 
@@ -224,10 +224,10 @@ def test_numbers_and_picture_that_are_not_of_now_are_not_shown_as_if_they_were(
 ) -> None:
     daemon = start_daemon(faults=[{"kind": "unplug", "at_s": 2.0, "back_after_s": 6000.0}], idle_slowness=1)
     page = open_page(f"{daemon.url}/#live").page
-    expect(page.locator(".veil")).to_contain_text("The grabber is not there")
+    expect(page.locator(".veil")).to_contain_text("The grabber was not found")
     expect(page.locator('[data-view="left"] dd').first).to_have_text("–")
     expect(page.locator('[data-focus="left"]')).not_to_contain_text("now 0")
-    expect(page.locator(".viewfinder-counts")).to_have_text("Nothing is measured now")
+    expect(page.locator(".viewfinder-counts")).to_have_text("Nothing is being measured")
 
 
 def test_on_a_phone_everything_fits_and_can_be_read(daemon: Daemon, open_page: Open) -> None:
@@ -244,12 +244,12 @@ def test_a_threshold_set_by_hand_is_in_force_until_it_is_chosen_by_itself_again(
     daemon: Daemon, open_page: Open
 ) -> None:
     page = live(daemon, open_page)
-    expect(page.get_by_label("Chosen by itself")).to_be_checked()
+    expect(page.get_by_label("Automatic")).to_be_checked()
     page.get_by_label("Threshold").fill("120")
     until(page, "() => document.querySelector('.aid output').textContent === '120'")
-    expect(page.get_by_label("Chosen by itself")).not_to_be_checked()
+    expect(page.get_by_label("Automatic")).not_to_be_checked()
     _until(page, daemon, "fixed")
-    page.get_by_label("Chosen by itself").check()
+    page.get_by_label("Automatic").check()
     _until(page, daemon, "automatic")
 
 

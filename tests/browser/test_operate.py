@@ -106,7 +106,7 @@ def test_what_is_typed_while_a_capture_runs_labels_that_capture(daemon: Daemon, 
     length(page, "Until stopped")
     page.get_by_role("button", name="Start").click()
     is_in_state(page, "capturing")
-    expect(page.get_by_text("What is being captured")).to_be_visible()
+    expect(page.get_by_text("About this capture")).to_be_visible()
     page.get_by_label("Cow").fill("33")
     page.get_by_label("Note").fill("kicked the cluster off")
     page.get_by_role("button", name="Stop").click()

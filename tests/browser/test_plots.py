@@ -73,7 +73,7 @@ def test_charts_are_told_in_words_and_numbers_too(daemon: Daemon, open_page: Ope
     page = open_page(f"{daemon.url}/#plots", size=PHONE).page
     chart = page.get_by_role("img", name="Targets Left view: last")
     expect(chart).to_be_visible()
-    page.get_by_text("In numbers").click()
+    page.get_by_text("As numbers").click()
     rows = page.locator("details tbody tr")
     expect(rows).to_have_count(6)
     expect(rows.first.locator("th")).to_have_text("Left view")

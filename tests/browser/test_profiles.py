@@ -28,11 +28,11 @@ def test_a_profile_is_stored_changed_and_retired_and_its_versions_stay(
     text = page.get_by_label("The profile as text")
     expect(text).to_have_value(re.compile("kind: cow"))
     text.fill(text_of(changed(COW, "name", "Blåros")))
-    page.get_by_role("button", name="Store").click()
+    page.get_by_role("button", name="Save").click()
     expect(page.get_by_role("heading", level=1)).to_have_text("Cow Blåros")
     text = page.get_by_label("The profile as text")
     text.fill(text_of(changed(changed(COW, "name", "Blåros"), "lactation", 3)))
-    page.get_by_role("button", name="Store").click()
+    page.get_by_role("button", name="Save").click()
     expect(page.locator("[data-version]")).to_have_count(2)
     page.locator("[data-version='1']").click()
     expect(text).not_to_have_value(re.compile("lactation: 3"))
@@ -41,8 +41,8 @@ def test_a_profile_is_stored_changed_and_retired_and_its_versions_stay(
     page.get_by_role("dialog").get_by_role("button", name="Retire").click()
     expect(page.locator("[data-panel='profile']")).to_contain_text("retired")
     page.goto(f"{daemon.url}/#profiles")
-    expect(page.locator("[data-kind='cow']")).to_contain_text("There are none yet.")
-    page.get_by_label("Show those that are retired").check()
+    expect(page.locator("[data-kind='cow']")).to_contain_text("None yet.")
+    page.get_by_label("Show retired ones").check()
     expect(page.locator("[data-profile='Blåros']")).to_contain_text("version 2")
 
 
@@ -53,7 +53,7 @@ def test_everything_that_is_wrong_is_listed_and_the_text_stays(daemon: Daemon, o
     text = page.get_by_label("The profile as text")
     wrong = text_of(changed(changed(LINER, "material.E_sigma_mpa", None), "colour", "red"))
     text.fill(wrong)
-    page.get_by_role("button", name="Store").click()
+    page.get_by_role("button", name="Save").click()
     said = page.locator(".note.is-bad li")
     expect(said.filter(has_text="colour: unknown key")).to_be_visible()
     expect(said.filter(has_text="material.E_sigma_mpa: is missing")).to_be_visible()
@@ -64,8 +64,8 @@ def test_everything_that_is_wrong_is_listed_and_the_text_stays(daemon: Daemon, o
 def test_a_viewer_reads_and_cannot_store(guarded: Guarded, open_page: Open) -> None:
     page = open_page(f"{guarded.url}/#profiles/cow").page
     sign_in(page, guarded.tokens["viewer"])
-    expect(page.get_by_text("Storing one takes a token for operators")).to_be_visible()
-    expect(page.get_by_role("button", name="Store")).to_have_count(0)
+    expect(page.get_by_text("To save a profile, sign in with an operator token")).to_be_visible()
+    expect(page.get_by_role("button", name="Save")).to_have_count(0)
 
 
 @pytest.mark.slow
@@ -74,7 +74,7 @@ def test_an_analysis_takes_the_profiles_that_the_labels_find_and_says_so(
 ) -> None:
     page = open_page(f"{daemon.url}/#profiles/liner").page
     page.get_by_label("The profile as text").fill(text_of(changed(LINER, "name", "found")))
-    page.get_by_role("button", name="Store").click()
+    page.get_by_role("button", name="Save").click()
     expect(page.get_by_role("heading", level=1)).to_have_text("Liner found")
     capture = daemon.capture(8, bits=8, labels={"liner": "found"})
     page.goto(f"{daemon.url}/#analysis/{capture}")

@@ -194,7 +194,7 @@ def test_a_slow_link_makes_the_playhead_wait_and_say_so(
 
     page.route(HELD, answer)
     page.reload()
-    expect(page.locator(".picture-missing")).to_have_text("The picture of field 10 is being fetched …")
+    expect(page.locator(".picture-missing")).to_have_text("Loading the picture of field 10 …")
     page.get_by_role("button", name="Play").click()
     expect(page.locator(".replay-state")).to_contain_text("Waiting for the fields")
     stands = page.get_by_role("slider", name="Which field").input_value()
@@ -215,7 +215,7 @@ def test_a_lost_field_a_broken_part_and_a_damaged_capture_are_told(lossy: Daemon
     watched = open_page(f"{lossy.url}/#replay/{one}/{lost}")
     watched.expect_errors("410")
     page = watched.page
-    expect(page.locator(".picture-missing")).to_contain_text("This field never came")
+    expect(page.locator(".picture-missing")).to_contain_text("This field was lost")
     assert page.evaluate(BRIGHT) == 0
     broken = json.dumps({"detail": "the disk has changed it", "hint": ""})
     page.route("**/replay/pictures*", lambda route: route.fulfill(status=410, body=broken))

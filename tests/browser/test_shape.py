@@ -100,7 +100,7 @@ def test_it_is_seen_from_the_sides_turned_by_keys_and_shows_both_cameras(
         expect(page.get_by_role("button", name=name, exact=True)).to_have_attribute("aria-pressed", "true")
         assert f"Seen from {words}." in summary(page)
     page.locator(".scene-canvas").press("ArrowLeft")
-    assert "Seen from where you turned it." in summary(page)
+    assert "Seen from your own angle." in summary(page)
     expect(page.get_by_role("button", name="Top", exact=True)).to_have_attribute("aria-pressed", "false")
     expect(page.locator(".scene-camera")).to_have_count(0)
     page.get_by_label("Cameras").check()

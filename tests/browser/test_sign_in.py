@@ -43,7 +43,7 @@ def test_an_operator_signs_in_once_and_out_again(guarded: Guarded, open_page: Op
 def test_a_viewer_is_offered_nothing_to_start_or_set(guarded: Guarded, open_page: Open) -> None:
     page = open_page(guarded.url).page
     sign_in(page, guarded.tokens["viewer"])
-    expect(page.locator("#start-why")).to_contain_text("You may watch")
+    expect(page.locator("#start-why")).to_contain_text("View only")
     expect(page.get_by_role("button", name="Start")).to_be_hidden()
     expect(page.get_by_label("How many")).to_be_hidden()
     page.get_by_role("link", name="Picture", exact=True).click()

@@ -157,7 +157,7 @@ def test_a_target_off_its_place_in_the_object_file_is_told_with_its_distance(by_
     (finding,) = judge(coverage).findings
     words = finding_in_words(finding.code, finding.values, finding.miss.key)
     assert f"target {MODEL.target[MIDDLE]} " in words
-    assert f"it stands {np.linalg.norm(by_mm):.1f} mm from its place in the object file" in words
+    assert f"it is {np.linalg.norm(by_mm):.1f} mm from its place in the object file" in words
 
 
 def test_the_offset_of_a_target_that_is_found_is_known_too():

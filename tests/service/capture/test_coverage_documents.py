@@ -45,7 +45,7 @@ def test_a_finding_is_a_sentence() -> None:
     document = whole_coverage(STORED)
     assert document is not None
     assert document.in_words == (
-        "1 of 2 targets were often missed; target 7 was found in 25 % of its fields: it stands 0.4 mm from "
+        "1 of 2 targets were often missed; target 7 was found in 25 % of its fields: it is 0.4 mm from "
         "its place in the object file"
     )
 

@@ -5,7 +5,7 @@ import { IDS, judge } from "../../../src/grabberd/web/static/js/lights/judge.js"
 import { situationOf } from "../../../src/grabberd/web/static/js/operate/situation.js";
 
 const GOOD = { level: "good", word: "good", message: "", hint: "", cause_code: null, since_utc: null };
-const LOST = { ...GOOD, level: "bad", word: "some", message: "400 of 500 fields did not come whole", hint: "end other programs" };
+const LOST = { ...GOOD, level: "bad", word: "some", message: "400 of 500 fields were lost or damaged", hint: "close other programs" };
 
 function known(parts = {}, changes = {}, rest = {}) {
   const worst = Object.keys(parts)[0] ?? null;

@@ -45,13 +45,13 @@ ROUND = Question(
 PITCH = Question(
     "row_pitch",
     "pitch of the rows as in the object model",
-    "mount the liner with the length that it had when the object model was measured, or measure that anew",
+    "mount the liner with the length that it had when the object model was measured, or measure that again",
     "mm",
 )
 PLACE = Question(
     "axial_place",
     "place along the liner as in the object model",
-    "push the cup to its stop in the holder, or measure the object model anew",
+    "push the cup to its stop in the holder, or measure the object model again",
     "mm",
 )
 ZERO = Question(

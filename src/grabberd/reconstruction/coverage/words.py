@@ -36,7 +36,7 @@ def miss_in_words(miss: str, displaced_mm: float | None = None) -> str:
         displaced_mm: Distance from its place, if it certainly stands off it.
     """
     if miss == "off_place" and displaced_mm is not None:
-        return f"it stands {displaced_mm:.1f} mm from its place in the object file"
+        return f"it is {displaced_mm:.1f} mm from its place in the object file"
     return _OF_A_FIELD.get(miss, miss)
 
 

@@ -93,7 +93,7 @@ class IndexKeeper:
             done.set()
 
     def _fail(self, error: StorageError | OSError) -> None:
-        hint = "make room or fix the disk; it is tried again by itself, and captures go on"
+        hint = "make room or fix the disk; it is retried automatically, and captures continue"
         message = f"the list of captures cannot be rebuilt: {error}"
         self._failure = StorageError(message, hint, Cause.INDEX_FAILED)
         self._not_before_s = self._now_s() + PAUSE_S

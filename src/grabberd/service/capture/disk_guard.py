@@ -139,5 +139,5 @@ class DiskGuard:
             return None
         return StorageError(
             f"disk nearly full: {free / GB:.2f} GB are free, {self.reserve_bytes / GB:g} GB are kept",
-            "take captures home and delete them here, or let storage.retention do so",
+            "download captures, then delete them here, or let storage.retention do so",
         )

@@ -100,5 +100,5 @@ class UnsealedCaptures:
         self._faults.report(
             Cause.CAPTURE_UNSEALED,
             f"not sealed yet: {names} ({why}); {self.attempts} attempts have failed",
-            f"{hint}; it is tried again by itself",
+            f"{hint}; it is retried automatically",
         )

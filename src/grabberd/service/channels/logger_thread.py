@@ -119,7 +119,7 @@ class LoggerThread(threading.Thread):
             if len(readings.time_ns):
                 came_ns = now_ns
             elif now_ns - came_ns > silent_s * 1e9:
-                hint = "check its cable and its supply; it is opened anew by itself"
+                hint = "check its cable and its supply; it is reopened automatically"
                 raise StreamFailed(f"no reading for {silent_s:g} s", hint)
 
     def _fault(self, error: Exception) -> GrabberdError:

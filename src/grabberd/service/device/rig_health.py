@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 VIEWS, AXES = ("left", "right"), ("x", "y")
 MOST_FITS = 3600
 """One fit per second: a capture's findings are those of its last hour."""
-WHAT_TO_DO = "check with the calibration frame (grabberd check), and calibrate anew if it says so"
+WHAT_TO_DO = "check with the calibration frame (grabberd check), and recalibrate if it says so"
 _MEANINGS = {
     RigVerdict.DOUBTFUL: "camera or mirrors may have moved since the calibration",
     RigVerdict.MOVED: "camera or mirrors have moved since the calibration",

@@ -10,7 +10,7 @@ from grabberd.errors import Cause
 SHOWN_S = 60.0
 """Time for which a standstill is shown."""
 _HINTS = {
-    Cause.COMPUTER_BUSY: "end other programs on this computer, or give the driver more buffers",
+    Cause.COMPUTER_BUSY: "close other programs on this computer, or give the driver more buffers",
     Cause.PROGRAM_STOPPED: "look for what stopped it: suspended, swapped out, a virtual machine that paused",
     Cause.DRIVER_HUNG: "look into the kernel's log (dmesg); another port, cable or grabber may help",
 }

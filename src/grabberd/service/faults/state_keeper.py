@@ -135,7 +135,7 @@ class StateKeeper:
             Cause.SETTINGS_LOST,
             f"{damaged}, and there is no good backup: settings, tokens, pins, notes and the choice of "
             f"calibrations are lost since {origin.at_utc}; captures are recorded{kept}",
-            f"restore a backup (grabberd restore FILE), or set them anew, also the tokens, {accept}",
+            f"restore a backup (grabberd restore FILE), or set them again, including the tokens, {accept}",
         )
 
     def _stat(self) -> tuple[int, ...]:
@@ -154,5 +154,5 @@ class StateKeeper:
         if not self._lock.in_place:
             raise StorageError(
                 f"the state directory {self._path.parent} is gone: it was renamed, deleted or unmounted",
-                "put it back or mount its disk, and all goes on by itself",
+                "put it back or mount its disk, and everything resumes on its own",
             )

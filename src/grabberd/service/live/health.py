@@ -143,7 +143,7 @@ def _grabber(status: DeviceStatus) -> HealthPartDocument:
         level=level,
         word=word,
         message=f"it is {status.state}" + (f": {status.cause}" if status.cause else ""),
-        hint=status.hint or "wait; the daemon goes on trying",
+        hint=status.hint or "wait; the daemon keeps trying",
         cause_code=status.code,
         since_utc=status.since_utc,
     )
@@ -179,7 +179,7 @@ def _rate(instrument: Instrument) -> HealthPartDocument:
         level="bad" if off > _RATE_BAD else "warning",
         word="off",
         message=f"{rate_hz:.1f} fields a second arrive instead of {wanted_hz:g}",
-        hint="end other programs, unplug other USB devices, check the camera's standard",
+        hint="close other programs, unplug other USB devices, check the camera's standard",
     )
 
 
@@ -211,9 +211,9 @@ def _lost(instrument: Instrument, clock: UtcClock) -> HealthPartDocument:
     return HealthPartDocument(
         level="bad" if lately.share > _LOST_BAD else "warning",
         word="some",
-        message=f"{minute.lost} of {minute.due} fields of the last minute did not come whole, "
+        message=f"{minute.lost} of {minute.due} fields of the last minute were lost or damaged, "
         f"{lately.lost} of them in the last {LATELY_S} s",
-        hint="end other programs; a shorter USB cable, straight into the computer",
+        hint="close other programs; use a shorter USB cable, straight into the computer",
     )
 
 
@@ -241,7 +241,7 @@ def _ring(instrument: Instrument) -> HealthPartDocument:
         level="bad" if share >= _RING_BAD else "warning",
         word="full",
         message=f"{ring.waiting} of the ring's {ring.slots} slots wait for a reader",
-        hint="end other programs, or close live pictures: the computer does not keep up",
+        hint="close other programs, or close live pictures: the computer does not keep up",
     )
 
 
@@ -261,7 +261,7 @@ def _disk(storage: StorageDocument) -> HealthPartDocument:
         level="bad" if left < _DISK_BAD_MIN else "warning",
         word="short" if left > 0 else "full",
         message=f"the disk has room for {left:.0f} minutes of capturing",
-        hint="take captures home and delete them here",
+        hint="download captures, then delete them here",
     )
 
 
@@ -299,7 +299,7 @@ def _measurement(instrument: Instrument, clock: UtcClock) -> HealthPartDocument:
             level="warning",
             word="behind",
             message=f"the newest points are {age_ns / 1e9:.0f} s old",
-            hint="end other programs: the computer does not keep up; a capture's points are measured later",
+            hint="close other programs: the computer does not keep up; a capture's points are measured later",
         )
     if points >= _FEW_TARGETS * targets:
         return _GOOD

@@ -145,7 +145,7 @@ def _row(stored: StoredProfile) -> ProfileRow:
 
 def _document(stored: StoredProfile) -> ProfileDocument:
     if stored.problem:
-        raise StorageError(stored.problem, "store it anew, or restore a backup: grabberd restore")
+        raise StorageError(stored.problem, "store it again, or restore a backup: grabberd restore")
     content = stored.content
     return ProfileDocument(
         **_of_row(stored),

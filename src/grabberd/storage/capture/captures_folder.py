@@ -107,13 +107,13 @@ class CapturesFolder:
         if _is_empty(self.path):
             raise StorageError(
                 f"the folder of captures {self.path} is gone: it was renamed, deleted or unmounted",
-                f"put it back or mount its disk, and all goes on by itself; {ACCEPT}",
+                f"put it back or mount its disk, and everything resumes on its own; {ACCEPT}",
                 Cause.CAPTURES_MISSING,
             )
         if id_of(self.path) != expected:
             raise StorageError(
                 f"{self.path} is not the folder of captures, but another one in its place",
-                f"move it away and put the right one back, and all goes on by itself; {ACCEPT}",
+                f"move it away and put the right one back, and everything resumes on its own; {ACCEPT}",
                 Cause.CAPTURES_REPLACED,
             )
 

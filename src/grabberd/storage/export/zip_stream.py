@@ -17,7 +17,7 @@ MISSING = "MISSING.txt"
 """Name of the text that names what is not whole."""
 _PIECE = 1 << 18
 """Bytes that are read at once."""
-_CHANGED = "it was changed while it was being sent, so what is in this archive is no good; take it again"
+_CHANGED = "it was changed while being sent, so its copy in this archive is unusable; download it again"
 
 
 class Member(NamedTuple):

@@ -278,7 +278,7 @@ class CaptureIndex:
     def _error(self, error: Exception) -> StorageError:
         return StorageError(
             f"{self.path.name} cannot be used: {error}",
-            "make room or fix the disk; captures go on, and the index is rebuilt by itself",
+            "make room or fix the disk; captures continue, and the index is rebuilt automatically",
         )
 
 
