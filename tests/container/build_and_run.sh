@@ -37,7 +37,7 @@ how="by podman"
 # shellcheck source=by_podman.sh
 . "$here/tests/container/by_podman.sh"
 prepare
-probe=$(run --version 2>&1) || {
+probe=$(run --version 2>&1 | tr -d '\0') || {
     echo "container: this computer lets no runtime start one: $(tail -1 <<<"$probe")"
     how="in the image's root, without a runtime"
     # shellcheck source=by_chroot.sh

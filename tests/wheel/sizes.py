@@ -53,13 +53,19 @@ def serve(then: Callable[[set[str]], None]) -> None:
             then({name.partition(".")[0] for name in sys.modules})
         except Exception:
             traceback.print_exc()
-            os._exit(1)
-        sys.stdout.flush()
-        os._exit(0)
+            end_at_once(1)
+        end_at_once(0)
 
     threading.Thread(target=end, daemon=True).start()
     sys.argv[1:] = ["serve", "--port", str(port)]
     main()
+
+
+def end_at_once(code: int) -> None:
+    """Ends the daemon, and with it all that it has kept."""
+    shutil.rmtree(os.environ["STATE_DIRECTORY"], ignore_errors=True)
+    sys.stdout.flush()
+    os._exit(code)
 
 
 def is_ready(port: int) -> bool:
