@@ -22,7 +22,9 @@ Seconds *there* are those of the machine, whose clock counts its own instruction
 so a computer of today needs a tenth to a third of them. Seconds *here* are those of the computer that
 simulated it, on one of {processors} processors that others wanted as well.
 """
-LAST = """![The page in the browser of another computer](../images/first-day.png)
+LAST = """The computer was started again, without the grabber; the page in the browser of another one:
+
+![The page: no grabber](../images/first-day.png)
 """
 LEAST_S = 0.5
 """Less is not told."""
