@@ -3,14 +3,22 @@
 field.jpg: one field of 1 bit, its targets ringed. model.png: the surface of another, coloured by height.
 overlay.jpg: the synthetic views of the same, over the camera's pictures. analysis-model.svg,
 analysis-curves.svg: figures of the report of an analysis with the inputs that are shipped.
+target-over-time.svg, errors-over-sigma.svg: plots of the captures that come with the library.
 """
 
+import csv
+import shutil
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import cv2
+import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+import grabberd
 from grabberd.analysis import Grid, Surface, TimedPoints
 from grabberd.config import default_config_file, load_config, shipped_configs
 from grabberd.field import Field, NumberedField, PackedField, double_lines, quantise
@@ -36,6 +44,8 @@ OPEN, CLOSED = 20, 45
 ANALYSED = 100
 """Fields: two cycles."""
 PERIOD_NS = 20_000_000
+MOVING = 51
+"""A target of the liner that moves far."""
 LINES, LEFT, RIGHT = slice(190, 400), slice(118, 238), slice(480, 600)
 RING, INK, SEAM = (80, 220, 255), (120, 200, 120), (90, 90, 90)
 
@@ -53,6 +63,40 @@ def main() -> None:
     cv2.imwrite(str(folder / "overlay.jpg"), overlay, [cv2.IMWRITE_JPEG_QUALITY, 90])
     for name, figure in analysis(setup).items():
         (folder / f"analysis-{name}.svg").write_text(figure, encoding="utf-8")
+    # Text as text and ids that stay the same: small files that change only with what they show.
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "grabberd", "font.size": 11}):
+        for name, plot in examples().items():
+            plot.savefig(folder / f"{name}.svg", metadata={"Date": None})
+
+
+def examples() -> dict[str, Figure]:
+    """Plots of the captures that come with the library, as its notebooks draw them."""
+    figure = plt.figure(figsize=(8, 3), layout="constrained")
+    grabberd.open(grabberd.example("liner.grab")).plot_target(MOVING, "z", ax=figure.subplots())
+    return {"target-over-time": figure, "errors-over-sigma": errors_over_sigma()}
+
+
+def errors_over_sigma() -> Figure:
+    """Histograms of the accuracy object's errors in units of their σ, after a calibration of the rig."""
+    calibration = grabberd.calibrate(
+        grabberd.example("frame.grab"), grabberd.example("calibration-frame.yaml")
+    )
+    with TemporaryDirectory() as folder:
+        capture = grabberd.open(shutil.copy(grabberd.example("object.grab"), folder))
+        capture.measure(calibration)
+        points = capture.points()
+    with grabberd.example("object-truth.csv").open(encoding="utf-8") as file:
+        truth = {(int(row["n"]), int(row["target"])): row for row in csv.DictReader(file)}
+    rows = [truth[n, target] for n, target in zip(points["n"], points["target"], strict=True)]
+    figure = plt.figure(figsize=(9, 2.8), layout="constrained")
+    for axes, axis in zip(figure.subplots(1, 3, sharey=True), "xyz", strict=True):
+        error = points[f"{axis}_mm"] - np.array([float(row[f"{axis}_mm"]) for row in rows])
+        sigma = np.hypot(points[f"sigma_{axis}_mm"], points[f"calibration_sigma_{axis}_mm"])
+        axes.hist(error / sigma, bins=np.linspace(-4, 4, 33), density=True)
+        z = np.linspace(-4, 4, 100)
+        axes.plot(z, np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi))
+        axes.set(title=f"error of {axis} / σ", xlim=(-4, 4))
+    return figure
 
 
 def model(modelling: Modelling, measured: list[MeasuredField]) -> NDArray[np.uint8]:

@@ -10,9 +10,9 @@ from grabberd.cli.app import app
 
 MADE = "<!-- made by `make docs`; do not edit -->\n"
 COMMANDS_BEFORE = """\
-What `grabberd COMMAND --help` says. Exit codes: 0 success; 1 failure, explained by the message; 2 invalid
-command line; 70 an error of grabberd itself; 74 the daemon cannot write to its disk, or a command its output;
-78 invalid configuration."""
+The output of `grabberd COMMAND --help`. Exit codes: 0 success; 1 failure, explained by the message; 2 invalid
+command line; 70 internal error of grabberd; 74 the daemon cannot write to its disk, or a command cannot write
+its output; 78 invalid configuration. Some commands have further ones."""
 
 
 def page() -> str:

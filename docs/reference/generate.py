@@ -2,7 +2,7 @@
 
 import json
 import runpy
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -44,188 +44,7 @@ TYPES = {
     WORD: "dictionary of strings",
     LABELS: "map of strings to strings",
 }
-POINTS_BEFORE = """\
-The points of one run of a capture, written by `grabberd export --format csv|ply|parquet|mat|c3d`, or
-downloaded from `/api/v1/captures/{capture_id}/points.csv`, `.ply`, `.parquet`, `.mat` and `.c3d`, with
-`?run=`. In the first three a row is one target in one field:
-"""
-POINTS_AFTER = """
-**CSV** has every column. Coordinates have all their digits, so they read back bit for bit. In all CSV files,
-a text that begins with `=`, `+`, `-`, `@`, a tab or a carriage return has an apostrophe in front, because
-spreadsheet programs would run it as a formula; numbers stay as they are.
-
-**PLY** is binary, little-endian, a point cloud for MeshLab, CloudCompare, Open3D and the like: all fields in
-one, told apart by the property `n`, or a single field with `?field=` (`--field`). It has neither the time of
-day nor pixels.
-
-**Captures recorded as a group share one time axis**: `time_s` plus the capture's `first_field_s` (in its
-document; from the file, `time_ns` of its first field minus `start_ns`) is the time in seconds since the
-common start; so is, to a millisecond, `time_utc` minus the group's `start_utc` ([several
-grabbers](../howto/several.md)).
-
-**Parquet** has every column; the metadata of each are `unit` and `description`. The file's own metadata
-`grabberd` are a JSON document: capture, run, calibration, version, verdict, and site, labels and note as they
-were recorded. It is written by pyarrow, which is optional: `pip install 'grabberd[parquet]'`; without it the
-API answers 501. The daemon leaves the work to a niced child process. In Python:
-`pyarrow.parquet.read_table(file)`, `pandas.read_parquet(file)`.
-
-**HDF5**, `points.h5`, has the groups `points` and, if the capture has channels, `channels`: an array for each
-column of `points.csv` and `channels.csv`, with the attributes `unit` and `meaning`; moments are texts. The
-file's attribute `grabberd` is that of Parquet. It is written by h5py, which is optional: `pip install
-'grabberd[hdf5]'`. HTTP does not offer it.
-"""
-MAT = """
-## MAT
-
-`points.mat` (version 5) opens in MATLAB and Octave without a toolbox, in Python with `scipy.io.loadmat`, in
-Julia and R. F fields by T targets, lost fields and targets that were not found included; NaN where there is
-no point:
-
-| array | size | unit | |
-|---|---|---|---|"""
 MAT_SIZES = {"n": "F × 1", "time_s": "F × 1", "nominal_mm": "T × 3", "residual_px": "F × T"}
-MAT_AFTER = """
-If the capture has channels, `channels` has a row for each, in columns of cells: `name`, `quantity`, `logger`,
-`unit`, and all of its readings, `time_s` (from the first field on, as `points.time_s`), `sigma_time_s`,
-`value`, `vacuum_kpa` (empty for a light), with what is common to them, `sigma_vacuum_kpa` and
-`sigma_delay_s`.
-
-The struct `units` and the struct `meanings` have the last two columns of this table, e.g.
-`units.points.xyz_mm`. `ledger` has the columns of `ledger.csv`, `about` the capture's id, creation, run,
-calibration, version, verdict, site, labels, note, rate and the time of day of the first field. Labels are a
-cell array of names and values. All numbers are doubles but for σ, residuals and images, which are single, as
-a capture has no more of them: MATLAB would calculate with integers in integers.
-
-    S = load('points.mat');  p = S.points;
-    plot(p.time_s, p.xyz_mm(:, p.target == 27, 3))              % Z of a target
-    squeeze(p.xyz_mm(51, :, :))                                 % all targets in field 50
-    imagesc(p.n, p.target, isnan(p.xyz_mm(:, :, 1))')           % what was not found
-    plot(S.channels.time_s{1}, S.channels.vacuum_kpa{1})        % the first channel
-
-What is not in it: the time of day of each field (`about.first_field_utc` plus `time_s`), and correlations
-between the axes. MATLAB reads variables of this version up to 2 GB, an hour and a half at 108 targets: more
-is refused, with its size. Writing takes half as much memory again. So a download over 600 MB, half an hour,
-is refused as well, since the process that makes it shares the daemon's memory.
-
-## C3D
-
-`points.c3d` is for programs of motion analysis. Each target is a marker, called by its id, row and column on
-the target grid: `T027_R04_C02`. Each field is a frame, lost ones included, so that frame k is field
-k − 1 + `GRABBERD:FIRST_N`, (k − 1) / `POINT:RATE` seconds after the first. A marker that was not found has
-the residual −1. Units are mm; the axes are those of the object's frame, `X_SCREEN` and `Y_SCREEN` those in
-which the left view shows it. The group `GRABBERD` has the capture, its creation, run, calibration and
-verdict.
-
-The **residual** is the σ of the position from pointing and line jitter, √(σx² + σy² + σz²), in steps of
-`POINT:SCALE`, 255 at most and never 0, which would say that the point was interpolated. As the standard has
-it, the fourth word of a point is the number 256 · cameras + residual in single precision; py-c3d reads it
-like that. ezc3d takes the two for each other: its residuals are the cameras, three times the scale.
-
-**Channels** are analog channels, in kPa. C3D knows those only at a whole multiple of the rate of the frames:
-it is the one nearest to the readings of the fastest channel, at most 40, so 200 a second for four to a field.
-A sample is the mean of the readings round its time, half a step to either side, by the true times of fields
-and readings; the first of each frame is at the field's own time. Nothing is filled in: a step without a
-reading is NaN. The readings as they are, with their times and σ, are in the other formats.
-
-What is not in it: digits of X, Y, Z beyond single precision (.00001 mm), the σ of each axis and of the
-calibration, images, true times of fields (they follow the nominal rate within the clock's drift), the
-reasons for what is lost (`ledger.csv` beside it). More than 65 535 frames are counted
-in `POINT:LONG_FRAMES` and `TRIAL:ACTUAL_END_FIELD` (ezc3d reads on to the end of the last block instead),
-more than 255 markers are named in `POINT:LABELS2` and so on; more than 16 777 216 frames, or about 3000
-markers, are refused.
-"""
-DATASETS = """
-## Data sets
-
-The files of a [data set](../howto/archive.md) are Parquet as well. They have all columns above, and:
-
-| column | Parquet | |
-|---|---|---|"""
-CHANNELS_BEFORE = """
-## Channels
-
-What was measured beside the picture, such as the vacuum, or a light: `channels.csv` or `channels.parquet`
-beside the points of a capture that has some, or `/api/v1/captures/{capture_id}/channels.csv`. A row is one
-reading of one channel. Readings begin and end up to a quarter of a second outside the fields. The metadata
-`grabberd` of the Parquet file have the capture and each channel's calibration.
-
-| column | unit | Parquet | |
-|---|---|---|---|"""
-ANALYSIS_BEFORE = """\
-The tables that `grabberd analyse` writes, or over HTTP
-`/api/v1/captures/{capture_id}/analyses/{number}/TABLE.csv`. How to make them, and what the inputs mean:
-[analyse](../howto/analyse.md).
-
-Every measured column (marked ±) is followed by `sigma_NAME`, its σ in the same unit. σ covers the
-contributions of the points, the vacuum, the clocks and the material, as far as their σ were given; it does
-not cover the error of the calibration, which is the same in all fields. An unknown value is empty in CSV
-and NaN in Parquet, HDF5, MAT, VTU and PLY; nothing is filled in. A column of integers is float64 where a
-value is unknown. Coordinates are in the object's frame.
-
-**CSV**: one file for each table, seven digits. **Parquet** (`pip install 'grabberd[parquet]'`): the same
-with all digits; the metadata of a column are `unit` and `description`, those of the file, `grabberd`, say
-what it was made from. **HDF5** (`pip install 'grabberd[hdf5]'`): `analysis.h5` with a group for each table
-and a plain array for each column, with the attributes `unit` and `meaning`; and the group `grid` with the
-targets' ids, rows, columns, nominal positions and triangles. It opens in MATLAB, Python, Julia and R.
-**MAT**: `analysis.mat` (version 5), for which MATLAB and Octave need nothing else: a struct for each table,
-whose columns `struct2table` takes as they are (all numbers are doubles), `grid`, whose triangles count from 1
-for `trisurf`, and `units`, `meanings` and `about`, e.g. `units.fields.mean_contact_kpa`. A table of more than
-2 GB is refused.
-
-**VTU** and **PLY**: a mesh for each field and phase. Its vertices are the targets on the smooth outer face,
-in mm, with every numeric column of `targets` or `phase_targets`; a target without a position is left out.
-`vtu/fields.pvd` and `vtu/phases.pvd` are the same as time series, for ParaView.
-
-The **report** is `report.html` to read and `report.json` for programs: inputs, problems, the grid, and all
-tables except those of targets, triangles and edges, column by column; the targets are included for four
-states."""
-STUDY_BEFORE = """\
-The tables that `grabberd study` writes. How to make and read them: [a study](../howto/study.md).
-
-Every measured column (marked ±) is followed by `sigma_NAME`, its σ in the same unit, and that by
-`sigma_common_NAME`, the part of it that the captures of a liner share. An unknown value is empty in CSV and
-NaN in Parquet; nothing is filled in. **CSV**: one file for each table, seven digits. **Parquet**
-(`pip install 'grabberd[parquet]'`): the same with all digits; the metadata of a column are `unit` and
-`description`, those of the file, `grabberd`, say what it was made from.
-
-The **report** is `report.html` to read and `study.json` for programs: the question, for each quantity all
-values and results, what was left out, and all tables column by column.
-
-In the table `captures` the columns of labels and quantities are those of the study; here, those of a study of
-one label and one quantity."""
-PROFILES_BEFORE = """\
-What a profile says, kind by kind; how to use it: [profiles](../howto/profiles.md). Unknown keys are refused.
-`material`, `pulsation`, `liner`, `flow_stop` and `analysis` are those of the
-[inputs of an analysis](../howto/analyse.md#inputs), key by key
-([material](../howto/pressure.md#what-is-computed)).
-"""
-SCHEMAS_BEFORE = """\
-The form of every file that people write or programs read, as JSON Schema (draft 2020-12): for editors, which
-complete keys and mark mistakes as you type, and for programs that write such files.
-"""
-SCHEMAS_AFTER = """
-## In an editor
-
-    grabberd schema configuration > configuration.schema.json
-
-and as the first line of the file, for VS Code (with its YAML extension), Neovim, Emacs and all others that
-use the YAML language server:
-
-    # yaml-language-server: $schema=configuration.schema.json
-
-In an editor of JetBrains: Settings, JSON Schema Mappings. A calibration is JSON; map `*.calibration.json` to
-`calibration.schema.json`.
-
-## What a schema knows
-
-The form alone. What depends on several values, or on other files, is found by the program: two targets with
-one id, a covariance that is none, views that overlap, a file that is not there. `grabberd check-config` tells
-all of that, and `grabberd frame` and `grabberd profile add` likewise for theirs. YAML has moments and dates
-of its own: a schema sees `2026-05-01` as a text.
-
-A schema is never milder than the program about keys: an unknown one is refused by both. In the configuration
-and in profiles it is stricter about types: the program also takes `"8050"` for a port.
-"""
 MADE = "<!-- made by `make docs`; do not edit -->\n"
 
 
@@ -236,13 +55,25 @@ def documents() -> dict[str, str]:
         "openapi.json": _json(description),
         "http.md": "\n".join(_http(description)) + "\n",
         "configuration.md": "\n".join(_configuration()) + "\n",
-        "points.md": "\n".join(_points()) + "\n",
-        "analysis.md": "\n".join(_analysis()) + "\n",
-        "profiles.md": "\n".join(_profiles()) + "\n",
-        "study.md": "\n".join(_study()) + "\n",
-        "object-files.md": "\n".join(_object_files()) + "\n",
+        "points.md": _filled(
+            "points",
+            POINT_COLUMNS=_point_columns(),
+            GRID_COLUMNS=_grid_columns(),
+            DATASET_COLUMNS=_dataset_columns(),
+            CHANNEL_COLUMNS=_channel_columns(),
+        ),
+        "analysis.md": _filled("analysis", TABLES=_analysis()),
+        "profiles.md": _filled("profiles", PROFILES=_profiles()),
+        "study.md": _filled("study", TABLES=_study()),
+        "object-files.md": _filled(
+            "object-files",
+            KEYS=_file_keys(KEYS),
+            TARGET_KEYS=_file_keys(TARGET_KEYS),
+            CALIBRATION_FRAME_KEYS=_file_keys(CALIBRATION_FRAME_KEYS),
+            CHECK_LENGTH=_section(CertifiedLength, "check_length"),
+        ),
         "commands.md": runpy.run_path(str(HERE / "commands.py"))["page"](),
-        "schemas.md": "\n".join(_schemas()) + "\n",
+        "schemas.md": _filled("schemas", SCHEMAS=_schemas()),
         **{f"schemas/{name}.schema.json": _json(schema_of(name)) for name in SCHEMAS},
     }
 
@@ -252,12 +83,9 @@ def _json(document: dict[str, Any]) -> str:
 
 
 def _schemas() -> Iterator[str]:
-    yield f"{MADE}# Schemas of files\n"
-    yield SCHEMAS_BEFORE
     yield "| `grabberd schema …` | | file |\n|---|---|---|"
     for name, form in SCHEMAS.items():
         yield f"| `{name}` | {form.title} | [{name}.schema.json](schemas/{name}.schema.json) |"
-    yield SCHEMAS_AFTER.rstrip("\n")
 
 
 def _openapi() -> dict[str, Any]:
@@ -267,10 +95,10 @@ def _openapi() -> dict[str, Any]:
 
 
 def _http(description: dict[str, Any]) -> Iterator[str]:
-    yield f"{MADE}# HTTP\n"
+    yield f"{MADE}# HTTP API\n"
     yield "Errors are problem documents (RFC 9457) with a `hint` that says what to do. Times are UTC."
-    yield "The whole description: [openapi.json](openapi.json), or `/api/v1/openapi.json`.\n"
-    yield "The role is the least that will do: viewer, operator or admin.\n"
+    yield "The complete OpenAPI description: [openapi.json](openapi.json), or `/api/v1/openapi.json`.\n"
+    yield "The role is the lowest that suffices: viewer, operator or admin.\n"
     yield "| | | role | |\n|---|---|---|---|"
     for path, methods in description["paths"].items():
         for method, operation in methods.items():
@@ -278,11 +106,11 @@ def _http(description: dict[str, Any]) -> Iterator[str]:
             words = " ".join(operation["description"].split())
             yield f"| `{method.upper()}` | `{path}` | {role} | {words} |"
     schemas = description["components"]["schemas"]
-    yield "\n## A capture as it is asked for\n"
+    yield "\n## Body of a request for a capture\n"
     yield from _schema(schemas["NewCapture"])
-    yield "\n## Captures of several devices as they are asked for\n"
+    yield "\n## Body of a request for captures of several devices\n"
     yield from _schema(schemas["NewCaptureGroup"])
-    yield "\n## A calibration as it is asked for\n"
+    yield "\n## Body of a request for a calibration\n"
     yield from _schema(schemas["CalibrationRequest"])
     yield "\nIts `options`:\n"
     yield from _schema(schemas["CalibrationOptions"])
@@ -295,17 +123,17 @@ def _schema(schema: dict[str, Any]) -> Iterator[str]:
 
 
 def _configuration() -> Iterator[str]:
-    yield f"{MADE}# The configuration\n"
-    yield "A YAML file; relative paths count from its own folder. Unknown keys are refused.\n"
+    yield f"{MADE}# Configuration\n"
+    yield "A YAML file. Relative paths are relative to its folder. Unknown keys are refused.\n"
     yield from _section(Config, "")
 
 
 def _section(model: type[BaseModel], prefix: str) -> Iterator[str]:
     yield f"## {prefix or 'top'}\n\n{' '.join((model.__doc__ or '').split())}\n"
-    yield "| key | default | allowed |\n|---|---|---|"
+    yield "| key | default | allowed | |\n|---|---|---|---|"
     inner: list[tuple[str, type[BaseModel]]] = []
     for name, field in model.model_fields.items():
-        yield f"| `{name}` | {_default(field)} | {_allowed(field)} |"
+        yield f"| `{name}` | {_default(field)} | {_allowed(field)} | {field.description or ''} |"
         inner += [(f"{prefix}.{name}".strip("."), found) for found in _models(field.annotation)]
     yield ""
     for name, found in inner:
@@ -320,15 +148,12 @@ def _default(field: FieldInfo) -> str:
 
 
 def _profiles() -> Iterator[str]:
-    yield f"{MADE}# Profiles, key by key\n"
-    yield PROFILES_BEFORE
     for model in (LinerProfile, PulsatorProfile, CupProfile, CowProfile):
         yield from _section(model, model.__name__.removesuffix("Profile").lower())
 
 
 def _allowed(field: FieldInfo) -> str:
-    limits = ", ".join(_limit(limit) for limit in field.metadata if _limit(limit))
-    return " ".join(filter(None, [limits, field.description or ""]))
+    return ", ".join(_limit(limit) for limit in field.metadata if _limit(limit))
 
 
 def _limit(limit: object) -> str:
@@ -338,7 +163,7 @@ def _limit(limit: object) -> str:
         "le": "≤",
         "lt": "<",
         "multiple_of": "a multiple of",
-        "min_length": "at least",
+        "min_length": "length ≥",
     }
     found = [
         f"{sign} {getattr(limit, name)}"
@@ -354,16 +179,12 @@ def _models(annotation: Any) -> list[type[BaseModel]]:
     return [model for argument in getattr(annotation, "__args__", ()) for model in _models(argument)]
 
 
-def _object_files() -> Iterator[str]:
-    tables = {
-        "KEYS": _file_keys(KEYS),
-        "TARGET_KEYS": _file_keys(TARGET_KEYS),
-        "CALIBRATION_FRAME_KEYS": _file_keys(CALIBRATION_FRAME_KEYS),
-        "CHECK_LENGTH": _section(CertifiedLength, "check_length"),
-    }
-    yield MADE.rstrip("\n")
-    for line in (HERE / "object-files.template").read_text(encoding="utf-8").splitlines():
-        yield from tables.get(line, [line])
+def _filled(name: str, **tables: Iterable[str]) -> str:
+    """The template NAME.template, with a table in place of each line that names one."""
+    lines = [MADE.rstrip("\n")]
+    for line in (HERE / f"{name}.template").read_text(encoding="utf-8").splitlines():
+        lines += tables.get(line, [line])
+    return "\n".join(lines) + "\n"
 
 
 def _file_keys(keys: Mapping[str, FileKey]) -> Iterator[str]:
@@ -373,22 +194,24 @@ def _file_keys(keys: Mapping[str, FileKey]) -> Iterator[str]:
         yield f"| `{name}` | {key.unit or '–'} | {key.kind} | {default} | {key.meaning} |"
 
 
-def _points() -> Iterator[str]:
-    yield f"{MADE}# Points, column by column\n"
-    yield POINTS_BEFORE
+def _point_columns() -> Iterator[str]:
     yield "| column | unit | Parquet | PLY | |\n|---|---|---|---|---|"
     for one in POINT_COLUMNS:
         ply = f"`{PLY_NAMES.get(one.name, one.name)}` {PLY_TYPES[one.dtype]}" if one in CLOUD_COLUMNS else "–"
         yield f"| `{one.name}` | {one.unit or '–'} | {TYPES[one.dtype]} | {ply} | {one.meaning} |"
-    yield POINTS_AFTER.rstrip("\n")
-    yield MAT
+
+
+def _grid_columns() -> Iterator[str]:
     for one in GRID_COLUMNS:
         yield f"| `points.{one.name}` | {_mat_size(one)} | {one.unit or '–'} | {one.meaning} |"
-    yield MAT_AFTER.rstrip("\n")
-    yield DATASETS
+
+
+def _dataset_columns() -> Iterator[str]:
     for one in DATASET_COLUMNS[len(POINT_COLUMNS) :]:
         yield f"| `{one.name}` | {TYPES[one.dtype]} | {one.meaning} |"
-    yield CHANNELS_BEFORE
+
+
+def _channel_columns() -> Iterator[str]:
     for one in CHANNEL_COLUMNS:
         yield f"| `{one.name}` | {one.unit or '–'} | {TYPES[one.dtype]} | {one.meaning} |"
 
@@ -399,15 +222,11 @@ def _mat_size(one: Column) -> str:
 
 
 def _analysis() -> Iterator[str]:
-    yield f"{MADE}# An analysis, column by column\n"
-    yield ANALYSIS_BEFORE
     for name, table in TABLES.items():
         yield from _analysis_table(name, table)
 
 
 def _study() -> Iterator[str]:
-    yield f"{MADE}# A study, column by column\n"
-    yield STUDY_BEFORE
     example = ("liner_compression_mean_kpa", "kPa", "liner compression, mean")
     yield from _analysis_table("captures", captures_spec(["cow"], [example]))
     for name, table in STUDY_TABLES.items():

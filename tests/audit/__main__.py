@@ -12,24 +12,24 @@ from .cases import KINDS
 from .judging import Verdict, judged
 from .real_time import Row, all_rows, table
 
-HEAD = """# Audit of the account of fields
+HEAD = """# Audit of field numbers, times and ledgers
 
-Made by `make audit`; do not edit. A camera whose pictures have their own number in the corner, a driver, a
-computer and what goes wrong with them are drawn at random, up to three kinds of faults at a time: {runs} runs
-in simulated time, {fields} fields. Capture thread, content checks, numbering, ring, recorder and capture file
-are the program's own. Each capture begins and ends at random, with or without a pre-trigger. Then every field
-in the file is compared with the number in its picture and with the camera's clock, and the account's begin
-and end with what was asked for. Left out is a clock of the stamps that is set by a few fields on a busy
-computer: while every field waits and some are lost, nothing tells that from as many lost ones more or less,
-until a field arrives in time.
+Made by `make audit`; do not edit. {runs} runs in simulated time, {fields} fields, with a camera whose
+pictures show their own number in a corner. Camera, driver, computer and up to three kinds of faults at a time
+are drawn at random. Capture thread, content checks, numbering, ring, recorder and capture file are the
+program's own. Each capture starts and ends at a random time, with or without a pre-trigger. Then every field
+in the file is compared with the number in its picture and with the camera's clock, and the start and end of
+the ledger with the request. One case is left out: on a busy computer, a timestamp clock that is set by a few
+fields. While every field is delayed and some are lost, that cannot be told from losing more or fewer fields,
+until one arrives on time.
 
-A lie is a number or a time that is wrong, unless this very field is said to be uncertain by as much, or the
-numbers from one before it on to be off by as many; an account that begins or ends elsewhere; or a loss whose
-cause is none of what went wrong. There are **{lies} lies**. Of all fields {uncertain} are said to be
-uncertain, and therefore damaged.
-One capture, also of a daemon: `python -m grabberd_fake audit CAPTURE`.
+An error is a wrong number or time that the file does not declare, either as uncertain by that much in this
+field, or as off by that many from an earlier field on; a ledger that starts or ends at the wrong field; or a
+loss blamed on something that did not go wrong. There are **{lies} errors**. {uncertain} of all fields are
+declared uncertain, and therefore damaged.
+To audit a capture, also one made by a daemon: `python -m grabberd_fake audit CAPTURE`.
 
-| what goes wrong, alone or with others | runs | captures complete | fields | uncertain | lies |
+| fault, alone or with others | runs | captures complete | fields | uncertain | errors |
 |---|---|---|---|---|---|
 """
 
@@ -37,8 +37,8 @@ One capture, also of a daemon: `python -m grabberd_fake audit CAPTURE`.
 REAL_TIME = """
 ## In real time
 
-A daemon with one device at 50 Hz that is measured, a process of its own. Frozen: SIGSTOP, then SIGCONT. What
-a killed one leaves is found by the next one in the same folder.
+A daemon as a separate process, which measures one device at 50 Hz. Frozen: SIGSTOP, then SIGCONT. The file
+that a killed daemon leaves is recovered by the next one in the same folder.
 
 """
 

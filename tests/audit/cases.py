@@ -66,28 +66,28 @@ def _set_while_frozen(draw: random.Random) -> Faults:
 
 KINDS: dict[str, Callable[[random.Random], Faults]] = {
     "fields lost on the bus": lambda draw: _losses(draw, "lose"),
-    "fields lost unseen by the driver": lambda draw: _losses(draw, "lose_silently"),
+    "fields lost, not counted by the driver": lambda draw: _losses(draw, "lose_silently"),
     "program frozen": _lasting("freeze", 0.06, 0.1, 0.3, 0.9, 3.0, 12.0),
     "computer busy": lambda draw: [
         {"kind": "busy", "at_s": _at(draw), "duration_s": 3.0, "mean_ms": draw.choice([10, 30, 100])}
     ],
-    "fields in a bunch": _lasting("bunch", 0.06, 0.1, 0.2, 0.5),
-    "clock of the stamps set": lambda draw: [
+    "fields arrive in a burst": _lasting("bunch", 0.06, 0.1, 0.2, 0.5),
+    "timestamp clock set": lambda draw: [
         {"kind": "clock_step", "at_s": _at(draw), "by_s": draw.choice(SET_BY_S)}
     ],
-    "clock of the stamps set while the program is frozen": _set_while_frozen,
-    "stamps zero": _lasting("timestamp", 0.02, 0.1, 2.0, says="zero"),
-    "stamps backward": _lasting("timestamp", 0.02, 0.1, 0.5, says="backward"),
+    "timestamp clock set while the program is frozen": _set_while_frozen,
+    "timestamps zero": _lasting("timestamp", 0.02, 0.1, 2.0, says="zero"),
+    "timestamps backward": _lasting("timestamp", 0.02, 0.1, 0.5, says="backward"),
     "camera in the other phase": lambda draw: [{"kind": "turn", "at_s": _at(draw)}],
-    "count begins anew": lambda draw: [{"kind": "recount", "at_s": _at(draw)}],
+    "driver's count restarts": lambda draw: [{"kind": "recount", "at_s": _at(draw)}],
     "stall": _lasting("stall", 0.3, 2.0),
     "stream fails": _lasting("fail", 0.1, until="time"),
     "unplugged": lambda draw: [
         {"kind": "unplug", "at_s": _at(draw), "back_after_s": draw.choice([0.1, 1.0])}
     ],
-    "no signal, told": _lasting("no_signal", 0.3, 1.0),
-    "stamps late": lambda draw: [],
-    "computer overloaded from the beginning": lambda draw: [
+    "no signal, reported": _lasting("no_signal", 0.3, 1.0),
+    "timestamps late": lambda draw: [],
+    "computer overloaded from the start": lambda draw: [
         {
             "kind": "busy",
             "at_s": 0.0,
@@ -98,7 +98,7 @@ KINDS: dict[str, Callable[[random.Random], Faults]] = {
 }
 
 
-BUSY, FEW_FIELDS_S = ("computer busy", "computer overloaded from the beginning"), 0.2
+BUSY, FEW_FIELDS_S = ("computer busy", "computer overloaded from the start"), 0.2
 """While every field waits and some are lost, a clock that is set by a few fields passes for as many lost ones
 more or less, until a field arrives in time: nothing tells them apart, and it is left out."""
 
@@ -120,7 +120,7 @@ def drawn(seed: int) -> Case:
     }
     if "computer busy" in kinds:  # the hardest: a queue that drains looks like losses
         driver["stamps"] = draw.choice(["exposure", "arrival", "arrival"])
-    if "stamps late" in kinds:
+    if "timestamps late" in kinds:
         driver |= {"late": draw.choice([0.003, 0.02, 0.1]), "late_ms": draw.choice([10.0, 25.0, 60.0])}
     faults = [fault for kind in kinds for fault in KINDS[kind](draw)]
     if any(kind in kinds for kind in BUSY):

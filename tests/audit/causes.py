@@ -9,16 +9,16 @@ from .cases import Case
 _C = LossCause
 POSSIBLE: dict[str, set[LossCause]] = {
     "fields lost on the bus": {_C.CABLE, _C.DEVICE},
-    "fields lost unseen by the driver": {_C.CABLE, _C.DEVICE},
+    "fields lost, not counted by the driver": {_C.CABLE, _C.DEVICE},
     "program frozen": {_C.COMPUTER},
-    "clock of the stamps set while the program is frozen": {_C.COMPUTER},
+    "timestamp clock set while the program is frozen": {_C.COMPUTER},
     "computer busy": {_C.COMPUTER},
-    "computer overloaded from the beginning": {_C.COMPUTER},
-    "fields in a bunch": {_C.CABLE},
+    "computer overloaded from the start": {_C.COMPUTER},
+    "fields arrive in a burst": {_C.CABLE},
     "stall": {_C.DEVICE, _C.CABLE},
     "stream fails": {_C.DEVICE},
     "unplugged": {_C.DEVICE},
-    "no signal, told": {_C.CAMERA},
+    "no signal, reported": {_C.CAMERA},
 }
 """Causes of the fields that a fault costs; the other faults cost none. Only its length tells a stall,
 .8 s and more, from fields lost on the bus."""

@@ -53,7 +53,7 @@ def all_rows(folder: Path) -> Iterator[Row]:
         for freeze_s in FREEZES_S:
             yield _frozen(daemon, freeze_s)
         for count in LOOPS:
-            yield _beside(daemon, f"{count} programs that compute without end", count, _LOOP, LOADED_S)
+            yield _beside(daemon, f"{count} busy loops", count, _LOOP, LOADED_S)
         hogs = f"{HOGS} real-time programs that compute for {HOGGED_S:g} s"
         yield _beside(daemon, hogs, HOGS, _HOG, HOGGED_S)
     finally:
@@ -156,9 +156,7 @@ def _seconds(utc: str) -> float:
 
 def table(rows: Sequence[Row]) -> str:
     """A Markdown table."""
-    head = (
-        "| done to the daemon | what its ledger says | fields | uncertain | lies |\n|---|---|---|---|---|\n"
-    )
+    head = "| fault | what the ledger says | fields | uncertain | errors |\n|---|---|---|---|---|\n"
     return head + "".join(
         f"| {one.fault} | {one.account} | {one.fields} | {one.uncertain} | {len(one.lies)} |\n"
         for one in rows

@@ -4,6 +4,7 @@ import argparse
 import platform
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
 from tests.bench import (
@@ -51,78 +52,84 @@ from tests.bench import (
     walls,
 )
 
-HEADER = """# What was measured
+HEADER = """# Measured accuracy and speed
 
-Made by `make measured` and `make soak`; do not edit. Single times on a shared machine are worth little: look
-at the ratios, and at what the witness saw of the machine itself. Other programs: [benchmarks](benchmarks.md).
+Made by `make measured` and `make soak`; do not edit. Absolute times on a shared machine mean little: compare
+the ratios, and check the rows of the witness, a process that records how busy the machine itself was. For
+other programs see [benchmarks](benchmarks.md).
 """
 
-ARMOUR = "Armour: attacks on the HTTP front"
-SOAK = "Soak: 50 Hz, clients that come and go, captures of all kinds"
+ARMOUR = "Attacks on the HTTP server"
+OPEN = "The page: memory when it stays open"
+SOAK = "Soak test: 50 Hz, clients that come and go, captures of all kinds"
 
 PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "accuracy": {"Accuracy against the simulator's truth, mm, RMSE of single fields": accuracy.table},
-    "averaging": {"Static fields averaged: leaning discs, uneven mirrors": averaging.table},
-    "calibrated": {"Calibrated, then measured: XYZ RMSE in mm (error / σ given)": calibrated.table},
-    "capture": {"The capture file: bytes and processor time of a field": capture_file.table},
+    "averaging": {"Averages of static fields: leaning discs, uneven mirrors": averaging.table},
+    "calibrated": {"Accuracy after calibration: XYZ RMSE in mm (error / stated σ)": calibrated.table},
+    "capture": {"Capture file: bytes and processor time per field": capture_file.table},
     "camera": {
-        "A digital camera's pictures: what their luma costs": camera.table_of_cost,
-        "Progressive pictures compressed: what JPEG costs in accuracy": camera.table_of_accuracy,
+        "Digital cameras: processor time of the luma conversion": camera.table_of_cost,
+        "Compressed progressive pictures: accuracy lost to JPEG": camera.table_of_accuracy,
     },
-    "closures": {"Closures of 20 to 150 ms, against the simulator's truth": closures.table},
-    "adjustment": {"The bundle adjustment beside scipy.optimize.least_squares": adjustment.table},
-    "analysis": {"From points to tension, against the simulated ellipse's truth": analysis.table},
+    "closures": {"Fast closures (20 to 150 ms) compared with the simulator's truth": closures.table},
+    "adjustment": {"Bundle adjustment compared with scipy.optimize.least_squares": adjustment.table},
+    "analysis": {"From points to tension, compared with the simulated ellipse's truth": analysis.table},
     "content": {
-        "A field taken in: what it costs": content.table,
-        "A look at every field: what it finds": content_found.table,
+        "Field intake: processor time": content.table,
+        "Content checks of every field: detection rates and false alarms": content_found.table,
     },
     "targets": {
-        "Pointing over the targets' diameter, RMS in x / y, px": location.table_of_diameters,
-        "Pointing over the targets' size, 8 bit, .5 % noise, RMS in px": location.table_of_sizes,
+        "Pointing by target diameter, RMS in x / y, px": location.table_of_diameters,
+        "Pointing by target size, 8 bit, .5 % noise, RMS in px": location.table_of_sizes,
     },
-    "goals": {"Goals of accuracy and closures: leaning discs, uneven mirrors": goals.table},
+    "goals": {"Accuracy goals: leaning discs, uneven mirrors, fast closures": goals.table},
     "core": {
-        "From a field to its points": core.table,
-        "Over the number of targets": core_numbers.table,
+        "From a field to its points: processor time": core.table,
+        "Processor time by number of targets": core_numbers.table,
     },
-    "progressive": {"From a progressive picture to its points": core_progressive.table},
+    "progressive": {"From a progressive picture to its points: processor time": core_progressive.table},
     "empty": {
         "A ramp with the empty liner, and what it is worth": pressure_ramp.table,
-        "An empty liner taken for one on a teat": pressure_empty.table,
+        "False pressure when an empty liner is analysed as one on a teat": pressure_empty.table,
     },
-    "identification": {"Identification of 2 × 108, first field and after a gap": identification.table},
-    "study": {"A study: intervals that cover, and false alarms": study_coverage.table},
-    "light": {"Clocks related by a light, against the truth": light_clock.table},
-    "liners": {"Three liners, four captures each, from an empty folder": liner_study.table},
-    "demonstration": {"From an empty folder to a study, one command a step": demonstration.table},
+    "identification": {
+        "Identification of 2 × 108 targets, in the first field and after a gap": identification.table
+    },
+    "study": {"Studies: coverage of intervals, and false alarms": study_coverage.table},
+    "light": {"Clock alignment by a light, compared with the truth": light_clock.table},
+    "liners": {"Three liners, four captures each: quantities compared with the truth": liner_study.table},
+    "demonstration": {
+        "A complete liner study from the command line, compared with the truth": demonstration.table
+    },
     "location": {
-        "Pointing of all locators on the same fields, px": location.table,
-        "Pointing over bits, one capture quantised anew, RMS in px": location.table_of_bits,
+        "Pointing of all locators on the same fields, RMS in px": location.table,
+        "Pointing by bits, one capture requantised, RMS in px": location.table_of_bits,
         "Pointing at 1 bit: noise and line jitter, RMS in px": location_bits.table,
         "Pointing at 1 bit: the missing lines, RMS in px": location_bits.table_of_lines,
     },
-    "memory": {"Memory of the daemon and of its process of jobs": memory.table},
-    "poses": {"Three poses of the calibration frame against one": frame_poses.table},
+    "memory": {"Memory of the daemon and of its job process": memory.table},
+    "poses": {"Three poses of the calibration frame compared with one": frame_poses.table},
     "page": {
-        "The page: what it weighs, how soon it is seen, what it costs": page.table,
-        "The page: what it keeps when it is open for long": page_open.table,
+        "The page: size, load time and cost": page.table,
+        "The page: memory when every panel is shown again and again": page_open.table,
     },
     "pressure": {
         "Contact pressure on solved walls, kPa: RMS / σ (χ²)": pressure_accuracy.table,
-        "Contact pressure where something is off, kPa": pressure_robustness.table,
+        "Contact pressure with wrong inputs, kPa": pressure_robustness.table,
         "Curvature and strain of the middle surface on solved walls": middle_accuracy.table,
-        "What an analysis with the pressure costs": pressure_cost.table,
+        "Analysis with pressure: processor time and memory": pressure_cost.table,
     },
     "quantities": {
-        "Quantities: scatter by what is each capture's own, and by what is given": quantity_sigma.table
+        "Quantities: scatter from each capture's own errors and from the inputs": quantity_sigma.table
     },
-    "reprocess": {"An archive measured again": reprocess.table},
+    "reprocess": {"Re-measuring an archive: throughput and memory": reprocess.table},
     "requests": {
-        "Requests: what each costs in processor time": requests.table,
-        "Points stream: how late its fields are, and what they cost": points_stream.table,
+        "Requests: processor time of each": requests.table,
+        "Points stream: latency and processor time": points_stream.table,
     },
-    "tasks": {"The page: everyday tasks, steps and seconds": page_tasks.table},
-    "walls": {"The simulated walls: buckling, touch, and the load on the teat": walls.table},
+    "tasks": {"The page: steps and seconds of everyday tasks": page_tasks.table},
+    "walls": {"Simulated walls: buckling, touch point, and load on the teat": walls.table},
 }
 """Tables by the titles of their sections, without those of the running daemon."""
 
@@ -134,10 +141,10 @@ def main() -> None:
         "what",
         nargs="?",
         default="all",
-        choices=[*PARTS, "live", "several", "soak", "loaded", "armour", "all"],
+        choices=[*PARTS, "live", "several", "soak", "loaded", "armour", "open", "all"],
     )
     parser.add_argument(
-        "--seconds", type=float, default=60.0, help="length of the live capture, of the soak, or of an attack"
+        "--seconds", type=float, default=60.0, help="length of a live capture, soak, attack or open page"
     )
     parser.add_argument("--write", type=Path, help="file whose sections are replaced")
     parser.add_argument("--seed", type=int, default=soak.SEED, help="who comes when in the soak")
@@ -148,15 +155,7 @@ def main() -> None:
         sys.exit(_loaded(options))
     if options.what == "soak":
         sys.exit(_soak(options.seconds, options.seed, options.write))
-    tables = dict(_tables(options.what))
-    if options.what in ("live", "all"):
-        tables[f"Live, {options.seconds:.0f} s at 50 Hz"] = lambda: live.table(options.seconds)
-    if options.what in ("several", "all"):
-        title = f"Several: four devices at 50 Hz, {options.seconds:.0f} s"
-        tables[title] = lambda: several.table(options.seconds)
-    if options.what == "armour":
-        tables[ARMOUR] = lambda: armour.table(options.seconds)
-    for title, table in tables.items():
+    for title, table in {**_tables(options.what), **_lasting(options.what, options.seconds)}.items():
         text = table()
         print(f"## {title}\n\n{text}\n")
         if options.write:
@@ -175,11 +174,22 @@ def _soak(seconds: float, seed: int, file: Path | None) -> int:
 def _loaded(options: argparse.Namespace) -> int:
     """Shows it and writes it down; 1 where fields are missing."""
     done = loaded.loaded(options.seconds, options.load, options.devices)
-    title = f"Soak: {options.devices} at 50 Hz beside {options.load} busy loops"
+    title = f"Soak test: {options.devices} at 50 Hz beside {options.load} busy loops"
     print(f"## {title}\n\n{done.table()}\n")
     if options.write:
         write(options.write, {title: done.table()})
     return int(done.missing > 0)
+
+
+def _lasting(what: str, seconds: float) -> Mapping[str, Callable[[], str]]:
+    """Tables of what is watched for a while."""
+    asked = {
+        f"Live, {seconds:.0f} s at 50 Hz": (("live", "all"), live.table),
+        f"Several: four devices at 50 Hz, {seconds:.0f} s": (("several", "all"), several.table),
+        ARMOUR: (("armour",), armour.table),
+        OPEN: (("open",), page_open.table_of_open),
+    }
+    return {title: partial(table, seconds) for title, (names, table) in asked.items() if what in names}
 
 
 def _tables(what: str) -> Mapping[str, Callable[[], str]]:

@@ -47,7 +47,7 @@ def table() -> str:
 
 def _scenes() -> str:
     head = (
-        "| scene | field | X | Y | Z | XYZ | XYZ smoothed | its error / σ given "
+        "| scene | field | X | Y | Z | XYZ | XYZ smoothed | its error / stated σ "
         "| found of what both views see | wrong |"
     )
     rows = []

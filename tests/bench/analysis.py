@@ -174,7 +174,7 @@ def table() -> str:
 
 _PREFACE = f"""{FIELDS} fields at 50 Hz of a liner that pulsates every {PERIOD_S} s; 2 % noise, spread
 .8 px, line jitter .12 px and ideal mirrors unless said; the exact calibration; strain
-from the nominal shape. RMS error / RMS σ given (χ² per degree). Single fields, and
+from the nominal shape. RMS error / RMS stated σ (χ² per degree). Single fields, and
 {PHASES} phases of the mean cycle. Both views see four of the six columns of targets:
 *inner* are the middle two, *outermost* the other two, at the fold of the closed wall."""
 _REMARKS = """What misses its goal, and why:

@@ -31,11 +31,11 @@ def table() -> str:
     """Single fields and the mean of 32 by the liner's axis and the mirrors; then calibrations themselves."""
     about = (
         f"{len(SEEDS)} rigs each, calibrated from 64 fields; 8 bit, 288 lines, noise 3.6 of 180 grey values, "
-        "line jitter .12 px, views at 55 to 100 % of full brightness. Mean error / σ given in mm (χ²)."
+        "line jitter .12 px, views at 55 to 100 % of full brightness. Mean error / stated σ in mm (χ²)."
     )
     head = "| liner | mirrors uneven by | way | one field | mean of 32 |\n|---|---|---|---|---|"
     rows = [row for uneven_px in UNEVEN_PX for row in _rows(uneven_px)]
-    exact = "| mirrors uneven by | error at exact places / σ given, mm (χ²) |\n|---|---|"
+    exact = "| mirrors uneven by | error at exact positions / stated σ, mm (χ²) |\n|---|---|"
     return "\n".join([f"{about}\n", head, *rows, "", exact, *map(_exact, UNEVEN_PX)])
 
 

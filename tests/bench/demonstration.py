@@ -72,13 +72,13 @@ def tables(folder: Path, comparison: str) -> list[str]:
 
 def _introduction() -> str:
     return paragraph(
-        "One command a step, at real pace, with the simulated grabber as a test bench for liners: the",
+        "One command per step, at real pace, with the simulated grabber as a test bench for liners: the",
         "stage is set, then `grabberd test reference`, `ramp --accept`, and `milking` of",
-        f"{_MILKING_S} s on the teats of four cows, for each of three liners that the program has example",
-        "profiles of; last `grabberd study --by liner --within cow`. 4 columns are seen by both views. The",
-        "vacuum comes from a logger with a clock of its own. Every test has passed, or this table",
-        "would not be here. Cells are error / σ given; times in ms. The cycle lasts a second, so that all",
-        "fields fall on the same fifty phases.",
+        f"{_MILKING_S} s on the teats of four cows, for each of the three liners with example profiles;",
+        "finally `grabberd study --by liner --within cow`. Both views see 4 columns. The vacuum comes from a",
+        "logger with its own clock. The table is written only if every test",
+        "passes. Cells are error / stated σ;",
+        "times in ms. The cycle lasts a second, so that all fields fall on the same fifty phases.",
     )
 
 

@@ -75,7 +75,7 @@ def _introduction() -> str:
         "ramp of each liner, whose material goes into its profile, then four captures of 3 s on the",
         "teats of four cows. What was told of modulus, thickness, pretension, gauge, clock and flow",
         "stop was drawn within its σ. 8 bits, 6 columns of targets, each liner with its own object",
-        "model. The truth is read from the solved walls. Cells are error / σ given; times in ms.",
+        "model. The truth is read from the solved walls. Cells are error / stated σ; times in ms.",
     )
 
 
@@ -100,7 +100,7 @@ def of_captures(found: Sequence[Found]) -> Iterator[str]:
 
 def of_quantities(found: Sequence[Found]) -> Iterator[str]:
     """Table with a line for each quantity, over all captures."""
-    yield "| quantity | captures | mean error | RMS | σ given | χ² | greatest error / σ |"
+    yield "| quantity | captures | mean error | RMS | stated σ | χ² | greatest error / σ |"
     yield "|---|---|---|---|---|---|---|"
     for name in dict.fromkeys(one.name for one in found):
         every = [one for one in found if one.name == name]

@@ -99,11 +99,16 @@ def _introduction(found: Sequence[Compared]) -> str:
     states = "; ".join(f"{phase}: {', '.join(f'{k:g}' for k in some)} kPa" for phase, some in PHASES.items())
     return paragraph(
         f"Liners solved as solids ({', '.join(DESIGNS)}; teats {', '.join(TEATS)}), four columns of targets,",
-        "single fields, told as in the tables of the contact pressure. Truth is the layer that halves the",
-        "solid's rubber, from splines through its outer face, whose nodes stand 3.25 mm apart along the tube",
-        f"and 1.1 mm round it, so κ2 is itself good to a few per m where it changes fast. {states}.",
-        "RMS error / RMS σ given (χ²), of the wall in equilibrium that explains the targets, and of the",
-        "smooth surface through them, which is what there is without material, reference, ends or vacuum.",
+        "single fields, with the same inputs as in the tables of the contact",
+        "pressure. The truth is the layer",
+        "with half of the rubber on either side, from splines through the",
+        "solid's outer face, whose nodes are",
+        "3.25 mm apart along the tube and 1.1 mm around it, so κ2 itself is accurate to a few per m where it",
+        f"changes fast. {states}. RMS error / RMS stated σ (χ²), for the wall in",
+        "equilibrium that explains the",
+        "targets, and for the smooth surface through them, which is used",
+        "without material, reference, ends or",
+        "vacuum.",
         f"States without an equilibrium: {100 * refused:.0f} %, left out.",
     )
 

@@ -126,17 +126,21 @@ def _cycles(found: Sequence[Found], bits: int) -> Iterator[Judged]:
 def _introduction() -> str:
     closing, closed = (", ".join(f"{kpa:g}" for kpa in states) for states in PHASES.values())
     return paragraph(
-        "Walls solved as solids, by equations that the estimator does not share; the targets' places in them",
-        "with the noise of 8 and of 1 bit added (no pictures are rendered). The liners are",
-        f"{', '.join(DESIGNS)}: the prior of the load was made with others. Four columns",
-        f"of 18 targets, 6.5 mm apart; six on {' and '.join(COLUMNS[SIX])}, and there also four with two",
-        "more (4 + 2), of which one view sees the first alone, and the other the last. Modulus,",
-        "thickness, pretension and pressure difference err by one draw for each wall from the σ that the",
-        "estimator is told: 3.5 %, 2 %, 10 % and .5 kPa, as after a ramp with the empty liner.",
-        f"Closing: {closing} kPa over the wall, closed: {closed} kPa.",
-        f"A phase mean is that of {FIELDS[PHASE]} fields;",
-        "a cycle mean that of these states' phase means, σ taken as common to them.",
-        "RMS error / RMS σ given (χ²), kPa; refused maps are left out, and their share is given.",
+        "Walls solved as solids, by equations that the estimator does not",
+        "share, with the noise of 8 or 1 bit",
+        "added to the target positions (no pictures are rendered). The liners",
+        f"({', '.join(DESIGNS)}) are not those from which the prior of the load",
+        "was made. There are four columns",
+        f"of 18 targets, 6.5 mm apart; on {' and '.join(COLUMNS[SIX])} also six,",
+        "and four plus two (4 + 2), of",
+        "which one view sees the first only, and the other the last. For each wall, the errors of modulus,",
+        "thickness, pretension and pressure difference are drawn once from the",
+        "σ given to the estimator: 3.5 %,",
+        "2 %, 10 % and .5 kPa, as after a ramp with the empty liner.",
+        f"Closing: {closing} kPa over the wall; closed: {closed} kPa.",
+        f"A phase mean is the mean of {FIELDS[PHASE]} fields,",
+        "a cycle mean that of these states' phase means, with σ taken as common to them.",
+        "RMS error / RMS stated σ (χ²), kPa; refused maps are excluded, and their share is given.",
     )
 
 

@@ -52,11 +52,12 @@ def seen(wall: str, states_kpa: Sequence[float]) -> Iterator[Seen]:
 
 def _introduction(walls: int) -> str:
     return paragraph(
-        f"All {walls} solved walls, four columns, single fields of 8 and of 1 bit, told as in the tables",
-        "of the contact pressure; the analysis is not told that there is no teat. Of maps that empty",
-        "liners have nevertheless, the greatest mean over the targets that is reported: nothing presses",
-        "there but, from the touch on, the liner itself. The limits are those by which the quantities",
-        "tell a teat from walls that meet; none was changed for these walls.",
+        f"All {walls} solved walls, four columns, single fields of 8 and of 1",
+        "bit, with the same inputs as in the",
+        "tables of the contact pressure; the analysis does not know that there is no teat. For maps that are",
+        "reported nevertheless, the greatest mean over the targets: up to the touch point nothing presses",
+        "there, afterwards the liner itself. The limits are those by which the quantities distinguish a teat",
+        "from walls that meet; none was adapted to these walls.",
     )
 
 

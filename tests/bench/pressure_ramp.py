@@ -88,12 +88,13 @@ def _introduction() -> str:
     young, wall, pretension = (f"{100 * sigma:g} %" for sigma in BROAD.values())
     return paragraph(
         f"Solved liners whose modulus was known to {young}, thickness to {wall} and pretension to",
-        f"{pretension}, with one draw of these errors each; a ramp without a teat, its vacuum read to",
-        f"{OWN_KPA:g} kPa in each level and {COMMON_KPA:g} kPa in common; four columns, 8 bits. Errors of",
-        "the liner's values are in % (error / σ given); those of touch (TPPD) and buckling (CCPD) in kPa,",
-        f"from {TOUCH_LEVELS} levels of {TOUCH_OWN_KPA:g} kPa. Then errors of the mean over the seen targets",
+        f"{pretension}, each with one draw of these errors; a ramp without a teat, its vacuum read to",
+        f"{OWN_KPA:g} kPa at each level, plus a common {COMMON_KPA:g} kPa; four columns, 8 bits. Errors of",
+        "the liner's values are in % (error / stated σ); those of touch (TPPD) and buckling (CCPD) in kPa,",
+        f"from {TOUCH_LEVELS} levels of {TOUCH_OWN_KPA:g} kPa. Then the errors",
+        "of the mean pressure over the visible targets",
         f"on a round teat, at {' and '.join(f'{kpa:g}' for kpa in STATES_KPA)} kPa over the wall, kPa,",
-        f"estimate less truth, mean of {DRAWS} fields: with what was known before the ramp, with its",
+        f"estimate minus truth, mean of {DRAWS} fields: with what was known before the ramp, with its",
         "`material`, and with the true values.",
     )
 

@@ -74,11 +74,14 @@ def table() -> str:
     introduction = paragraph(
         f"Solved walls as above: {', '.join(WALLS)}, or the first one or two of them,",
         f"at {states} kPa over the wall; single fields of 8 bit, {DRAWS} draws of the noise,",
-        "four columns unless said. Nothing else is off. First with the σ of a ramp with the empty",
-        "liner, then with one as large as the error. Errors are estimate less truth, kPa, at the",
-        "targets; refused maps are left out. A target glued 1 mm off is judged with its neighbours.",
-        "One view alone: σ along its direction, 15° off the middle, is ten times larger. Teats off",
-        "centre are round ones in the reference liner.",
+        "four columns unless stated. In each row one input is wrong and all",
+        "others are right, first with the σ",
+        "after a ramp with the empty liner, then with a σ as large as the error. Errors are estimate minus",
+        "truth, kPa, at the targets; refused maps are excluded. A target glued",
+        "1 mm off is judged together with",
+        "its neighbours. One view alone: σ along its direction, 15° off the",
+        "middle, is ten times larger. Teats",
+        "off centre are round ones in the reference liner.",
     )
     return "\n".join(
         [

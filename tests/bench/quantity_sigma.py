@@ -87,14 +87,17 @@ def table() -> str:
 def _introduction() -> str:
     return paragraph(
         f"A solved wall that pulsates: {FIELDS} fields of 8 bit, two cycles of {PERIOD_S:g} s; all but the",
-        f"first {ANALYSED} are a burst that is merged by phase. First {CAPTURES} captures with other noise,",
-        "each beginning elsewhere in the cycle, whose inputs are true: they scatter by the own part of σ (χ²",
+        f"first {ANALYSED} are a burst that is merged by phase. First,",
+        f"{CAPTURES} captures with different noise,",
+        "each starting elsewhere in the cycle, with true inputs: they scatter by the own part of σ (χ²",
         f"is scatter² / own², .47 to 1.73 in 95 of 100 tries of {CAPTURES}). Then {GIVEN} analyses of one",
         "capture with modulus, thickness, pretension and pressure difference drawn from their σ (3.5 %, 2 %,",
-        "10 %, .5 kPa): they scatter by no more than the common part, in which the estimator's own share is",
-        "too. True is the wall's first principal movement; loads are judged in other sections. Likewise",
-        "ramps with an empty liner: with other noise, and with the gauge's zero",
-        f"({GAUGE_KPA:g} kPa) and what is known before (20 %, 5 %, 30 %) drawn.",
+        "10 %, .5 kPa): they scatter by no more than the common part, which",
+        "also includes the estimator's own",
+        "error. The truth is that of the wall's first principal movement; loads",
+        "are judged in other sections.",
+        "The same for ramps with an empty liner: with different noise, and with the gauge's zero",
+        f"({GAUGE_KPA:g} kPa) and the prior knowledge (20 %, 5 %, 30 %) drawn.",
     )
 
 

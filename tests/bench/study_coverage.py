@@ -51,11 +51,13 @@ def table(trials: int = TRIALS, sizes: Sequence[tuple[int, int]] = SIZES) -> str
     """Markdown."""
     rows = [
         paragraph(
-            f"{trials} studies each of liners that are all alike; a measurement's own σ is",
-            f"{OWN_SIGMA} kPa, captures of a cow scatter by {SCATTER_SIGMA} kPa besides, cows by",
-            f"{BLOCK_SIGMA} kPa. The common part is drawn once a liner. Wanted: 95 % of the intervals cover",
-            "the truth, and at most 5 % of the studies see a difference (p adjusted after Holm below .05).",
-            f"By chance {_chance(trials):.1f} % either way.",
+            f"{trials} studies each of liners that do not differ; a measurement's own σ is",
+            f"{OWN_SIGMA} kPa, captures of a cow scatter by another {SCATTER_SIGMA} kPa, cows by",
+            f"{BLOCK_SIGMA} kPa. The common part is drawn once per liner. Goal: 95 %",
+            "of the intervals contain",
+            "the truth, and at most 5 % of the studies find a difference (p below",
+            ".05, adjusted by Holm's method).",
+            f"Chance alone: ± {_chance(trials):.1f} %.",
         ),
         "",
         "| design | liners × captures | common part, kPa | differences covered | means covered | alarms |",

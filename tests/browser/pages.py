@@ -16,6 +16,30 @@ def until(page: Any, script: str, argument: Any = None) -> None:
         page.wait_for_timeout(50)
 
 
+def touch(page: Any, *fingers: tuple[tuple[float, float], tuple[float, float]], steps: int = 6) -> None:
+    """Fingers that go down together, move each from one place of the window to another, and are lifted."""
+    devtools = page.context.new_cdp_session(page)
+
+    def at(part: float) -> list[dict[str, float]]:
+        return [
+            {"x": x + part * (to_x - x), "y": y + part * (to_y - y), "id": number}
+            for number, ((x, y), (to_x, to_y)) in enumerate(fingers)
+        ]
+
+    devtools.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": at(0.0)})
+    for step in range(1, steps + 1):
+        devtools.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": at(step / steps)})
+    devtools.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    devtools.detach()
+
+
+def spread(page: Any, place: Any) -> None:
+    """Two fingers on an element go apart along its middle."""
+    box = place.bounding_box()
+    x, y, far = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, 0.3 * box["width"]
+    touch(page, ((x - 30, y), (x - far, y)), ((x + 30, y), (x + far, y)))
+
+
 class Watched:
     """A page of the daemon, open in a fresh browser context.
 

@@ -1,8 +1,8 @@
 """The daemon for a browser: serve.py PORT OPTIONS. Its grabber waits for its reader.
 
 OPTIONS are the simulated grabber's, as JSON; besides, `config` names a configuration file, `location` the
-locator that all devices measure with; `loggers` has those of the configuration read, too, with the script
-`logger_faults`.
+locator that all devices measure with, `idle_slowness` how slowly time passes while nothing is captured;
+`loggers` has those of the configuration read, too, with the script `logger_faults`.
 """
 
 import json
@@ -28,7 +28,7 @@ from running import PatientClock  # noqa: E402 - a helper of the service's tests
 
 # A page shows a few fields a second, and drawing and measuring all fifty took most of these tests' processor
 # time. Busy computers are slower than this, so nothing here may depend on it.
-IDLE_SLOWNESS = 8
+IDLE_SLOWNESS = 3
 
 
 class IdlingClock(PatientClock):
@@ -38,13 +38,14 @@ class IdlingClock(PatientClock):
         captures: Tells if a capture runs or waits for its trigger: those get the camera's pace.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, slowness: int) -> None:
         super().__init__()
+        self._slowness = slowness
         self.captures: Callable[[], bool] = lambda: False
 
     def sleep_until_ns(self, time_ns: int) -> None:
         if not self.captures():
-            time.sleep(max(time_ns - self.now_ns(), 0) * (IDLE_SLOWNESS - 1) / 1e9)
+            time.sleep(max(time_ns - self.now_ns(), 0) * (self._slowness - 1) / 1e9)
         super().sleep_until_ns(time_ns)
 
 
@@ -68,7 +69,7 @@ def service_of(options: dict[str, Any]) -> Service:
     config = located(load_config(file), options.pop("location", None))
     read = set_up_loggers(config, file) if options.pop("loggers", False) else {}
     faults = options.pop("logger_faults", [])
-    clock = IdlingClock()
+    clock = IdlingClock(options.pop("idle_slowness", IDLE_SLOWNESS))
     setups = set_up(config, file)
     for name, device in config.devices.items():
         grabber = FakeGrabber(clock=clock, **{**device.options, "buffers": 32, **options})

@@ -1,5 +1,6 @@
 """Several poses of the calibration frame on the page: another one taken, all listed, one removed."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +15,25 @@ from browser.daemons import Daemon
 from grabberd.config import shipped_configs
 
 LONG_MS = 600_000
+FRAME = {"scene": "calibration_frame"}
 ALL_FOUND = "108 targets found on the left and 108 on the right, of 108"
 
 
 @pytest.fixture
 def before_the_frame(tmp_path: Path, start_daemon: Start) -> Daemon:
     """A daemon whose camera sees the calibration frame, and which has no calibration yet."""
-    write_config(tmp_path, {"scene": "calibration_frame"})
+    write_config(tmp_path, FRAME)
     # The cheaper locator of other tests is off on discs that lean as much as those of the second pose.
     return start_daemon(config=str(tmp_path / "config.yaml"), location="automatic")
+
+
+@pytest.fixture(scope="module")
+def three_poses(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Daemon, list[str]]]:
+    """A daemon without a calibration, and three captures of the calibration frame."""
+    folder = tmp_path_factory.mktemp("poses")
+    write_config(folder, FRAME)
+    with Daemon(folder, config=str(folder / "config.yaml"), location="weighted") as one:
+        yield one, [one.capture(fields=25, bits=8) for _ in range(3)]
 
 
 def write_config(folder: Path, scene: dict[str, Any]) -> None:
@@ -103,10 +114,9 @@ def test_a_calibration_from_two_poses(before_the_frame: Daemon, open_page: Open)
     [("en", "Remove pose 1", ALL_FOUND), ("nb", "Fjern stilling 1", "108 målemerker funnet til venstre")],
 )
 def test_a_pose_can_be_removed(
-    before_the_frame: Daemon, open_page: Open, language: str, remove: str, words: str
+    three_poses: tuple[Daemon, list[str]], open_page: Open, language: str, remove: str, words: str
 ) -> None:
-    daemon = before_the_frame
-    captures = [daemon.capture(fields=50, bits=8) for _ in range(3)]
+    daemon, captures = three_poses
     page = open_page(f"{daemon.url}/#calibration", size=PHONE, language=language).page
     for number, one in enumerate(captures, start=1):
         page.goto(f"{daemon.url}/#calibration/found/{one}")

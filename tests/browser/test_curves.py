@@ -23,7 +23,7 @@ UNPLUGGED = [{"kind": "unplugged", "at_s": 2.0, "for_s": 1e6}]
 
 
 def test_it_moves_under_the_wall_on_one_axis_of_time(start_daemon: Start, open_page: Open) -> None:
-    daemon = start_daemon(loggers=True)
+    daemon = start_daemon(loggers=True, idle_slowness=1)
     for panel, look, language, words in (
         ("operate", "light", "en", "Vacuum kPa Pulsation chamber: last"),
         ("live", "dark", "nb", "Vakuum kPa Pulsrommet: siste"),
@@ -42,7 +42,7 @@ def test_it_moves_under_the_wall_on_one_axis_of_time(start_daemon: Start, open_p
 def test_a_logger_that_gives_nothing_is_named_there_with_the_reason(
     start_daemon: Start, open_page: Open
 ) -> None:
-    daemon = start_daemon(loggers=True, logger_faults=UNPLUGGED)
+    daemon = start_daemon(loggers=True, logger_faults=UNPLUGGED, idle_slowness=1)
     page = open_page(f"{daemon.url}/#operate").page
     expect(page.locator(".curves .note")).to_contain_text("The logger vacuum gives nothing: ")
     expect(page.locator(".curves .note")).to_contain_text("unplugged")

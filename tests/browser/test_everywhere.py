@@ -26,7 +26,8 @@ PANELS = [
     "calibration/place",
 ]
 LOOKED_AGAIN_MS = 1500
-"""Within which every panel has asked again for what it follows."""
+"""Within which every panel has asked again for what it follows, by its own clock."""
+ANSWERED_MS = 200
 IDS = {
     "calibration/place": "calibration-step",
     "profiles/liner": "profiles-new",
@@ -155,8 +156,10 @@ def test_the_canvas_is_as_wide_as_its_place_before_it_was_told_so(daemon: Daemon
 def test_nothing_is_asked_of_a_device_that_is_not_there(start_daemon: Start, open_page: Open) -> None:
     away = start_daemon(faults=[{"kind": "unplug", "at_s": 0.0, "back_after_s": 600.0}])
     page = open_page(at(away, PANELS[0])).page
+    page.clock.install()
     for _ in every_panel(page, away):
-        page.wait_for_timeout(LOOKED_AGAIN_MS)
+        page.clock.run_for(LOOKED_AGAIN_MS)
+        page.wait_for_timeout(ANSWERED_MS)
 
 
 def test_the_language_is_the_browsers_until_another_is_chosen(daemon: Daemon, open_page: Open) -> None:

@@ -68,13 +68,19 @@ def test_a_grabber_that_is_pulled_out_is_noticed_with_reasons_and_advice(
     assert serious(page) == []
 
 
+@pytest.fixture(scope="module")
+def frozen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    """A daemon that the computer stops for two seconds, again and again: a light tells of the last minute."""
+    faults = [{"kind": "freeze", "at_s": at_s, "duration_s": 2.0} for at_s in range(3, 600, 20)]
+    with Daemon(tmp_path_factory.mktemp("frozen"), faults=faults, idle_slowness=1) as one:
+        yield one
+
+
 @pytest.mark.parametrize(("language", "words"), [("en", "fields were lost"), ("nb", "delbilder gikk tapt")])
 def test_a_program_that_took_no_fields_in_time_has_a_light(
-    start_daemon: Start, open_page: Open, language: str, words: str
+    frozen: Daemon, open_page: Open, language: str, words: str
 ) -> None:
-    # Again and again, since a light tells of the last minute only.
-    faults = [{"kind": "freeze", "at_s": at_s, "duration_s": 2.0} for at_s in range(5, 200, 20)]
-    page = open_page(start_daemon(faults=faults).url, language=language).page
+    page = open_page(frozen.url, language=language).page
     has_level(page, "computer", "warn")
     light = page.locator('[data-light="computer"]')
     light.locator("summary").click()

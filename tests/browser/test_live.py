@@ -11,7 +11,7 @@ from playwright.sync_api import expect
 from browser.axe import serious
 from browser.conftest import PHONE, Open, Start
 from browser.daemons import Daemon
-from browser.pages import until
+from browser.pages import spread, touch, until
 
 WHITE = """() => {
     const canvas = document.querySelector('.picture-canvas');
@@ -164,6 +164,26 @@ def wait_for_part(page: Any, asked: list[Any], told: Callable[[dict[str, int] | 
     raise AssertionError(f"the page asked for {part_of(asked)}")
 
 
+def test_two_fingers_look_closer_and_one_moves_that_part(daemon: Daemon, open_page: Open) -> None:
+    page = live(daemon, open_page)
+    asked: list[Any] = []
+
+    def hear(text: str | bytes) -> None:
+        asked.append(text)
+
+    page.on("websocket", lambda socket: socket.on("framesent", hear))
+    page.reload()
+    until(page, f"() => ({WHITE})() > 500")
+    canvas = page.locator(".picture-canvas")
+    spread(page, canvas)
+    wait_for_part(page, asked, lambda part: part is not None and part["columns"] < 400)
+    box, before = canvas.bounding_box(), part_of(asked)
+    assert before is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    touch(page, ((x, y), (x + 80, y)))
+    wait_for_part(page, asked, lambda part: part is not None and part["x"] < before["x"])
+
+
 def test_nothing_is_sent_to_a_page_that_nobody_sees(daemon: Daemon, open_page: Open) -> None:
     page = live(daemon, open_page)
     before = streams_of(daemon)
@@ -202,7 +222,7 @@ def test_the_focus_is_a_line_with_its_best_value(daemon: Daemon, open_page: Open
 def test_numbers_and_picture_that_are_not_of_now_are_not_shown_as_if_they_were(
     start_daemon: Start, open_page: Open
 ) -> None:
-    daemon = start_daemon(faults=[{"kind": "unplug", "at_s": 2.0, "back_after_s": 6000.0}])
+    daemon = start_daemon(faults=[{"kind": "unplug", "at_s": 2.0, "back_after_s": 6000.0}], idle_slowness=1)
     page = open_page(f"{daemon.url}/#live").page
     expect(page.locator(".veil")).to_contain_text("The grabber is not there")
     expect(page.locator('[data-view="left"] dd').first).to_have_text("–")

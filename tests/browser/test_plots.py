@@ -10,6 +10,7 @@ from playwright.sync_api import Page, expect
 from browser.axe import serious
 from browser.conftest import PHONE, Open
 from browser.daemons import Daemon
+from browser.pages import spread, touch
 
 LIVE = ["Targets", "Residual in the picture px", "From field to points ms", "Width of the section mm"]
 
@@ -50,6 +51,22 @@ def test_they_go_on_by_themselves(daemon: Daemon, open_page: Open, tmp_path: Pat
     before = float(saved(page, tmp_path)[-1]["time_unix_s"])
     page.wait_for_timeout(1500)
     assert float(saved(page, tmp_path)[-1]["time_unix_s"]) > before
+
+
+def test_two_fingers_zoom_every_chart_and_a_double_tap_shows_all(daemon: Daemon, open_page: Open) -> None:
+    daemon.wait_until_sealed(daemon.capture())
+    page = open_page(f"{daemon.url}/#plots", size=PHONE).page
+    expect(page.locator(".chart canvas")).to_have_count(4)
+    place = page.locator(".chart-place").first
+    spread(page, place)
+    whole = page.get_by_role("button", name="Show all")
+    expect(whole.first).to_be_visible()
+    expect(whole.last).to_be_visible()
+    box = place.bounding_box()
+    middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    for _ in range(2):
+        touch(page, (middle, middle), steps=1)
+    expect(whole.first).to_be_hidden()
 
 
 def test_charts_are_told_in_words_and_numbers_too(daemon: Daemon, open_page: Open) -> None:

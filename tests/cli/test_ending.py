@@ -90,8 +90,8 @@ def test_an_error_of_the_program_itself_is_a_sentence_and_a_file_with_the_traceb
     ended = subprocess.run(command, check=False, capture_output=True, text=True, env=variables)
     (kept,) = tmp_path.glob("grabberd-error-*.txt")
     assert ended.returncode == 70
-    said = "grabberd: internal error: RuntimeError: two lines\nhint: this is an error of grabberd itself; "
-    assert ended.stderr == f"{said}please report it, with {kept}\n"
+    said = "grabberd: internal error: RuntimeError: two lines\nhint: this is a bug in grabberd; please "
+    assert ended.stderr == f"{said}report it with the file {kept}\n"
     assert "in broken" in kept.read_text()
 
 

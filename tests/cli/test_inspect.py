@@ -182,4 +182,4 @@ def test_pictures_are_believed_more_than_a_mark_and_a_mark_more_than_nothing(tmp
     )
     found = json.loads(run("inspect", still, "--json").stdout)
     assert found["interlacing"] == "bottom_first"
-    assert any("own mark says bottom_first" in one for one in found["problems"])
+    assert any("marked as bottom_first" in one for one in found["problems"])

@@ -27,7 +27,7 @@ def run(*words: object) -> Result:
 
 
 def test_without_jobs_it_says_so(daemon: Daemon) -> None:
-    assert "no job runs or waits" in run("list", "--url", daemon.url).stdout
+    assert "no jobs are running or waiting" in run("list", "--url", daemon.url).stdout
     assert json.loads(run("list", "--url", daemon.url, "--json").stdout) == []
 
 
@@ -44,7 +44,7 @@ def test_they_are_listed_by_their_turn_shown_and_cancelled(daemon: Daemon) -> No
     ]
     table = run("list", "--url", daemon.url).stdout
     assert "42 %" in table
-    assert "number 2 of those that wait" in run("show", third.id, "--url", daemon.url).stdout
+    assert "position 2 in the queue" in run("show", third.id, "--url", daemon.url).stdout
     assert run("cancel", second.id, "--url", daemon.url).stdout == f"{second.id} is cancelled\n"
     assert queue.get(third.id).position == 1
     queue.end(int(first.id[4:]), JobState.DONE, result=MeasurementResult(run=2, fields=8, points=9))

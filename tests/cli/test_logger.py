@@ -52,7 +52,7 @@ def test_rate_sigma_columns_and_channels_are_shown(config: Path, capsys: pytest.
     assert "In kPa below atmosphere" in shown
     assert "2026-05-01" in shown
     assert "never calibrated" in shown
-    assert "Nothing was wrong." in shown
+    assert "No anomalies." in shown
 
 
 def test_json_has_everything(config: Path) -> None:
@@ -78,7 +78,7 @@ def test_a_logger_that_says_nothing_is_said_so(config: Path, capsys: pytest.Capt
     print_heard(heard(config, faults=[{"kind": "silent", "at_s": 0, "for_s": 99}]), json=False)
     shown = capsys.readouterr().out
     assert "no readings in 5 s" in shown
-    assert "It said nothing" in shown
+    assert "Nothing was received" in shown
 
 
 def test_a_configuration_that_does_not_fit_still_shows_what_is_said(

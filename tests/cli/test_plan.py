@@ -37,6 +37,17 @@ def test_the_papers_rig_from_a_configuration_gives_the_papers_precision(tmp_path
     assert [sigma[f"{axis}_mm"] for axis in "xyz"] == pytest.approx([0.048, 0.036, 0.135], rel=0.06)
 
 
+def test_pictures_that_no_interlaced_video_has_are_planned_as_progressive() -> None:
+    camera = shipped_configs() / "v4l2-camera.yaml"
+    own, told, field = (
+        json.loads(run("plan", "--config", camera, "--bits", 8, "--json", *lines).stdout)
+        for lines in ((), ("--lines", "progressive"), ("--lines", "field"))
+    )
+    assert own == told
+    assert own["places"][0]["pointing"]["xyz_mm"] < field["places"][0]["pointing"]["xyz_mm"]
+    assert "8 bits, progressive lines" in {one["name"] for one in own["influence"]}
+
+
 def test_a_calibration_takes_the_nominal_rigs_place() -> None:
     calibration = shipped_configs() / "fake.calibration.json"
     found = json.loads(run("plan", "--calibration", calibration, "--json").stdout)

@@ -35,9 +35,7 @@ def clients_at_once(machine: Machine) -> Finding:
         (told == CLIENTS, f"{told} of {CLIENTS} were told of a change"),
         (health == 200, f"who asks meanwhile is answered by {health}"),
     )
-    behaviour = (
-        f"all are told of changes within {all_told_s:.1f} s; who asks beside them waits {asked_s:.2f} s"
-    )
+    behaviour = f"all see changes within {all_told_s:.1f} s; other requests take {asked_s:.2f} s"
     return Finding(behaviour, None, None, (*problems, *nothing_lost(evidence), *machine.whole_capture()))
 
 
@@ -54,7 +52,7 @@ def clients_beyond_the_limit(machine: Machine) -> Finding:
         time.sleep(0.05)
     recovered_s = time.monotonic() - begin_s
     problems = unless((refused >= 300 - 256, f"{refused} of 300 were refused"))
-    behaviour = f"{refused} of 300 are refused with a word (503); the others are served"
+    behaviour = f"{refused} of 300 are refused with a message (503); the others are served"
     return Finding(behaviour, noticed_s, recovered_s, (*problems, *machine.whole_capture()))
 
 
@@ -73,7 +71,7 @@ def takes_a_file_and_never_reads(machine: Machine) -> Finding:
     evidence = machine.evidence(daemon.stop_capture(capture_id))
     problems = unless((gone, f"after {noticed_s:.0f} s it is not hung up on"))
     behaviour = (
-        f"is hung up on when it has read nothing for http.limits.write_timeout_s, here {WRITE_TIMEOUT_S:g} s"
+        f"is disconnected after reading nothing for http.limits.write_timeout_s, here {WRITE_TIMEOUT_S:g} s"
     )
     return Finding(behaviour, noticed_s, None, (*problems, *nothing_lost(evidence), *machine.whole_capture()))
 
@@ -97,7 +95,7 @@ def streams_and_never_reads(machine: Machine) -> Finding:
         grown_kb = resident_kb(pid) - before_kb
     evidence = machine.evidence(told)
     problems = unless((grown_kb < 50_000, f"the daemon has grown by {grown_kb} kB"))
-    behaviour = "nobody waits for them, and the daemon keeps nothing for them"
+    behaviour = "nobody waits for them, and the daemon buffers nothing for them"
     return Finding(behaviour, None, None, (*problems, *nothing_lost(evidence), *machine.whole_capture()))
 
 
@@ -120,7 +118,9 @@ def idle_connections_of_one(machine: Machine) -> Finding:
         (refused, "one connection more of the same client is accepted"),
         (health == 200, f"another client is answered by {health}"),
     )
-    behaviour = f"it has http.limits.connections_per_client and no more (429); others wait {asked_s:.2f} s"
+    behaviour = (
+        f"it gets http.limits.connections_per_client and no more (429); other requests take {asked_s:.2f} s"
+    )
     return Finding(behaviour, noticed_s, None, (*problems, *nothing_lost(evidence), *machine.whole_capture()))
 
 
@@ -207,6 +207,6 @@ FAULTS: Mapping[str, Callable[[Machine], Finding]] = {
     "two hundred clients at once": clients_at_once,
     "more clients than http.limits.connections": clients_beyond_the_limit,
     "one client holds three hundred idle connections": idle_connections_of_one,
-    "a client takes a large file and never reads": takes_a_file_and_never_reads,
-    "clients of the events and of the preview never read": streams_and_never_reads,
+    "a client requests a large file and never reads": takes_a_file_and_never_reads,
+    "clients of events and preview never read": streams_and_never_reads,
 }

@@ -39,7 +39,7 @@ def _index(machine: Machine, harm: Callable[[Path], object]) -> Finding:
         (known <= {one["id"] for one in answer.document["captures"]}, "not all captures are listed"),
         (_rebuilds(machine) == before + 1, "it was not rebuilt once"),
     )
-    behaviour = "the list is made anew from the files, and the capture goes on"
+    behaviour = "the list is rebuilt from the files, and the capture continues"
     return Finding(behaviour, None, recovered_s, (*problems, *nothing_lost(evidence)))
 
 
@@ -70,7 +70,7 @@ def state_damaged(machine: Machine) -> Finding:
         (bool(list(daemon.captures.parent.glob("state.sqlite.damaged-*"))), "the damaged file is gone"),
     )
     assert daemon.ask("/api/v1/settings", "PUT", {"threshold": None}).status == 200
-    behaviour = "it comes back from its newest backup and says from when; the capture goes on"
+    behaviour = "it is restored from its newest backup, whose time is shown; the capture continues"
     return Finding(behaviour, noticed_s, recovered_s, (*problems, *nothing_lost(evidence)))
 
 
@@ -138,7 +138,9 @@ def descriptors_gone(machine: Machine) -> Finding:
         (logged < 50, f"the log has {logged} lines more"),
     )
     problems += machine.whole_capture()
-    behaviour = "the capture ends, and is sealed as soon as files can be opened; the log has a few lines"
+    behaviour = (
+        "the capture ends, and is sealed as soon as files can be opened; the log grows by a few lines only"
+    )
     return Finding(behaviour, None, recovered_s, problems)
 
 
@@ -156,9 +158,9 @@ def _fault(machine: Machine, cause: str) -> dict[str, Any]:
 
 
 FAULTS: Mapping[str, Callable[[Machine], Finding]] = {
-    "the index of captures is damaged, a capture runs": index_damaged,
-    "the index of captures is deleted, a capture runs": index_deleted,
-    "state.sqlite is damaged, a capture runs": state_damaged,
-    "an empty folder takes the place of that of captures for 2 s": folder_renamed,
-    "for 5 s the daemon can open no file, a capture runs": descriptors_gone,
+    "the index of captures is damaged during a capture": index_damaged,
+    "the index of captures is deleted during a capture": index_deleted,
+    "state.sqlite is damaged during a capture": state_damaged,
+    "an empty folder replaces the folder of captures for 2 s": folder_renamed,
+    "the daemon cannot open files for 5 s during a capture": descriptors_gone,
 }

@@ -33,7 +33,7 @@ def few_descriptors(machine: Machine) -> Finding:
         ("connections are served at most" in says, "the log does not say how many can be served"),
         ("Traceback" not in says, "the log has a traceback"),
     )
-    behaviour = f"{refused} of {CLIENTS} clients are refused with a word (503); nothing is lost"
+    behaviour = f"{refused} of {CLIENTS} clients are refused with a message (503); nothing is lost"
     return Finding(behaviour, None, recovered_s, problems)
 
 
@@ -82,9 +82,7 @@ def little_memory_for_jobs(machine: Machine) -> Finding:
         ("memory" in str(failed["problem"]), f"it says {failed['problem']}"),
         (done["state"] == "done", f"measured again, the job says {done['problem']}"),
     )
-    behaviour = (
-        "the job has failed and says so; the capture beside it goes on, the next job has another process"
-    )
+    behaviour = "the job fails with a message; the running capture continues, the next job gets a new process"
     return Finding(behaviour, noticed_s, recovered_s, (*problems, *nothing_lost(evidence)))
 
 
@@ -122,7 +120,7 @@ def _asked_for_much(daemon: Daemon, capture_id: str, seconds: float) -> list[Ans
 
 
 FAULTS: Mapping[str, Callable[[Machine], Finding]] = {
-    f"the daemon may open {FEW} files, {CLIENTS} clients come": few_descriptors,
-    "for 4 s twenty clients ask for the largest answers at once": much_at_once,
-    "the process of jobs gets no more memory": little_memory_for_jobs,
+    f"the daemon may open {FEW} files, and {CLIENTS} clients connect": few_descriptors,
+    "twenty clients request the largest responses at once for 4 s": much_at_once,
+    "the job process gets no more memory": little_memory_for_jobs,
 }

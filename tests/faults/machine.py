@@ -91,7 +91,7 @@ def disk_stalls_long(machine: Machine) -> Finding:
     evidence = machine.evidence(daemon.stop_capture(capture_id))
     overrun = evidence.ledger.counts()[Outcome.OVERRUN]
     problems = unless((overrun > 0, f"no field is overrun in a stall of {stalled_s:.1f} s"))
-    behaviour = "what the queue cannot hold is overrun, and the capture goes on"
+    behaviour = "what the queue cannot hold is overrun, and the capture continues"
     lost = nothing_lost(evidence, "disk too slow")
     return Finding(behaviour, None, recovered_s, (*problems, *lost))
 
@@ -121,7 +121,7 @@ def capture_file_full(machine: Machine) -> Finding:
         ("full" in (told["ended_because"] or ""), f"it ended because: {told['ended_because']}"),
         (evidence.ledger.received > 0, "nothing that was recorded before is there"),
     )
-    behaviour = "the capture ends, is sealed with what was written, and says why; the next one is whole"
+    behaviour = "the capture ends, is sealed with what was written, and says why; the next one is complete"
     lost = nothing_lost(evidence, "not written to disk")
     return Finding(behaviour, noticed_s, recovered_s, (*problems, *lost))
 
@@ -144,7 +144,7 @@ def index_full(machine: Machine) -> Finding:
     if answer.status == 200:
         problems += nothing_lost(machine.evidence(answer.document))
     return Finding(
-        "the capture is sealed, and listed as soon as there is room", noticed_s, recovered_s, problems
+        "the capture is sealed, and listed as soon as there is space", noticed_s, recovered_s, problems
     )
 
 
@@ -166,7 +166,7 @@ def state_full(machine: Machine) -> Finding:
         ("hint" in refused.document, "nothing is said about what to do"),
         (accepted.status == 200, f"with room, it is answered by {accepted}"),
     )
-    behaviour = f"the order is refused ({refused.status}, with a hint); captures go on"
+    behaviour = f"the request is refused ({refused.status}, with a hint); captures continue"
     return Finding(behaviour, noticed_s, recovered_s, problems)
 
 
@@ -190,7 +190,7 @@ def _clock_set(machine: Machine, step_s: float) -> Finding:
         problems = machine.whole_capture()
         problems += unless((daemon.ask("/healthz").status == 200, "it does not serve"))
     problems += machine.whole_capture()
-    behaviour = "nothing is lost, and no time of a field jumps"
+    behaviour = "nothing is lost, and field times do not jump"
     return Finding(behaviour, None, None, (*problems, *nothing_lost(evidence)))
 
 
@@ -213,7 +213,7 @@ def job_killed(machine: Machine) -> Finding:
         ([run["state"] for run in after["runs"]] == ["done", "done"], f"the runs are {after['runs']}"),
     )
     lost = (*nothing_lost(before), *nothing_lost(machine.evidence(after)))
-    behaviour = "another process begins the job anew and ends it, and adds one run"
+    behaviour = "a new process restarts the job and finishes it, adding one run"
     return Finding(behaviour, noticed_s, recovered_s, (*problems, *lost))
 
 
@@ -235,10 +235,10 @@ def job_process(parent: int) -> int:
 FAULTS: Mapping[str, Callable[[Machine], Finding]] = {
     f"the disk stalls for {QUEUE_S / 2:g} s, the recorder's queue holds {QUEUE_S:g} s": disk_stalls_briefly,
     f"the disk stalls for longer than the recorder's queue holds, here {QUEUE_S:g} s": disk_stalls_long,
-    "the disk is full, a capture runs": capture_file_full,
-    "the disk is full, the index has to be written": index_full,
-    "the disk is full, the state has to be written": state_full,
-    "the wall clock is set on by an hour": clock_set_on,
+    "the disk becomes full during a capture": capture_file_full,
+    "the disk is full when the index is written": index_full,
+    "the disk is full when the state is written": state_full,
+    "the wall clock is set forward by an hour": clock_set_on,
     "the wall clock is set back by an hour": clock_set_back,
-    "the process of jobs is killed": job_killed,
+    "the job process is killed": job_killed,
 }

@@ -8,27 +8,27 @@ from .judging import CAUSES, of_the_fault
 from .scenario import Scenario
 from .suffering import Suffered
 
-HEAD = """# Faults
+HEAD = """# Faults: how they are noticed and recovered from
 
-Made by `make faults`; do not edit. Every fault is done to the whole daemon, a process of its own reached over
-HTTP, in the midst of a capture; every row is a test, which also opens the capture's file: its ledger adds up,
-every field stands where the number in its picture says, and points are there or named.
+Made by `make faults`; do not edit. Every fault is injected into a complete daemon, a separate process reached
+over HTTP, during a capture. Every row is a test that also checks the capture's file: its ledger adds up,
+every field has the number that its picture shows, and points are present or accounted for.
 
-Noticed: from the fault's beginning until the event stream shows something of it, which it does five times a
-second. Recovered: from the fault's end, or from its beginning where only the daemon ends it, until fields
-come again. Wanted are 1 s and 3 s. A computer that has more to do than it can is slower, and loses fields by
-itself ("computer busy"; "time gap" where no evidence tells): this run
-had {load:.1f} programs waiting for {processors} processors.
+Noticed: from the start of the fault until the event stream, which is updated five times a second, shows it.
+Recovered: from the end of the fault (or from its start, where only the daemon can end it) until fields arrive
+again. The goals are 1 s and 3 s. An overloaded computer is slower and loses fields of its own ("computer
+busy", or "time gap" where there is no evidence of the cause): during this run
+{load:.1f} programs were waiting for {processors} processors.
 
-## Of a grabber
+## Faults of a grabber
 
-On the simulated one; `tests/faults/scenarios/` has their scripts. Where a capture loses fields, it goes on
-with the gap in its ledger unless it was told to end.
+Injected into the simulated grabber by the scripts in `tests/faults/scenarios/`. A capture that loses fields
+continues with the gap in its ledger, unless it was told to end.
 """
 MACHINE = """
-## Of the machine and of clients
+## Faults of the computer and of clients
 
-One device at 50 Hz that is measured; the recorder's queue and the patience with clients are shortened.
+One device is measured at 50 Hz; the recorder's queue and the clients' timeouts are shortened.
 """
 Row = Sequence[str]
 

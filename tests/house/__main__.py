@@ -16,7 +16,7 @@ HEAD = """# The source in numbers
 
 <!-- made by `make house`; do not edit -->
 
-Files and lines of the program, its drivers included. Hops are the program's own files of which at least one
+Files and lines of the program, including its drivers. Hops are the source files in which at least one
 function runs; [architecture](../architecture.md) walks through them.
 """
 

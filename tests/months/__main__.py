@@ -14,13 +14,13 @@ from .plan import lives
 from .simulated import Months
 
 EVERY_S, OF_A_LIFE = 10.0, 16
-HEADER = """# Months in minutes
+HEADER = """# Months in minutes: all faults in one run
 
-Made by `make soak FAULTS=1`; do not edit. A fault every few seconds, by lot, from the lists of
-[faults](faults.md): the grabber's within one long capture, the machine's and the clients' beside it. The
-daemon is then killed in mid-capture, or told to end, and the next one goes on in the same folder. Every field
-of every file is accounted for, and every alarm has to be gone before the daemon is ended. Of several times of
-a fault, the one that took longest is shown.
+Made by `make soak FAULTS=1`; do not edit. Every few seconds a fault is drawn at random from the lists of
+[faults](faults.md): the grabber's within one long capture, those of the computer and of clients beside it.
+Then the daemon is killed in mid-capture, or told to stop, and the next one continues in the same folder.
+Every field of every file must be accounted for, and every alarm must have cleared before the daemon is
+stopped. Of repeated faults, the occurrence that took longest is shown.
 
 """
 

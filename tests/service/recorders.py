@@ -21,7 +21,9 @@ def recorder(
 ) -> tuple[Recorder, Backlog[Slot]]:
     backlog: Backlog[Slot] = Backlog(capacity)
     clock, reader = clock or ManualClock(), reader or Ring().reader()
-    return Recorder(reader, backlog, clock, stream, Source(interruption), fields, begin), backlog
+    return Recorder(
+        reader, backlog, clock, stream, Source(interruption, stream.rate_hz), fields, begin
+    ), backlog
 
 
 def recorded(backlog: Backlog[Slot]) -> list[int]:

@@ -49,8 +49,11 @@ def without_signal(n: int) -> Slot:
 class Source:
     """A source of fields that is interrupted when the test says so."""
 
-    def __init__(self, interruption: Callable[[], str | None] = lambda: None) -> None:
+    def __init__(
+        self, interruption: Callable[[], str | None] = lambda: None, rate_hz: float = STREAM.rate_hz
+    ) -> None:
         self._interruption = interruption
+        self.rate_hz = rate_hz
 
     @property
     def interruption(self) -> str | None:

@@ -5,12 +5,12 @@ from pathlib import Path
 
 from setups.cases import SETUPS, tried
 
-HEAD = """# What was wrong → what the user is told
+HEAD = """# Wrong calibration set-ups and their messages
 
-Written by `make setups`, from pictures of the calibration frame by OpenCV's camera model, without any formula
-of this program: every set-up below is calibrated as `grabberd calibrate` does it. *Refused* means: nothing
-is written; a calibration that *failed* is written, exits with 3, and needs an admin to be used. None of them
-passes without a word. What each reason means: [acceptance](acceptance.md).
+Made by `make setups`; do not edit. Pictures of the calibration frame are rendered with OpenCV's camera model,
+which shares no formula with this program, and calibrated as `grabberd calibrate` does it. *Refused*: nothing
+is written. *Failed*: the calibration is written, the exit code is 3, and only an admin can activate it. None
+of these set-ups passes unnoticed. What each reason means: [acceptance](acceptance.md).
 
 | what was wrong | outcome | what the user is told |
 |---|---|---|

@@ -5,17 +5,16 @@ from dataclasses import dataclass, field
 
 KERNEL = """# Under a real kernel
 
-Written by `make test-vm WRITE=1`: a virtual machine with Debian's own kernel, whose test driver `vivid` is a
-grabber that can be told to fail. Times are the guest's, whose clock follows its own instructions, so the
-host's load is not in them.
+Made by `make test-vm WRITE=1`; do not edit. A virtual machine runs Debian's own kernel, whose test driver
+`vivid` acts as a grabber with faults on request. Times are the guest's, whose clock is driven by its
+instruction count, so they do not depend on the host's load.
 """
 SYSTEMD = """# Under a real systemd
 
-Written by `make test-vm WRITE=1`: a virtual machine with Debian 12, into which the installer has put the
-service from a bundle. It captures from the kernel's test driver, within its sandbox, started by systemd
-through its socket; captures lie on a disk of their own, ext4 with a journal. Times are the guest's, whose
-clock follows its own instructions; its processor takes twenty times as long over the start of Python as a
-real one.
+Made by `make test-vm WRITE=1`; do not edit. A virtual machine runs Debian 12, with the service installed from
+a bundle. The service runs in its sandbox, started by systemd through its socket, and captures from the
+kernel's test driver onto a separate disk (ext4 with a journal). Times are the guest's, whose clock is driven
+by its instruction count; starting Python takes twenty times as long there as on a real processor.
 """
 
 

@@ -35,7 +35,7 @@ def test_points_of_a_capture_over_http_lie_near_the_truth_of_the_film(fast: Mach
     rms_mm, worst_mm = float(np.sqrt((errors_mm**2).mean())), float(errors_mm.max())
     tables.add(
         "End to end",
-        "Rendered pictures of the liner, played into the test device and captured from it over HTTP.",
+        "Rendered pictures of the liner, fed into the test device and captured from it over HTTP.",
         fields=FIELDS,
         ledger=ledger["in_words"],
         points=len(errors_mm),

@@ -11,9 +11,9 @@ from vm.tables import Tables
 
 NOTICED_S, RECOVERED_S = 1.0, 3.0
 NOTE = (
-    "Of a capture at 50 Hz in alternate fields. Noticed: from the fault to the first change of the device's "
-    "state or of the capture's ledger. Recovered: from the fault's end to fields that are received again; "
-    "for what is over at once, from the fault. Steps: of the ladder of recovery."
+    "Injected during a capture of alternating fields at 50 Hz. Noticed: from the fault to the first change "
+    "of the device's state or of the capture's ledger. Recovered: from the end of the fault (or from the "
+    "fault, if it is momentary) until fields are received again. Steps: recovery steps taken."
 )
 
 

@@ -23,10 +23,10 @@ LIES = ("seq_bt",)
 """The test device draws the top field of these as the older, whatever it says."""
 
 NOTE = (
-    "Lost: of the fields of 30 s, by the ledger. Rows and parity: alternating lines and squares of the "
-    "device's own patterns lie where they should. Age: a moving pattern moves on by the same step from each "
-    "field to the next; in seq_bt the device draws the top field as the older, although it says otherwise, "
-    "and `older_field: top` puts that right."
+    "Lost: fields lost in 30 s, according to the ledger. Rows and parity: alternating lines and squares of "
+    "the device's own patterns are where they should be. Age: a moving pattern advances by the same step "
+    "from each field to the next; in seq_bt the device draws the top field as the older one, contrary to "
+    "what it reports, and `older_field: top` corrects that."
 )
 
 

@@ -28,8 +28,8 @@ It is late where a period is no multiple of its tick, or the host is busy. The l
 lost, and more of them as having an uncertain number, until their times agree again.
 """
 NOTE = (
-    "Lost: of the fields of 10 s, by the ledger. A progressive webcam, and a camera of 525 lines: "
-    "its pattern moves on by the same step from each to the next, its squares lie where they should."
+    "Lost: fields lost in 10 s, according to the ledger. A progressive webcam, and a camera of 525 lines: "
+    "its pattern advances by the same step from each field to the next, its squares are where they should be."
 )
 
 

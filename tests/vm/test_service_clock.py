@@ -31,7 +31,7 @@ def test_a_stepped_clock_costs_no_field_and_leaves_the_numbering_alone(
     inside = service.call(client.inside, capture_id=begun["id"])
     service_tables.add(
         "Clock set during a capture",
-        "Of 200 fields; after 50 the time of day was set.",
+        "Captures of 200 fields; the time of day was set after 50.",
         hours=f"{hours:+.0f}",
         ledger=document["ledger"]["in_words"],
         last_number=inside["last_n"],

@@ -31,8 +31,8 @@ def test_a_mistaken_configuration_ends_the_service_once_with_78(
     assert (later["ActiveState"], later["NRestarts"], later["MainPID"]) == ("failed", "0", "0")
     assert "threshhold" in mistaken.call(unit.journal)
     service_tables.add(
-        "Starts that cannot succeed",
-        "Sixty seconds after the service had ended.",
+        "Failed starts",
+        "Sixty seconds after the service exited.",
         what="a mistake in the configuration",
         exit_code=failed["ExecMainStatus"],
         restarts=later["NRestarts"],

@@ -7,15 +7,15 @@ from vm.machine import Machine
 from vm.tables import Tables
 
 NOTE = (
-    "During a capture at 50 Hz, under the unit as shipped (watchdog after 30 s, a new start after 5 s). "
+    "During a capture at 50 Hz, under the unit as shipped (watchdog 30 s, restart after 5 s). "
     "Lost: fields between the last one in the file and the event."
 )
-TITLE = "Deaths during a capture"
+TITLE = "The daemon is killed or hangs during a capture"
 RATE_HZ = 50
 WATCHDOG_S = 30
 
 
-@pytest.mark.parametrize(("name", "what"), [("SIGKILL", "killed"), ("SIGSTOP", "stands still")])
+@pytest.mark.parametrize(("name", "what"), [("SIGKILL", "killed"), ("SIGSTOP", "hangs")])
 def test_a_daemon_that_is_gone_comes_back_and_at_most_the_last_second_is_missing(
     service: Machine, service_tables: Tables, name: str, what: str
 ) -> None:

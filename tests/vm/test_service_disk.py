@@ -8,7 +8,7 @@ from vm.guest import client, unit
 from vm.machine import Machine
 from vm.tables import Tables
 
-TITLE = "A disk that is full or faulty"
+TITLE = "Full or faulty disk"
 BELOW_RESERVE = 150_000_000
 LAST_SECOND = 50
 """Fields that were not committed yet have no room where there is none at all."""
@@ -111,7 +111,7 @@ def test_on_a_read_only_disk_the_service_ends_once_and_says_why(
     assert "Read-only file system" in journal
     assert "hint: " in journal
     service_tables.add(
-        "Starts that cannot succeed",
+        "Failed starts",
         what="a disk that is read-only",
         exit_code=failed["ExecMainStatus"],
         restarts=later["NRestarts"],

@@ -23,7 +23,7 @@ def test_a_power_cut_costs_at_most_the_last_second_and_the_service_starts_at_boo
     lost_s = (cut_ns - inside["last_ns"]) / 1e9
     service_tables.add(
         "A power cut during a capture",
-        "The machine is gone from one instant to the next, and booted again from its disks.",
+        "The machine loses its power at once and is booted again from its disks.",
         ready_after_boot=f"{seconds:.0f} s",
         recorded=inside["received"],
         lost=round(lost_s * RATE_HZ),

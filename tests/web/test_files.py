@@ -11,9 +11,11 @@ import pytest
 
 from grabberd.web import Files
 from grabberd.web.files import COMMENTS, STATIC
+from grabberd.web.page import render
 
 EDITION = Files().edition
 MOST_BYTES = 400_000
+FIRST_BYTES = 80_000
 LIBRARIES = STATIC / "vendor"
 
 
@@ -23,12 +25,19 @@ def small(folder: Path) -> Path:
     (folder / "css" / "a.css").write_text("a {}")
     (folder / "css" / "b.css").write_text("b {}")
     (folder / "texts" / "en" / "core.json").write_text('{"skip": "Skip"}')
+    (folder / "texts" / "en" / "replay.json").write_text('{"loop": "Loop"}')
     return folder
 
 
 def test_the_whole_page_is_lighter_than_a_photograph() -> None:
     served = [file for name, file in EDITION.files.items() if not name.endswith("LICENSE.txt")]
     assert sum(len(file.compressed) for file in served) <= MOST_BYTES
+
+
+@pytest.mark.parametrize("language", ["en", "nb"])
+def test_the_first_view_is_light(language: str) -> None:
+    page = re.findall(rf'/static/{EDITION.version}/([\w./]+)"', render(EDITION, language, {}))
+    assert sum(len(EDITION.files[name].compressed) for name in {*page, "symbols.svg"}) <= FIRST_BYTES
 
 
 def test_what_is_compressed_is_the_same() -> None:
@@ -43,11 +52,15 @@ def test_the_version_changes_with_any_file(tmp_path: Path) -> None:
     assert files.newest().version != before.version
 
 
-def test_style_sheets_and_catalogues_are_served_as_one(tmp_path: Path) -> None:
+def test_style_sheets_are_served_as_one_and_catalogues_as_the_first_view_s_and_the_others(
+    tmp_path: Path,
+) -> None:
     edition = Files(small(tmp_path)).edition
     assert edition.files["page.css"].content == b"a {}\nb {}"
     assert json.loads(edition.files["texts/en.json"].content) == {"core": {"skip": "Skip"}}
-    assert set(edition.files) == {"page.css", "texts/en.json", "texts/nb.json"}
+    assert json.loads(edition.files["texts/en.rest.json"].content) == {"replay": {"loop": "Loop"}}
+    languages = {f"texts/{language}{part}.json" for language in ("en", "nb") for part in ("", ".rest")}
+    assert set(edition.files) == {"page.css"} | languages
 
 
 def test_modules_are_served_without_comments_and_with_their_line_numbers(tmp_path: Path) -> None:

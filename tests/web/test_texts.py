@@ -15,7 +15,8 @@ from grabberd.processes.calibration import acceptance
 from grabberd.processes.liner_tests.recipes import RECIPES
 from grabberd.reconstruction.coverage.verdict import CoverageVerdict, FindingCode
 from grabberd.reconstruction.miss import Miss
-from grabberd.web.files import LANGUAGES, STATIC
+from grabberd.web.files import FIRST_TEXTS, LANGUAGES, STATIC
+from grabberd.web.page import AFTER, AT_ONCE
 
 CALL = re.compile(r"""\bt[nl]?\(\s*(?P<quote>["'`])(?P<key>[a-z]\w*\.(?:(?!(?P=quote)).)+)(?P=quote)""")
 """t("key"), tn("key"), tl("key"); a template's places stand for any name."""
@@ -72,6 +73,18 @@ def places(text: Any) -> list[set[str]]:
 
 def test_both_languages_have_the_same_keys() -> None:
     assert sorted(TEXTS["en"]) == sorted(TEXTS["nb"])
+
+
+def test_the_first_view_has_its_texts_at_once() -> None:
+    catalogues = catalogue("en")
+    first = {name: source for name, source in SOURCES.items() if name.startswith((*AT_ONCE, *AFTER))}
+    needed = {
+        match["key"].partition(".")[0]: name
+        for name, source in first.items()
+        for match in NAMED.finditer(source)
+    }
+    late = {key: name for key, name in needed.items() if key in catalogues and key not in FIRST_TEXTS}
+    assert late == {}
 
 
 def test_both_languages_fill_in_the_same_places() -> None:

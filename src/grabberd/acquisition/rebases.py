@@ -24,6 +24,8 @@ class Rebase(StrEnum):
     """The camera goes on in the other phase: its top fields have odd numbers now, or even ones again."""
     NUMBERS = "numbers"
     """A doubt about numbers has ended, and what was numbered in it was not as many as the camera's fields."""
+    RATE = "rate"
+    """The camera delivers another number of pictures a second than before."""
 
 
 class LedgerEvent(NamedTuple):

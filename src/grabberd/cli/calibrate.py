@@ -65,7 +65,7 @@ def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
     ] = "weighted",
     lens: Annotated[
         Literal["apart", "shared"],
-        typer.Option(help="Separate lens parameters per view, or one shared lens."),
+        typer.Option(help="Separate lens parameters for each view, or one shared lens."),
     ] = "apart",
     tied: Annotated[bool, typer.Option(help="Tie b9 = b8, as printed in the paper.")] = False,
     free: Annotated[

@@ -19,7 +19,7 @@ from grabberd.config import Config
 
 NOTHING_FOUND = (
     "No frame grabber was found. If one is plugged in ('lsusb', 'lspci'), the kernel has no driver for it: "
-    "'sudo dmesg' shows what it made of the device, 'sudo modprobe stk1160' (usbtv, em28xx, bttv …) "
+    "'sudo dmesg' shows how it recognised the device, 'sudo modprobe stk1160' (usbtv, em28xx, bttv …) "
     "loads a driver. Cloud kernels have none of them: install the full kernel (Debian: linux-image-amd64)."
 )
 

@@ -38,7 +38,7 @@ def diagnostics(
 ) -> None:
     """Collect versions, devices, ledgers and log into one file for support; contains no secrets.
 
-    It asks the daemon at the address in the configuration. On the daemon's own computer, root and the
+    The daemon is asked at the address in the configuration. On the daemon's own computer, root and the
     daemon's user need no token, only that configuration; elsewhere an admin's token is required. If no daemon
     answers, the file describes the computer only. It is plain text: review it before sending.
 

@@ -17,38 +17,38 @@ OBJECT_KEYS = ("# homologous: false   # if targets mark other points of the surf
 
 
 def frame(  # noqa: PLR0913, PLR0917 - options of a command
-    rows: Annotated[int, typer.Option(min=1, help="Number of rows; they follow one another along X.")],
+    rows: Annotated[int, typer.Option(min=1, help="Number of rows, along X.")],
     columns: Annotated[int, typer.Option(min=1, help="Number of columns, along Y.")],
-    pitch_mm: Annotated[
-        float, typer.Option(help="Distance between neighbouring targets, from centre to centre.")
-    ],
+    pitch_mm: Annotated[float, typer.Option(help="Distance between the centres of neighbouring targets.")],
     out: Annotated[Path, out_file("the targets (YAML)")],
     row_pitch_mm: Annotated[
-        float | None, typer.Option(help="Distance from row to row; default: that of the columns.")
+        float | None, typer.Option(help="Distance between rows; default: that of the columns.")
     ] = None,
     diameter_mm: Annotated[float, typer.Option(help="Diameter of the targets.")] = 1.5,
     depth_mm: Annotated[
         float,
         typer.Option(
-            help="From the lowest to the highest target, along Z; 0: a plane, which cannot calibrate."
+            help="Height from the lowest to the highest target, along Z; 0: a plane, which cannot calibrate."
         ),
     ] = 0.0,
-    depth_steps: Annotated[int, typer.Option(min=2, help="Number of depths, equally far apart.")] = 5,
+    depth_steps: Annotated[int, typer.Option(min=2, help="Number of equally spaced depths.")] = 5,
     depth_along: Annotated[
         Literal["targets", "rows", "columns"],
-        typer.Option(help="A depth for each target, for each row, or for each column."),
+        typer.Option(help="Vary the depth by target, by row, or by column."),
     ] = "targets",
     sigma_mm: Annotated[
         float | None,
-        typer.Option(help="Standard deviation of the places; default: 0.01, of an object 0.3.", min=0),
+        typer.Option(help="Standard deviation of the positions; default: 0.01, for an object 0.3.", min=0),
     ] = None,
-    name: Annotated[str | None, typer.Option(help="Its name; default: that of the file.")] = None,
+    name: Annotated[
+        str | None, typer.Option(help="Name of the frame or object; default: that of the file.")
+    ] = None,
     is_object: Annotated[
-        bool, typer.Option("--object", help="Write an object to measure, not a calibration frame.")
+        bool, typer.Option("--object", help="Write an object file instead of a calibration frame's.")
     ] = False,
     json: JsonOption = False,
 ) -> None:
-    """Write a calibration frame's file from its dimensions, with a place, row and column for every target.
+    """Write a calibration frame's file from its dimensions, with position, row and column of every target.
 
     Example: grabberd frame --rows 12 --columns 9 --pitch-mm 6.5 --depth-mm 16 --out stand-frame.yaml
 

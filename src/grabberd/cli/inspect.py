@@ -30,12 +30,12 @@ def inspect(
     option: DriverOption = None,
     rate_hz: Annotated[
         float | None,
-        typer.Option(min=0.1, max=1000, help="Pictures a second of a folder, or of a video that says none."),
+        typer.Option(min=0.1, max=1000, help="Pictures a second of a folder, or of a video without a rate."),
     ] = None,
     out: Annotated[Path | None, out_file("a configuration that fits the pictures")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Look at size, lines, views and targets of pictures, and write a configuration that fits them.
+    """Examine size, lines, views and targets of pictures, and write a configuration that fits them.
 
     Example: grabberd inspect frames/ --rate-hz 60 --out rig.yaml
 

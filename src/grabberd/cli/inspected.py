@@ -96,9 +96,9 @@ def _of_mark(found: Inspection, marked: Interlacing | None) -> Iterator[str]:
     if marked is None or found.interlacing is marked:
         return
     if found.interlacing is Interlacing.UNKNOWN:
-        yield f"Nothing moves that shows how lines belong together; the video's own mark says {marked}."
+        yield f"Nothing moves, so the line structure cannot be seen; the video is marked as {marked}."
     else:
-        yield f"The video is marked as {marked}, but its pictures show {found.interlacing}, which was taken."
+        yield f"The video is marked as {marked}, but its pictures show {found.interlacing}, which was used."
 
 
 def _rate_hz(found: Inspection, told_hz: float | None, per_picture: bool) -> float | None:
@@ -113,32 +113,32 @@ def _rate_hz(found: Inspection, told_hz: float | None, per_picture: bool) -> flo
 def _problems(found: Inspection, rate_hz: float | None, of_pictures: bool) -> Iterator[str]:
     if found.interlacing is Interlacing.UNKNOWN and of_pictures:
         yield (
-            "How lines belong together shows only where something moves: give pictures of a moving "
-            "object, or state 'pictures' yourself (frames or progressive)."
+            "Interlaced and progressive pictures differ only where something moves: use pictures of a moving "
+            "object, or set the option 'pictures' (frames or progressive)."
         )
     elif found.interlacing is Interlacing.UNKNOWN:
-        yield "Whether fields come in their right order shows only where something moves."
+        yield "The field order can be checked only where something moves."
     if rate_hz is None:
-        yield "Nothing tells how many pictures there are a second: give --rate-hz."
+        yield "The rate of the pictures is unknown: give --rate-hz."
     if found.lines % 2:
-        yield f"{found.lines} lines are an odd number: the rig needs an even one, so cut a line off."
+        yield f"The number of lines, {found.lines}, is odd, and the rig needs an even one: cut a line off."
     if found.targets is None:
-        yield "No targets are to be seen: bright discs on a dark ground are looked for."
+        yield "No targets are visible: they must be bright discs on a dark background."
     elif found.targets.diameter_px < FEWEST_PX:
         size = found.targets.diameter_px
-        yield f"Targets of {size:.1f} px are small: {FEWEST_PX:g} px or more are reliable."
+        yield f"Targets of {size:.1f} px are small: from {FEWEST_PX:g} px on they are located reliably."
     if found.split is not None and not found.split.sure:
         yield (
-            "Where the views meet is not clear from the targets, so the middle was taken: look at a picture "
-            "and correct rig.views."
+            "The targets do not show where the views meet, so the middle was assumed: look at a picture and "
+            "correct rig.views."
         )
 
 
 def _of_light(targets: Targets) -> Iterator[str]:
     if targets.contrast < LEAST_CONTRAST:
-        yield f"Targets are only {targets.contrast:.0f} grey levels above the ground: give more light."
+        yield f"Targets are only {targets.contrast:.0f} grey levels above the background: use more light."
     if targets.clipped > MOST_CLIPPED:
-        yield f"{targets.clipped:.0%} of the targets' pixels are white: give less light or exposure."
+        yield f"{targets.clipped:.0%} of the targets' pixels are saturated: reduce the light or the exposure."
 
 
 def words(seen: Inspected, out: Path | None) -> str:
@@ -155,7 +155,7 @@ def words(seen: Inspected, out: Path | None) -> str:
         *(f"note      {problem}" for problem in seen.problems),
     ]
     if out is not None:
-        rows.append(f"written   {out}: complete it where it says so, then: grabberd check-config {out}")
+        rows.append(f"written   {out}: complete it where marked, then run: grabberd check-config {out}")
     return "\n".join(rows)
 
 
@@ -163,10 +163,10 @@ def _rows_of(targets: Targets | None, split: Split | None) -> Iterator[str]:
     if targets is not None:
         yield (
             f"targets   {targets.count:.0f} in a picture, {targets.diameter_px:.1f} px wide, "
-            f"{targets.contrast:.0f} grey levels above a ground of {targets.background:.0f}"
+            f"{targets.contrast:.0f} grey levels above a background of {targets.background:.0f}"
         )
     if split is not None:
-        how = "the views meet" if split.sure else "the middle; where the views meet is not clear"
+        how = "the views meet" if split.sure else "the middle; unclear where the views meet"
         yield f"split     column {split.column}: {how} ({split.left:.0%} of the targets left of it)"
 
 
@@ -194,17 +194,17 @@ def configuration(seen: Inspected) -> str:
             "      views:",
             f"        left: {{first_column: 0, end_column: {column}}}{sure}",
             f"        right: {{first_column: {column}, end_column: {found.columns}}}",
-            "      # Measure these on your rig, to ten per cent; a calibration finds them exactly. Here",
-            "      # are those of the reference rig.",
+            "      # Measure these on your rig, to ten per cent; a calibration determines them exactly.",
+            "      # These are the values of the reference rig.",
             "      distance_mm: 240        # from the lens, along the mirrors' path, to the object",
             "      base_mm: 128            # between the two virtual cameras",
             "      convergence_deg: 30     # between their axes",
             "      focal_length_mm: 8",
-            "      pixel_x_mm: 0.0086      # of the sensor: its width by the number of columns",
-            "      pixel_y_mm: 0.0083      # its height by the number of lines",
+            "      pixel_x_mm: 0.0086      # width of the sensor divided by the number of columns",
+            "      pixel_y_mm: 0.0083      # its height divided by the number of lines",
             "      exposure_ms: 1",
             "    # calibration: rig.calibration.json    # once there is one: grabberd calibrate",
-            "    # object: object.yaml                  # what is measured: docs/reference/object-files.md",
+            "    # object: object.yaml                  # what to measure: docs/reference/object-files.md",
             "",
         ]
     )

@@ -23,4 +23,4 @@ def explain(error: Exception) -> None:
     except OSError:
         traceback.print_exception(error)
         return
-    print(f"hint: this is an error of grabberd itself; please report it, with {path}", file=sys.stderr)
+    print(f"hint: this is a bug in grabberd; please report it with the file {path}", file=sys.stderr)

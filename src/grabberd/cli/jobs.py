@@ -18,13 +18,13 @@ commands = typer.Typer(help="List, show and cancel the jobs of a running daemon.
 @commands.command("list")
 def list_jobs(
     everything: Annotated[
-        bool, typer.Option("--all", help="Those that have ended, too, of the last month.")
+        bool, typer.Option("--all", help="Include jobs that ended within the last month.")
     ] = False,
     url: UrlOption = DEFAULT_URL,
     token_file: TokenFileOption = None,
     json: JsonOption = False,
 ) -> None:
-    """List the jobs that run or wait, in the order in which they are done.
+    """List the running and waiting jobs, in order of execution.
 
     Example: grabberd jobs list
 
@@ -45,7 +45,7 @@ def list_jobs(
         console.print(table)
     else:
         typer.echo(
-            "there are no jobs" if everything else "no job runs or waits; --all lists those that have ended"
+            "there are no jobs" if everything else "no jobs are running or waiting; --all shows ended ones"
         )
 
 
@@ -56,7 +56,7 @@ def show(
     token_file: TokenFileOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Show a job: its state, and what came of it.
+    """Show a job's state and result.
 
     Example: grabberd jobs show job-1772355731
     """
@@ -65,7 +65,7 @@ def show(
         print_json(found)
         return
     console.print(f"{found['id']}: {found['kind']} of {found['subject']}, {_state(found)}", highlight=False)
-    place = f"number {found['position']} of those that wait" if found["position"] else None
+    place = f"position {found['position']} in the queue" if found["position"] else None
     for words in (place, _asked(found), _ended(found), _attempts(found)):
         if words:
             console.print(words, highlight=False, soft_wrap=True)
@@ -84,7 +84,7 @@ def cancel(
     token_file: TokenFileOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Cancel a job that runs or waits; what it had begun to make is dropped.
+    """Cancel a running or waiting job; partial results are discarded.
 
     Example: grabberd jobs cancel job-1772355731
     """
@@ -122,7 +122,7 @@ def _state(job: dict[str, Any]) -> str:
 
 
 def _asked(job: dict[str, Any]) -> str:
-    return f"asked for {'by the daemon itself ' if job['automatic'] else ''}at {job['created_utc']}"
+    return f"requested {'by the daemon itself ' if job['automatic'] else ''}at {job['created_utc']}"
 
 
 def _ended(job: dict[str, Any]) -> str | None:
@@ -130,4 +130,4 @@ def _ended(job: dict[str, Any]) -> str | None:
 
 
 def _attempts(job: dict[str, Any]) -> str | None:
-    return f"begun {job['attempts']} times" if job["attempts"] > 1 else None
+    return f"started {job['attempts']} times" if job["attempts"] > 1 else None

@@ -53,13 +53,14 @@ def liner_test(  # noqa: PLR0913, PLR0917 - options of a command
         typer.Option(help="KEY=VALUE, in place of the captures' own label, e.g. cow=112; may be repeated."),
     ] = None,
     inputs: Annotated[
-        Path | None, typer.Option(help="Inputs of the analyses (YAML) that win over profiles and recipe.")
+        Path | None, typer.Option(help="Inputs of the analyses (YAML), which override profiles and recipe.")
     ] = None,
     vacuum_log: Annotated[
         Path | None, typer.Option(help="CSV file of a vacuum logger, as for 'grabberd analyse'.")
     ] = None,
     accept: Annotated[
-        bool, typer.Option("--accept", help="Store what the test offers as the profile's next version.")
+        bool,
+        typer.Option("--accept", help="Store the values found by the test as the profile's next version."),
     ] = False,
     device: Annotated[str | None, typer.Option(help="Device that records.")] = None,
     duration: Annotated[
@@ -73,12 +74,12 @@ def liner_test(  # noqa: PLR0913, PLR0917 - options of a command
     token_file: TokenFileOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Test a liner by a recipe: check by check, with what to do where one fails, and a report of one page.
+    """Test a liner by a recipe: check by check, with advice where one fails, and a one-page report.
 
-    reference, ramp and milking evaluate one capture: a file, or one that is recorded on the spot after the
-    steps that are shown. artificial-teat and wear evaluate several files. What is known of the liner comes
-    from its profile. The folder gets test.json and test.html, and
-    for each capture a folder with the document of its analysis, which `grabberd study` reads.
+    reference, ramp and milking evaluate one capture: a file, or one recorded on the spot after the steps
+    shown. artificial-teat and wear evaluate several files. The liner's properties come from its profile.
+    Writes test.json, test.html and, for each capture, a folder with its analysis, which `grabberd study`
+    reads.
 
     Exit code 0: no check failed; 3: one did.
 

@@ -19,7 +19,7 @@ def logger(
     seconds: Annotated[float, typer.Option(min=0.5, max=3600, help="Time to listen.")] = 5.0,
     json: JsonOption = False,
 ) -> None:
-    """Listen to a data logger: its columns, rate, the σ of its times, and whatever is wrong with it.
+    """Listen to a data logger and show its columns, rate, the σ of its times, and any problems.
 
     Example: grabberd logger vacuum --config /etc/grabberd/grabberd.yaml
 

@@ -275,9 +275,9 @@ def _print_anomalies(heard: Heard) -> None:
     counted = _counted(heard.anomalies)
     if not counted:
         _print(
-            "Nothing was wrong."
+            "No anomalies."
             if len(heard.time_ns)
-            else "It said nothing: is it switched on and measuring?"
+            else "Nothing was received: is it switched on and measuring?"
         )
     for reason, (count, lost, example) in list(counted.items())[:_SHOWN]:
         gone = f", {lost} readings lost" if lost else ""

@@ -22,7 +22,7 @@ from grabberd.cli.terminal import progress_bar
 ProposeOption = Annotated[
     Path | None,
     typer.Option(
-        help="Write an object file to this path, with misplaced targets where the capture shows them.",
+        help="Write an object file to this path, with misplaced targets moved to where they were measured.",
     ),
 ]
 

@@ -26,12 +26,12 @@ _KINDS: Mapping[Kind, str] = {
 
 
 def new(
-    kind: Annotated[Kind, typer.Argument(help="What to begin.")],
-    name: Annotated[str, typer.Argument(help="Name that the configuration will call it by.")],
+    kind: Annotated[Kind, typer.Argument(help="What to create.")],
+    name: Annotated[str, typer.Argument(help="Name to use in the configuration.")],
     out: Annotated[Path | None, out_folder("the package; default: grabberd-NAME")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Write a package to begin a driver, a logger or a locator with: it works, and runs the contract's tests.
+    """Create a package for a driver, a logger or a locator, which works and passes the contract tests.
 
     Example: grabberd new driver mycard
 
@@ -51,7 +51,7 @@ def new(
             file = folder / path
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(text, encoding="utf-8")
-    said = f"{folder}: a {_KINDS[kind]} that works; go on with"
+    said = f"{folder}: a working {_KINDS[kind]}; next, run"
     said += f"\n  pip install -e '{folder}[test]'\n  pytest {folder}"
     print_result({"folder": str(folder), "files": sorted(made)}, said, as_json=json)
 
@@ -91,12 +91,12 @@ def check_name(kind: Kind, name: str) -> None:
     if not _NAME.fullmatch(name) or iskeyword(name):
         raise InputError(
             f"{name!r} cannot be the name of a {kind}",
-            "use small letters, digits and underscores, a letter first, and no word of Python's: mycard",
+            "use lower-case letters, digits and underscores, a letter first, no Python keyword: mycard",
         )
     taken = _taken(kind)
     if name in taken:
         raise InputError(
-            f"there is a {kind} {name!r} already", f"choose another name than {', '.join(taken)}"
+            f"there is a {kind} {name!r} already", f"choose a name other than {', '.join(taken)}"
         )
     if find_spec(f"grabberd_{name}") is not None:
         raise InputError(

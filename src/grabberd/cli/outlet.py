@@ -9,7 +9,7 @@ import typer
 from grabberd.cli.options import DEFAULT_URL, TokenFileOption, UrlOption, end_as_ctrl_c_does
 
 commands = typer.Typer(
-    help="Hand points and events of a running daemon on to other programs, live.", no_args_is_help=True
+    help="Pass points and events of a running daemon on to other programs, live.", no_args_is_help=True
 )
 
 
@@ -27,7 +27,7 @@ def lsl(
     url: UrlOption = DEFAULT_URL,
     token_file: TokenFileOption = None,
 ) -> None:
-    """Stream points and events of a device on the Lab Streaming Layer, until Ctrl-C.
+    """Stream points and events of a device over the Lab Streaming Layer until Ctrl-C.
 
     Example: grabberd outlet lsl
 

@@ -13,10 +13,12 @@ from grabberd.cli.terminal import console
 if TYPE_CHECKING:
     from grabberd.config import DeviceConfig, RigConfig
     from grabberd.geometry import NominalRig, Rig
-    from grabberd.processes.plan import Plan, PlannedPlace, PlanSettings
+    from grabberd.processes.plan import Lines, Plan, PlannedPlace, PlanSettings
     from grabberd.reconstruction import ObjectModel
 
 COLUMNS = ("X", "Y", "Z", "XYZ", "calibration's XYZ")
+VIDEO_LINES = (480, 486, 576)
+"""Lines of a frame of two fields; pictures with another number are progressive."""
 USUAL_FRAME = "calibration-frames/paper-108.yaml"
 
 
@@ -41,7 +43,11 @@ def plan(  # noqa: PLR0913, PLR0917 - options of a command
         int | None, typer.Option(min=1, max=8, help="Bits per pixel; default: as configured.")
     ] = None,
     lines: Annotated[
-        Literal["doubled", "field"] | None, typer.Option(help="Lines of a field; default: as configured.")
+        Literal["doubled", "field", "progressive"] | None,
+        typer.Option(
+            help="Lines of a field, or progressive: all lines of a picture. Default: as configured; "
+            "progressive where the rig's lines are not those of interlaced video."
+        ),
     ] = None,
     noise: Annotated[
         float, typer.Option(min=0, max=0.5, help="Noise of a pixel, as a fraction of the contrast.")
@@ -113,7 +119,7 @@ def _settings(
     device: "DeviceConfig",
     model: "ObjectModel",
     bits: int | None,
-    lines: str | None,
+    lines: "Lines | None",
     noise: float,
     sigma_px: tuple[float, float] | None,
 ) -> "PlanSettings":
@@ -121,11 +127,12 @@ def _settings(
 
     wanted = device.ring.bits if bits is None else bits
     usual = device.ring.lines if bits is None else None
-    kept = lines or usual or ("doubled" if wanted == 1 else "field")
+    of_video: Lines = usual or ("doubled" if wanted == 1 else "field")
+    kept = lines or (of_video if device.rig.lines in VIDEO_LINES else "progressive")
     return PlanSettings(
         target_diameter_mm=model.target_diameter_mm,
         bits=wanted,
-        doubled=kept == "doubled",
+        lines=kept,
         noise=noise,
         spread_px=device.spread_px,
         line_jitter_px=device.line_jitter_px,

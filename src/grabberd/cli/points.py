@@ -32,9 +32,9 @@ def points(
     token_file: TokenFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Print the points of every field that the daemon measures, as CSV with their standard deviations.
+    """Print the points of every field the daemon measures, as CSV with standard deviations.
 
-    With --json, a line for each field, which has the covariances as well.
+    With --json, one line per field, including the covariances.
 
     Example: grabberd points --fields 500 > points.csv
 
@@ -55,7 +55,7 @@ def points(
         pass
     finally:
         if skipped:
-            typer.echo(f"{skipped} fields are missing: they came faster than they were printed", err=True)
+            typer.echo(f"{skipped} fields are missing: printing was too slow", err=True)
 
 
 def _rows(one: "StreamedPoints") -> Iterator[str]:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from grabberd.cli.profile_access import ProfileAccess
 
 commands = typer.Typer(
-    help="Keep liners, pulsators, cups and cows, which analyses take by the labels of captures.",
+    help="Manage profiles of liners, pulsators, cups and cows, which captures select by label.",
     no_args_is_help=True,
 )
 _LONGEST_NOTE = 60
@@ -45,13 +45,13 @@ UrlOption = Annotated[
 @commands.command("list")
 def list_profiles(
     kind: Annotated[Kind | None, typer.Argument(help="Only profiles of this kind.")] = None,
-    retired: Annotated[bool, typer.Option("--retired", help="List retired ones, too.")] = False,
+    retired: Annotated[bool, typer.Option("--retired", help="Include retired ones.")] = False,
     config: ConfigOption = None,
     url: UrlOption = None,
     token_file: TokenFileOption = None,
     json: JsonOption = False,
 ) -> None:
-    """List the profiles by their newest versions.
+    """List the newest version of each profile.
 
     Example: grabberd profile list
 
@@ -84,7 +84,7 @@ def show(
     token_file: TokenFileOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Show a profile and when this version was stored.
+    """Show a profile and the time when this version was stored.
 
     Example: grabberd profile show liner A
 
@@ -106,7 +106,7 @@ def add(
     token_file: TokenFileOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Store a profile, or the next version of one that there is; the same content again makes no version.
+    """Store a new profile or a new version of an existing one; unchanged content creates no version.
 
     Example: grabberd profile add liner-A.yaml
 
@@ -126,7 +126,7 @@ def export(
     url: UrlOption = None,
     token_file: TokenFileOption = None,
 ) -> None:
-    """Write a profile as YAML, to edit and add again, or to take along.
+    """Write a profile as YAML, to edit and add again, or to copy.
 
     Example: grabberd profile export liner A --out liner-A.yaml
 
@@ -148,7 +148,7 @@ def export(
 
 @commands.command("import")
 def import_profiles(
-    folder: Annotated[Path | None, typer.Argument(help="Folder of YAML files, a profile each.")] = None,
+    folder: Annotated[Path | None, typer.Argument(help="Folder of YAML files, one profile each.")] = None,
     examples: Annotated[
         bool, typer.Option("--examples", help="Import the examples that come with the program.")
     ] = False,
@@ -157,7 +157,7 @@ def import_profiles(
     token_file: TokenFileOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Store all profiles of a folder, or none if one of them cannot be used.
+    """Store all profiles of a folder, or none if one of them is invalid.
 
     Example: grabberd profile import profiles
 
@@ -183,7 +183,7 @@ def retire(
     token_file: TokenFileOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Take a profile out of use: no label finds it any longer, and all its versions stay readable.
+    """Retire a profile: labels no longer select it, but all its versions stay readable.
 
     To bring it back, add it again.
 
@@ -203,7 +203,7 @@ def history(
     token_file: TokenFileOption = None,
     json: JsonOption = False,
 ) -> None:
-    """List the versions of a profile, the newest first, and what each changed.
+    """List the versions of a profile, newest first, with what each changed.
 
     Example: grabberd profile history liner A
     """

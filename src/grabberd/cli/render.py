@@ -18,8 +18,8 @@ def render(  # noqa: PLR0913, PLR0917 - options of a command
     what: Annotated[
         What,
         typer.Option(
-            help="model: the surface as a grid; synthetic: as the cameras would see it; overlay: that over "
-            "the camera's picture; animation: all fields in sequence."
+            help="model: the surface as a grid; synthetic: as the cameras would see it; overlay: the "
+            "synthetic view over the camera's picture; animation: all fields in sequence."
         ),
     ] = "model",
     field: Annotated[
@@ -52,7 +52,7 @@ def render(  # noqa: PLR0913, PLR0917 - options of a command
     last: Annotated[int | None, typer.Option("--to", min=0, help="Last field of an animation.")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Draw what was measured: grid model, synthetic views, overlays or an animation.
+    """Draw a measured capture: grid model, synthetic views, overlays or an animation.
 
     Example: grabberd render liner.grab --what model --side all --colour curvature --out pictures
 

@@ -33,7 +33,7 @@ def reprocess(  # noqa: PLR0913, PLR0917 - options of a command
         typer.Argument(help="Folders, patterns ('*/2026-03-*.grab') or files; they are not modified."),
     ],
     calibration: Annotated[Path, typer.Option(help="Calibration (JSON) to measure with.")],
-    out: Annotated[Path, out_folder("the data set; one that is there is extended")],
+    out: Annotated[Path, out_folder("the data set; an existing one is extended")],
     object_model: Annotated[
         Path | None, typer.Option("--object", help="Object model (YAML); default: each capture's.")
     ] = None,
@@ -56,7 +56,7 @@ def reprocess(  # noqa: PLR0913, PLR0917 - options of a command
     include_damaged: IncludeDamagedOption = False,
     json: JsonOption = False,
 ) -> None:
-    """Re-measure many captures into Parquet files by barn and day; skips those already done.
+    """Re-measure many captures into Parquet files by barn and day, skipping those already done.
 
     Example: grabberd reprocess captures/ --calibration rig.calibration.json --out points
 

@@ -8,10 +8,10 @@ import typer
 def schema(
     name: Annotated[
         str | None,
-        typer.Argument(help="Form of a file; without it the names are listed.", show_default=False),
+        typer.Argument(help="Kind of file; without it the names are listed.", show_default=False),
     ] = None,
 ) -> None:
-    """Print the JSON Schema of a file that people write or programs read, for editors and other programs.
+    """Print the JSON Schema of a file format, for editors and other programs.
 
     Example: grabberd schema configuration > configuration.schema.json
     """

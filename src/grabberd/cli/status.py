@@ -60,6 +60,9 @@ def _remarks(device: dict[str, Any]) -> Iterator[str]:
         yield "; ".join(words for words in (device["cause"], device["hint"]) if words)
     if device["computer"]["cause"]:
         yield f"{device['computer']['cause']}; {device['computer']['hint']}"
+    rate = device.get("health", {}).get("parts", {}).get("rate")
+    if rate and rate["level"] in {"warning", "bad"}:
+        yield f"{rate['message']}; {rate['hint']}"
     if any(device["losses"].values()):
         yield f"not received, by cause: {_counted(device['losses'])}"
     if any(device["rebases"].values()):

@@ -12,7 +12,7 @@ from grabberd.cli.terminal import console, progress_bar
 
 CapturesArgument = Annotated[
     list[Path] | None,
-    typer.Argument(help="Capture files, NAME.grab; default: all of the configuration's folder."),
+    typer.Argument(help="Capture files, NAME.grab; default: all in the configuration's folder."),
 ]
 DAMAGED_EXIT = 65
 """EX_DATAERR of sysexits.h."""
@@ -53,9 +53,9 @@ def verify(
     config: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Read captures whole and hold them against their digests; exit with 65 if one is damaged.
+    """Read captures completely and check their digests; exit with 65 if one is damaged.
 
-    A daemon does the same once a month, at idle priority; it may be running.
+    The daemon does the same once a month, at idle priority; it may be running.
 
     Example: grabberd storage verify liner.grab
 
@@ -92,7 +92,7 @@ def convert(
     config: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Convert captures of earlier versions to today's format, which is smaller; exit with 65 if one stays.
+    """Convert captures from earlier versions to the present, smaller format; exit with 65 if one fails.
 
     Pictures, times and runs stay as they are, points to far below their σ. A capture is replaced when its new
     file has been compared with it whole, and kept if anything fails. The daemon may be running.
@@ -174,9 +174,9 @@ def retention(config: ConfigOption = None, json: JsonOption = False) -> None:
 
 @commands.command()
 def accept(config: ConfigOption = None, json: JsonOption = False) -> None:
-    """Accept recovered or lost settings, and the folder of captures as it is now; the daemon may be running.
+    """Accept recovered or lost settings, and the folder of captures as it is; the daemon may be running.
 
-    Check settings and tokens first. A folder of captures that is gone is made anew, empty.
+    Check settings and tokens first. A missing folder of captures is created, empty.
 
     Example: grabberd storage accept --config /etc/grabberd/grabberd.yaml
     """

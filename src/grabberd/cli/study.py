@@ -32,13 +32,12 @@ def study(  # noqa: PLR0913, PLR0917 - options of a command
         ),
     ] = None,
     by: Annotated[
-        str | None, typer.Option(help="What makes the groups: a label (liner, cow, teat, …), device or date.")
+        str | None,
+        typer.Option(help="What defines the groups: a label (liner, cow, teat, …), device or date."),
     ] = None,
     within: Annotated[
         str | None,
-        typer.Option(
-            help="Compare groups within this: with cow, the liners that each cow has had are paired."
-        ),
+        typer.Option(help="Compare groups within this: with cow, the liners are compared within each cow."),
     ] = None,
     unit: Annotated[
         str | None,
@@ -52,7 +51,7 @@ def study(  # noqa: PLR0913, PLR0917 - options of a command
     ] = None,
     quantities: Annotated[
         str | None,
-        typer.Option(help="Comma-separated names of quantities; default: all that any capture has."),
+        typer.Option(help="Comma-separated names of quantities; default: all."),
     ] = None,
     formats: Annotated[str, typer.Option(help="Comma-separated list of csv, parquet.")] = "csv",
     config: ConfigOption = None,
@@ -67,7 +66,7 @@ def study(  # noqa: PLR0913, PLR0917 - options of a command
     token_file: TokenFileOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Compare many analysed captures: every quantity with σ, differences of groups with a test, trends.
+    """Compare many analysed captures: quantities with σ, tested differences between groups, trends.
 
     What captures of one liner share, such as its modulus or the gauges, counts once however many there are.
     Captures and quantities that cannot take part are listed with the reason. Writes tables and a report:

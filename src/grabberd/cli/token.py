@@ -32,7 +32,7 @@ def add(
     config: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Create a token and print it, once only: just its hash is stored.
+    """Create a token and print it; only its hash is stored, so it cannot be shown again.
 
     Example: grabberd token add tablet-north --role operator
 

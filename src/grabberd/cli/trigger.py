@@ -16,7 +16,7 @@ def trigger(
     token_file: TokenFileOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Trigger the armed capture: it records from now on, including its pre-trigger fields.
+    """Trigger the armed capture, which then records, including its pre-trigger fields.
 
     Example: grabberd trigger
 

@@ -32,7 +32,9 @@ class StorageConfig(Section):
 
     directory: Path | None = Field(None, description="default: the service's state directory")
     # Ten seconds of doubled fields at 1 bit are 26 MB of memory.
-    queue_s: float = Field(10.0, ge=1, le=600)
+    queue_s: float = Field(
+        10.0, ge=1, le=600, description="length of the recorder's queue: how long the disk may stall"
+    )
     reserve_gb: float = Field(
         0.2, ge=0.05, le=100_000, description="disk space kept free: no capture starts or continues below it"
     )
@@ -79,7 +81,7 @@ class HttpLimits(Section):
     head_timeout_s: float = Field(10.0, gt=0, le=600, description="maximum time to receive a request head")
     body_timeout_s: float = Field(30.0, gt=0, le=3600, description="maximum time to receive a request body")
     write_timeout_s: float = Field(
-        30.0, gt=0, le=3600, description="maximum time for which a client may read nothing"
+        30.0, gt=0, le=3600, description="time after which a client that reads nothing is disconnected"
     )
     connections: int = Field(256, ge=4, le=10_000, description="maximum number of connections of all clients")
     reads: int = Field(
@@ -89,7 +91,7 @@ class HttpLimits(Section):
         30.0,
         gt=0,
         le=3600,
-        description="maximum time to read captures for a request, or a piece of a download",
+        description="maximum time to read captures for a request, or for a chunk of a download",
     )
     connections_per_client: int = Field(
         64, ge=1, le=10_000, description="maximum number of connections per client address"
@@ -103,13 +105,13 @@ class HttpConfig(Section):
     """Address the daemon listens on, and the host names clients reach it by."""
 
     host: str = Field("127.0.0.1", description="anything but loopback requires tokens")
-    port: int = Field(8050, ge=0, le=65535)
+    port: int = Field(8050, ge=0, le=65535, description="port to listen on; 0: any free one")
     hosts: tuple[HostName, ...] = Field(
         (), description="additional host names and addresses that clients use"
     )
     proxies: tuple[ProxyAddress, ...] = Field(
         (),
-        description="addresses, networks or `unix` of proxies whose X-Forwarded-For and -Proto are believed",
+        description="addresses, networks or `unix` of proxies whose X-Forwarded-For and -Proto are trusted",
     )
     tls: TlsConfig | None = Field(None, description="default: plain HTTP")
     limits: HttpLimits = HttpLimits()
@@ -130,8 +132,10 @@ class HttpConfig(Section):
 class Config(Section):
     """The whole configuration file."""
 
-    site: dict[str, str] = Field(default_factory=dict)
-    devices: dict[DeviceName, DeviceConfig] = Field(min_length=1)
+    site: dict[str, str] = Field(
+        default_factory=dict, description="name and data of the site, such as `barn`; stored in every capture"
+    )
+    devices: dict[DeviceName, DeviceConfig] = Field(min_length=1, description="the grabbers, by name")
     loggers: dict[DeviceName, LoggerConfig] = Field(
         default_factory=dict, description="data loggers beside the grabbers; default: none"
     )

@@ -16,8 +16,8 @@ Millimetres = Annotated[float, Field(allow_inf_nan=False)]
 class ViewColumns(Section):
     """Columns of the picture that belong to one view."""
 
-    first_column: int = Field(ge=0)
-    end_column: int = Field(gt=0)
+    first_column: int = Field(ge=0, description="first column of the view")
+    end_column: int = Field(gt=0, description="first column after the view")
     handedness: Literal[-1, 1] | None = Field(
         None, description="-1 for an odd number of mirrors, 1 for an even one; a calibration must agree"
     )
@@ -45,25 +45,35 @@ class Views(Section):
 class GlassConfig(Section):
     """A plane-parallel glass plate between the mirrors and the object."""
 
-    thickness_mm: Millimetres = Field(gt=0, le=50)
-    refractive_index: float = Field(ge=1, le=3)
+    thickness_mm: Millimetres = Field(gt=0, le=50, description="thickness of the plate")
+    refractive_index: float = Field(ge=1, le=3, description="about 1.52 for window glass")
 
 
 class RigConfig(Section):
     """Nominal geometry of the rig, within about ten per cent: prior knowledge for a calibration."""
 
-    columns: int = Field(720, ge=16, le=4096)
-    lines: int = Field(576, ge=16, le=4096, multiple_of=2)
+    columns: int = Field(720, ge=16, le=4096, description="columns of the picture")
+    lines: int = Field(
+        576, ge=16, le=4096, multiple_of=2, description="lines of the picture: of a frame, if interlaced"
+    )
     views: Views = Views()
     # The defaults are the reference rig's: .25 to .27 mm on the object for a pixel.
-    distance_mm: Millimetres = Field(240.0, ge=20, le=5000)
-    base_mm: Millimetres = Field(128.0, ge=5, le=2000)
-    convergence_deg: float = Field(30.0, ge=0, le=120)
-    focal_length_mm: Millimetres = Field(8.0, ge=1, le=200)
-    pixel_x_mm: Millimetres = Field(0.0086, ge=0.001, le=0.05)
-    pixel_y_mm: Millimetres = Field(0.0083, ge=0.001, le=0.05)
-    exposure_ms: float = Field(1.0, gt=0, le=20)
-    glass: GlassConfig | None = Field(None, description="the plate in place; a calibration must match it")
+    distance_mm: Millimetres = Field(
+        240.0, ge=20, le=5000, description="from the lens along the mirrors' path to the object"
+    )
+    base_mm: Millimetres = Field(128.0, ge=5, le=2000, description="distance between the two virtual cameras")
+    convergence_deg: float = Field(30.0, ge=0, le=120, description="angle between their axes")
+    focal_length_mm: Millimetres = Field(8.0, ge=1, le=200, description="focal length of the lens")
+    pixel_x_mm: Millimetres = Field(
+        0.0086, ge=0.001, le=0.05, description="width of the sensor divided by the number of columns"
+    )
+    pixel_y_mm: Millimetres = Field(
+        0.0083, ge=0.001, le=0.05, description="height of the sensor divided by the number of lines"
+    )
+    exposure_ms: float = Field(1.0, gt=0, le=20, description="exposure time of the camera")
+    glass: GlassConfig | None = Field(
+        None, description="glass plate in the path; a calibration must match it"
+    )
 
     @model_validator(mode="after")
     def _views_inside_picture(self) -> Self:
@@ -79,20 +89,24 @@ class RingConfig(Section):
 
     # As many as the paper: .64 s. Stalls of .9 s have been seen; the recorder's queue bridges those.
     slots: int | None = Field(
-        None, ge=4, le=4096, description="default: 32, or those of 0.64 s above 50 fields a second"
+        None, ge=4, le=4096, description="number of slots; default: as many as last for 0.64 s, at least 32"
     )
-    bits: BitDepth = 1
-    lines: Lines | None = Field(None, description="doubled (default at 1 bit) or field (default for grey)")
+    bits: BitDepth = Field(1, description="bits per pixel: 1 to 6, or 8")
+    lines: Lines | None = Field(
+        None, description="doubled (default at 1 bit) or field: intact (default for grey)"
+    )
     interpolation: Literal["linear", "kernel3x3"] = Field(
-        "linear", description="how the missing lines of doubled fields are interpolated, on the grey values"
+        "linear", description="how the missing lines of doubled fields are interpolated from grey values"
     )
 
 
 class ThresholdConfig(Section):
     """Choice of the grey value that separates targets from the background."""
 
-    kind: Literal["fixed", "trinder", "automatic"] = "automatic"
-    value: int | None = Field(None, ge=0, le=254)
+    kind: Literal["fixed", "trinder", "automatic"] = Field(
+        "automatic", description="fixed: `value`; trinder: the paper's equation 3; automatic: least error"
+    )
+    value: int | None = Field(None, ge=0, le=254, description="grey value, for kind fixed")
     map: bool = Field(
         False, description="one threshold per pixel, for uneven light; requires kind automatic and 1 bit"
     )
@@ -125,7 +139,7 @@ class LocationConfig(Section):
 
 
 class TargetsConfig(Section):
-    """Sizes on the object that count as a target: limits of a blob's diameter, for every object."""
+    """Sizes on the object that count as a target: limits of a blob's diameter, for all objects."""
 
     least_mm: Millimetres | None = Field(
         None, gt=0, le=100, description="least diameter; default: .43 of the object's `target_diameter_mm`"
@@ -146,7 +160,7 @@ class CaptureConfig(Section):
 
     on_interruption: OnInterruption = Field(
         "continue",
-        description="when the device stops delivering: continue, with the gap in the ledger, or end",
+        description="what to do if the device stops delivering: continue, with the gap in the ledger, or end",
     )
 
 
@@ -155,32 +169,36 @@ class AnalysisConfig(Section):
 
     when_sealed: bool = Field(
         False,
-        description="analyse every capture once it is sealed: those that start after the daemon was first "
-        "started with this",
+        description="analyse every capture as soon as it is sealed; applies to captures started after the "
+        "daemon was first started with this setting",
     )
     inputs: ExistingFile | None = Field(
         None,
-        description="what is known besides the points, as for `grabberd analyse --inputs`; profiles that a "
-        "capture's labels name complete it",
+        description="inputs besides the points, as for `grabberd analyse --inputs`; completed by the "
+        "profiles that a capture's labels select",
     )
 
 
 class DeviceConfig(Section):
     """One grabber, the rig in front of it, and how its fields are processed."""
 
-    driver: str
-    options: dict[str, Any] = Field(default_factory=dict)
+    driver: str = Field(description="name of the driver; `grabberd devices` lists them")
+    options: dict[str, Any] = Field(default_factory=dict, description="the driver's own options")
     rig: RigConfig = RigConfig()
-    calibration: ExistingFile | None = None
-    object: ExistingFile | None = None
+    calibration: ExistingFile | None = Field(
+        None, description="calibration (JSON) to measure with, unless another one is activated"
+    )
+    object: ExistingFile | None = Field(None, description="object model (YAML) to measure")
     ring: RingConfig = RingConfig()
     threshold: ThresholdConfig = ThresholdConfig()
     location: LocationConfig = LocationConfig()
     targets: TargetsConfig = TargetsConfig()
     capture: CaptureConfig = CaptureConfig()
     analysis: AnalysisConfig = AnalysisConfig()
-    line_jitter_px: float = Field(0.12, ge=0, le=2)
-    spread_px: float = Field(0.8, gt=0, le=5)
+    line_jitter_px: float = Field(0.12, ge=0, le=2, description="σ of the line jitter, in frame pixels")
+    spread_px: float = Field(
+        0.8, gt=0, le=5, description="σ of the spread function of lens and camera, in frame pixels"
+    )
 
     @model_validator(mode="after")
     def _map_belongs_to_one_bit(self) -> Self:

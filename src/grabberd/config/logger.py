@@ -19,27 +19,29 @@ class ChannelConfig(Section):
     Pressure in kPa is number × unit × gain + offset_kpa. A light has nothing but its column and its devices.
     """
 
-    quantity: Quantity | None = Field(None, description="default: the channel's name, if it is a quantity")
-    column: str = Field(min_length=1, description="`grabberd logger NAME` lists the logger's columns")
-    unit: Unit | None = Field(None, description="default: the one that the logger states")
+    quantity: Quantity | None = Field(
+        None, description="what it measures; default: the channel's name, if that is a quantity"
+    )
+    column: str = Field(min_length=1, description="the logger's column; `grabberd logger NAME` lists them")
+    unit: Unit | None = Field(None, description="unit of the readings; default: as stated by the logger")
     gain: float | None = Field(
         None,
         allow_inf_nan=False,
-        description="for pressures 1; for V, mV, mA and counts required: kPa for each V, mA or count",
+        description="default for pressures: 1; required for V, mV, mA and counts: kPa per V, mA or count",
     )
     offset_kpa: float = Field(0.0, allow_inf_nan=False, description="pressure at 0")
     sigma_kpa: float | None = Field(
         None,
         gt=0,
         le=20,
-        description="σ of the gauge that it was compared with, the same for all readings; not for a light",
+        description="σ of the calibration, common to all readings; not for a light",
     )
     calibrated: date | None = Field(None, description="day of the calibration; default: never")
-    reference: Reference = Field(Reference.VACUUM, description="what the sensor's numbers are above or below")
+    reference: Reference = Field(Reference.VACUUM, description="what the sensor measures relative to")
     atmosphere_kpa: float | None = Field(
         None, ge=50, le=110, description="air pressure, not reduced to sea level; required for absolute"
     )
-    devices: tuple[str, ...] = Field((), description="grabbers that it belongs to; default: all")
+    devices: tuple[str, ...] = Field((), description="grabbers it belongs to; default: all")
 
     @model_validator(mode="after")
     def _gain_is_not_zero(self) -> Self:
@@ -63,19 +65,19 @@ class ChannelConfig(Section):
 class LoggerConfig(Section):
     """One data logger, and the quantities that it measures on the fields' clock."""
 
-    driver: str
-    options: dict[str, Any] = Field(default_factory=dict)
+    driver: str = Field(description="name of the driver, such as serial, csv, mqtt or iio")
+    options: dict[str, Any] = Field(default_factory=dict, description="the driver's own options")
     delay_ms: float = Field(
-        0.0, ge=-1000, le=1000, description="time by which all readings are late, by filters and cables"
+        0.0, ge=-1000, le=1000, description="delay of all readings, by filters and cables"
     )
     delay_sigma_ms: float | None = Field(
         None,
         ge=0,
         le=1000,
-        description="its σ; default: what the driver knows, else 5 ms, as for an adapter whose shortest way "
-        "nobody has measured",
+        description="its σ; default: as known by the driver, else 5 ms, as for an adapter whose shortest "
+        "delay has not been measured",
     )
-    channels: dict[ChannelName, ChannelConfig] = Field(min_length=1)
+    channels: dict[ChannelName, ChannelConfig] = Field(min_length=1, description="the channels, by name")
 
     @model_validator(mode="after")
     def _quantities_are_named(self) -> Self:

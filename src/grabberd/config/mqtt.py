@@ -37,12 +37,14 @@ class MqttTlsConfig(Section):
 class MqttConfig(Section):
     """The MQTT broker that device states and captures are published to; requires `site.barn`."""
 
-    host: str = Field(min_length=1, max_length=253)
-    port: int | None = Field(None, ge=1, le=65535, description=f"default: {PORT}, with TLS {TLS_PORT}")
+    host: str = Field(min_length=1, max_length=253, description="name or address of the broker")
+    port: int | None = Field(
+        None, ge=1, le=65535, description=f"port of the broker; default: {PORT}, with TLS {TLS_PORT}"
+    )
     tls: MqttTlsConfig | None = Field(
         None, description="`{}` for a broker certified by one of the system's CAs"
     )
-    user: str | None = Field(None, min_length=1)
+    user: str | None = Field(None, min_length=1, description="user name at the broker")
     password_file: ExistingFile | None = Field(
         None, description="file with the password on its only line; read at every connection"
     )
@@ -61,7 +63,7 @@ class MqttConfig(Section):
         description="capture summaries kept on disk while the broker is unreachable",
     )
     home_assistant: bool = Field(
-        False, description="publish what Home Assistant needs to discover the devices; removed by `false`"
+        False, description="publish Home Assistant discovery messages; `false` removes them"
     )
     home_assistant_prefix: TopicPrefix = Field(
         "homeassistant", description="Home Assistant's prefix of discovery topics"

@@ -26,9 +26,9 @@ Word = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 TeatShape = TypeAliasType("TeatShape", Literal["round", "blunt", "pointed", "funnel", "pocket", "plate"])
 
 _NAME = (
-    "Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`."
+    "Value of the capture's label of this kind, such as `liner: A`; letters, digits, spaces, `.`, `_`, `-`."
 )
-_NOTE = "Anything for people, such as where it is kept, or that it is an example."
+_NOTE = "Free text, such as where it is kept, or that it is an example."
 
 
 class _Profile(Document):
@@ -39,10 +39,10 @@ class _Profile(Document):
 
 
 class LagDocument(Document):
-    """Delay from the vacuum's half height to half of the wall's stroke; negative: the wall is first."""
+    """Delay from half the vacuum to half the wall's stroke; negative: the wall leads."""
 
-    opening_s: float = Field(ge=-0.5, le=0.5, allow_inf_nan=False, description="In opening.")
-    closing_s: float = Field(ge=-0.5, le=0.5, allow_inf_nan=False, description="In closing.")
+    opening_s: float = Field(ge=-0.5, le=0.5, allow_inf_nan=False, description="While opening.")
+    closing_s: float = Field(ge=-0.5, le=0.5, allow_inf_nan=False, description="While closing.")
     sigma_s: float = Field(gt=0, le=0.5, allow_inf_nan=False, description="σ of each.")
 
 
@@ -53,7 +53,9 @@ class LinerProfile(_Profile):
     maker: Word | None = None
     type: Word | None = Field(None, description="The maker's name of this type of liner.")
     lot: Word | None = Field(None, description="The maker's lot.")
-    age_milkings: int | None = Field(None, ge=0, le=1_000_000, description="Milkings that it has done.")
+    age_milkings: int | None = Field(
+        None, ge=0, le=1_000_000, description="Number of milkings it has been used for."
+    )
     material: JsonObject | None = Field(
         None,
         description="The `material` of an analysis' inputs, whole or by `zones`; here σ of E, thickness and "
@@ -65,11 +67,12 @@ class LinerProfile(_Profile):
         "`wall_mm`, `radius_mm` and `F0_n`.",
     )
     lag: LagDocument | None = Field(
-        None, description="The wall's lag, by which a pulsator's settings are dated; without `near_s`."
+        None,
+        description="The wall's lag, which relates a pulsator's settings to the capture; without `near_s`.",
     )
     analysis: JsonObject | None = Field(
         None,
-        description="How captures of this liner are analysed unless the inputs say otherwise: `reference`, "
+        description="Defaults for the analysis of this liner's captures: `reference`, "
         "`plane`, `heights_mm`, `phases`, `sought_kpa`, `unseen`.",
     )
 
@@ -92,12 +95,12 @@ class PulsatorProfile(_Profile):
 
 
 class CupProfile(_Profile):
-    """A cup with its targets: what it belongs to, and how well its vacuum gauge is known."""
+    """A cup with its targets: its device and object model, and the σ of its vacuum gauge."""
 
     kind: Literal["cup"] = Field(description="`cup`.")
-    device: Word | None = Field(None, description="Device whose camera looks into it.")
+    device: Word | None = Field(None, description="Device whose camera views it.")
     object_model: Word | None = Field(None, description="Name of the object model of its targets.")
-    gauge: Word | None = Field(None, description="The gauge on it, and when it was calibrated.")
+    gauge: Word | None = Field(None, description="Its gauge, and when that was calibrated.")
     gauge_sigma_kpa: float | None = Field(
         None, gt=0, le=10, allow_inf_nan=False, description="σ of the gauge's zero: `vacuum.gauge_sigma_kpa`."
     )
@@ -129,7 +132,7 @@ class CowProfile(_Profile):
     teats: dict[Word, TeatDocument] = Field(
         default_factory=dict,
         max_length=MOST_TEATS,
-        description="Teats by the value of the label `teat`: size and shape of the end, for people.",
+        description="Teats by the value of the label `teat`: size and shape of the end, for information.",
     )
     flow_stop: FlowStopDocument | None = Field(None, description="The `flow_stop` of an analysis' inputs.")
 
@@ -223,7 +226,7 @@ class ProfileList(Document):
 
 
 class ProfileVersions(Document):
-    """All versions of a profile, the newest first."""
+    """All versions of a profile, newest first."""
 
     versions: list[ProfileRow]
 

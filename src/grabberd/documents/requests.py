@@ -51,7 +51,7 @@ class CaptureOptions(Document):
         None,
         gt=0,
         le=200_000,
-        description="Length in seconds; that of an armed capture is from the trigger on.",
+        description="Length in seconds; for an armed capture, counted from the trigger.",
     )
     bits: Bits | None = Field(None, description="Bits per pixel; default: as configured.")
     lines: LinesKind | None = Field(

@@ -1,9 +1,9 @@
 """Planning: expected σ of X, Y and Z before anything is built, from the rig's nominal dimensions."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,18 @@ from grabberd.reconstruction.accuracy.accuracy import Axes
 
 Array = NDArray[np.float64]
 
+Lines = Literal["doubled", "field", "progressive"]
+"""Lines of a picture: a field's own and those interpolated between them, a field's own alone, or all of a
+progressive picture."""
+LINES_IN_WORDS: dict[Lines, str] = {
+    "doubled": "doubled lines",
+    "field": "intact lines",
+    "progressive": "progressive lines",
+}
 _GREY_OF_BOUND = (1.2, 1.5)
 """Measured error of a grey centre in x, y over the Cramér–Rao bound: .019 and .024 px at D = 5, 2 % noise."""
+_WHOLE_OF_BOUND = (1.2, 1.2)
+"""The same where no line is missing: .013 px in both at D = 5.9, 2 % noise."""
 _FEW_BITS = {2: 6.0, 3: 3.0, 4: 1.7}
 """Factor on the error of a grey centre by bits per pixel; 5 bits are as good as 8."""
 _UNSOLVED = 0.7
@@ -35,7 +45,7 @@ class PlanSettings:
 
     Attributes:
         target_diameter_mm: diameter of the discs.
-        bits: bits per pixel; `doubled`: True if the missing lines are interpolated.
+        bits: bits per pixel; `lines`: lines of a picture.
         noise: standard deviation of a pixel as a share of the contrast.
         spread_px: σ of the spread function; `line_jitter_px`: σ of a line's shift.
         sigma_px: measured pointing in x and y including line jitter, in place of the predicted one.
@@ -43,11 +53,16 @@ class PlanSettings:
 
     target_diameter_mm: float = 1.5
     bits: int = 1
-    doubled: bool = True
+    lines: Lines = "doubled"
     noise: float = 0.02
     spread_px: float = 0.8
     line_jitter_px: float = 0.12
     sigma_px: tuple[float, float] | None = None
+
+    @property
+    def lines_apart(self) -> int:
+        """Frame lines from one row of the picture to the next."""
+        return 2 if self.lines == "field" else 1
 
 
 class PlannedPlace(NamedTuple):
@@ -123,9 +138,16 @@ def variations(rig: NominalRig, settings: PlanSettings) -> Iterator[tuple[str, N
             changed = {f"{name}_mm": getattr(rig, f"{name}_mm") * (1.0 + share)}
             yield f"{name} {100 * share:+.0f} %", _agreeing(replace(rig, **changed)), settings
     if settings.sigma_px is None:
-        for bits, doubled in ((1, True), (1, False), (4, False), (8, False)):
-            label = f"{bits} bit{'s' * (bits > 1)}, {'doubled' if doubled else 'intact'} lines"
-            yield label, rig, replace(settings, bits=bits, doubled=doubled)
+        for bits, lines in _kinds(settings.lines):
+            label = f"{bits} bit{'s' * (bits > 1)}, {LINES_IN_WORDS[lines]}"
+            yield label, rig, replace(settings, bits=bits, lines=lines)
+
+
+def _kinds(lines: Lines) -> Sequence[tuple[int, Lines]]:
+    """Bits and lines that a camera of this kind can have."""
+    if lines == "progressive":
+        return (1, lines), (4, lines), (8, lines)
+    return (1, "doubled"), (1, "field"), (4, "field"), (8, "field")
 
 
 def nominal_calibration(
@@ -213,12 +235,15 @@ def _covariance(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> tuple[Array,
 
 
 def _jitter_px(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> float:
-    """Error of a blob's x from line jitter; less for grey, intact lines, whose shifts are solved for."""
-    if settings.sigma_px:
+    """Error of a blob's x from line jitter; less for grey, intact lines, whose shifts are solved for.
+
+    Lines of a progressive picture do not shift.
+    """
+    if settings.sigma_px or settings.lines == "progressive":
         return 0.0
     radius = 0.5 * settings.target_diameter_mm * float(_px_per_mm(rig, xyz_mm)[0, 1])
-    jitter_px = ImageNoise(settings.line_jitter_px, 1 if settings.doubled else 2, radius).blob_jitter_px
-    return jitter_px if settings.bits == 1 or settings.doubled else _UNSOLVED * jitter_px
+    jitter_px = ImageNoise(settings.line_jitter_px, settings.lines_apart, radius).blob_jitter_px
+    return jitter_px if settings.bits == 1 or settings.lines == "doubled" else _UNSOLVED * jitter_px
 
 
 def _pointing(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> Array:
@@ -226,13 +251,15 @@ def _pointing(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> Array:
     if settings.sigma_px:
         return np.tile(np.array(settings.sigma_px), (len(xyz_mm), 1))
     diameter = settings.target_diameter_mm * np.sqrt(_px_per_mm(rig, xyz_mm).prod(axis=1))
-    binary = binary_sigma_px(
-        0.25 * np.pi * diameter**2, 1 if settings.doubled else 2, doubled=settings.doubled
-    )
+    doubled = settings.lines == "doubled"
+    binary = binary_sigma_px(0.25 * np.pi * diameter**2, settings.lines_apart, doubled=doubled)
     if settings.bits == 1:
         return binary
-    bound = settings.noise * np.sqrt(4.0 * settings.spread_px / (math.sqrt(math.pi) * 0.5 * diameter))
-    grey = bound[:, np.newaxis] * _GREY_OF_BOUND * _FEW_BITS.get(settings.bits, 1.0)
+    # Interpolated lines tell nothing that is not known from the field's own, which are two apart.
+    apart = 1 if settings.lines == "progressive" else 2
+    bound = settings.noise * np.sqrt(2.0 * apart * settings.spread_px / (math.sqrt(math.pi) * 0.5 * diameter))
+    of_bound = _WHOLE_OF_BOUND if settings.lines == "progressive" else _GREY_OF_BOUND
+    grey = bound[:, np.newaxis] * of_bound * _FEW_BITS.get(settings.bits, 1.0)
     # Grey values contain the one-bit picture: with strong noise they are no worse than it.
     pointing: Array = np.minimum(grey, binary)
     return pointing

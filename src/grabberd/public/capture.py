@@ -36,7 +36,7 @@ _EXPORTS: Mapping[str, Callable[[Path, Path, int | None], int]] = {
 
 @dataclass(frozen=True)
 class Measurement:
-    """A run that `Capture.measure` has added to a capture.
+    """A run added by `Capture.measure`.
 
     Attributes:
         run: Number of the run, as `Capture.points` takes it.
@@ -95,7 +95,7 @@ class Capture:
 
     @property
     def labels(self) -> dict[str, str]:
-        """Its labels as they were recorded, e.g. cow, teat and liner."""
+        """Its labels as recorded, e.g. cow, teat and liner."""
         return dict(self.meta.labels)
 
     @property
@@ -105,12 +105,12 @@ class Capture:
 
     @property
     def ledger(self) -> Ledger:
-        """Outcome of every field that should have come."""
+        """Ledger of the capture: outcomes of all expected fields."""
         return self._reader.ledger
 
     @property
     def runs(self) -> list[RunInfo]:
-        """The runs: points, each with the calibration and configuration they came from."""
+        """The runs: sets of points, each with its calibration and configuration."""
         return self._reader.runs
 
     @property
@@ -147,7 +147,7 @@ class Capture:
         include_damaged: bool = False,
         progress: Progress = lambda _: None,
     ) -> Measurement:
-        """Measures all fields again; the points become a further run in the file.
+        """Re-measures all fields; the points are added to the file as a new run.
 
         Args:
             calibration: The calibration to measure with.

@@ -1,4 +1,4 @@
-"""The fields of a capture as pictures, read when they are asked for."""
+"""The fields of a capture as pictures, read on demand."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class CapturedField:
 
 
 class Fields:
-    """The fields of a capture, by their numbers; pictures are decoded when they are looked at.
+    """The fields of a capture, by number; pictures are decoded on access.
 
     `fields[40]` is field 40, `fields[40:80]` those from 40 to 79 that are in the file, and a loop gives all
     of them in order. Lost fields are not in the file: `capture.ledger` has them.

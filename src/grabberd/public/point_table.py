@@ -47,7 +47,7 @@ class PointTable(Table):
 
     Attributes:
         about: Capture, run, calibration, version, verdict and labels.
-        targets: The targets of the object model, and their nominal places.
+        targets: The targets of the object model, and their nominal positions.
     """
 
     def __init__(self, rows: Mapping[str, Any], about: Mapping[str, Any], targets: GridTargets) -> None:
@@ -68,7 +68,7 @@ class PointTable(Table):
     def to_xarray(self) -> "xr.Dataset":
         """The points over the dimensions `n` and `target`; NaN where a target was not found.
 
-        Fields that are lost have no place on `n`. Coordinates are `time_s` and `time_utc` of each field,
+        Lost fields are absent from `n`. Coordinates are `time_s` and `time_utc` of each field,
         `row`, `column` and `nominal_x_mm` … of each target; each variable has `units` and `long_name`. The
         attribute `grabberd` is `about` as JSON.
 

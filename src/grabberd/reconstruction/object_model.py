@@ -31,19 +31,19 @@ class FileKey(NamedTuple):
 
 KEYS: Mapping[str, FileKey] = MappingProxyType(
     {
-        "name": FileKey("text", "", None, "What reports and messages call it."),
+        "name": FileKey("text", "", None, "Name used in reports and messages."),
         "target_diameter_mm": FileKey(
             "number above 0",
             "mm",
             None,
-            "Diameter of the discs. With the rig it tells how large a target is in the picture.",
+            "Diameter of the discs. Together with the rig it gives the size of a target in the picture.",
         ),
         "sigma_mm": FileKey(
             "number from 0",
             "mm",
             None,
-            "Standard deviation of each coordinate of the nominal places: as in the certificate (.01), or of "
-            "targets put on by hand (.3).",
+            "Standard deviation of each nominal coordinate: from the certificate (.01), or that of "
+            "targets placed by hand (.3).",
         ),
         "homologous": FileKey(
             "`true` or `false`",
@@ -57,8 +57,8 @@ KEYS: Mapping[str, FileKey] = MappingProxyType(
 """Keys of an object file."""
 TARGET_KEYS: Mapping[str, FileKey] = MappingProxyType(
     {
-        "id": FileKey("whole number from 0", "", None, "Number of the target, its own in the file."),
-        "x_mm": FileKey("number", "mm", None, "Nominal place in the object's frame: X, down the picture."),
+        "id": FileKey("whole number from 0", "", None, "Number of the target, unique in the file."),
+        "x_mm": FileKey("number", "mm", None, "Nominal position in the object's frame: X, down the picture."),
         "y_mm": FileKey("number", "mm", None, "Y, to the right, along the base."),
         "z_mm": FileKey("number", "mm", None, "Z, toward the cameras."),
         "row": FileKey(
@@ -72,7 +72,7 @@ TARGET_KEYS: Mapping[str, FileKey] = MappingProxyType(
             "number from 0",
             "mm",
             "the file's `sigma_mm`",
-            "Standard deviation of this place, of a target that stands less surely than the others.",
+            "Standard deviation of this target's position, if it differs from the others'.",
         ),
     }
 )

@@ -126,7 +126,9 @@ class Instrument:
 
     @property
     def rate_hz(self) -> float:
-        """Fields per second as granted; nominal until the device has been opened."""
+        """Fields per second: as granted, or of the pace that its camera keeps to instead; nominal until the
+        device has been opened.
+        """
         return self.captures.rate_hz
 
     @property

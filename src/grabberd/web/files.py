@@ -9,11 +9,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 STATIC = Path(__file__).parent / "static"
 LANGUAGES = ("en", "nb")
 STYLES = "page.css"
 JOINED = ("css/", "texts/")
+FIRST_TEXTS = ("captures", "causes", "core", "jobs", "lights", "live", "operate", "plots", "signin")
+"""Catalogues that the first view needs. The others are twice as large, and are fetched after it."""
 LAYERS = "css/base.css"
 """Declares the order of the cascade layers, so it comes before every sheet that uses one."""
 MEDIA_TYPES = {
@@ -111,7 +114,7 @@ def _edition(folder: Path) -> Edition:
     read = {name: _file(folder, name) for name in names}
     # What is served joined is not served in its parts, too.
     whole = {name: file for name, file in read.items() if not name.startswith(JOINED)}
-    files = whole | {STYLES: _styles(read)} | {f"texts/{one}.json": _texts(read, one) for one in LANGUAGES}
+    files = whole | {STYLES: _styles(read)} | _all_texts(read)
     return Edition(_version(files), files)
 
 
@@ -119,7 +122,7 @@ def _file(folder: Path, name: str) -> StaticFile:
     path = folder / name
     content = path.read_bytes()
     # A third of a compressed module is comments, of no use to a tablet. Libraries keep their licences.
-    served = _without_comments(content) if name.startswith("js/") else content
+    served = _without_comments(content) if name.startswith(("js/", "css/")) else content
     return StaticFile(MEDIA_TYPES.get(path.suffix, OTHER), served)
 
 
@@ -142,13 +145,29 @@ def _styles(files: Mapping[str, StaticFile]) -> StaticFile:
     return StaticFile(MEDIA_TYPES[".css"], b"\n".join(files[name].content for name in names))
 
 
-def _texts(files: Mapping[str, StaticFile], language: str) -> StaticFile:
-    """All text catalogues of a language in one document: catalogue names first, then keys."""
+def _all_texts(files: Mapping[str, StaticFile]) -> dict[str, StaticFile]:
+    """Two documents a language: the first view's catalogues, and the others."""
+    documents: dict[str, StaticFile] = {}
+    for language in LANGUAGES:
+        catalogues = _catalogues(files, language)
+        first = {name: catalogues.pop(name) for name in FIRST_TEXTS if name in catalogues}
+        documents |= {
+            f"texts/{language}.json": _json(first),
+            f"texts/{language}.rest.json": _json(catalogues),
+        }
+    return documents
+
+
+def _catalogues(files: Mapping[str, StaticFile], language: str) -> dict[str, Any]:
+    """All text catalogues of a language: their names first, then keys."""
     folder = f"texts/{language}/"
     names = _below(files, folder, ".json")
-    texts = {name[len(folder) : -len(".json")]: json.loads(files[name].content) for name in names}
-    document = json.dumps(texts, ensure_ascii=False, separators=(",", ":"))
-    return StaticFile(MEDIA_TYPES[".json"], document.encode())
+    return {name[len(folder) : -len(".json")]: json.loads(files[name].content) for name in names}
+
+
+def _json(document: Mapping[str, Any]) -> StaticFile:
+    text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
+    return StaticFile(MEDIA_TYPES[".json"], text.encode())
 
 
 def _below(names: Iterable[str], folder: str, ending: str) -> list[str]:

@@ -20,11 +20,11 @@ from tests.bench.peers.turns import ratio, take_turns
 from grabberd.kernel import KERNEL
 
 SCHEMA = "grabberd/benchmark/1"
-LABELLING = "All our work at 1 bit, beside labelling alone"
-GREY = "All our work at 8 bits"
-TAKEN = "A field taken in: from the driver's buffer (YUYV, woven) to packed bits, its content checked"
-NUMBERED = "Location at 1 bit over the number of discs"
-ADJUSTED = "The bundle adjustment, full covariance"
+LABELLING = "1 bit: all our work compared with labelling alone"
+GREY = "8 bits: all our work compared with optv and others"
+TAKEN = "Field intake: from the driver's buffer (YUYV, woven) to packed bits, content checked"
+NUMBERED = "1 bit: location alone, by number of discs"
+ADJUSTED = "Bundle adjustment with full covariance"
 TAKEN_IN = {lines: f"a field taken in, {lines}" for lines in LINES}
 TAKEN_GOALS = {"288": 1.0, "doubled": 0.75}
 """The check may take what a peer takes longer for packing alone; .75 of that is 150 µs."""

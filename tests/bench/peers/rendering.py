@@ -5,17 +5,17 @@ from typing import Any
 
 Run = Mapping[str, Any]
 
-HEADER = """# Beside other programs
+HEADER = """# Benchmarks: grabberd compared with other programs
 
 Made by `make bench` from the runs in [benchmarks](benchmarks); do not edit.
 {about}
 
-Both sides get the same fields of the simulator, two views of 108 targets with 2 % noise and a line jitter of
-.12 px; the same cameras; one thread each on the same processor; and take turns. A turn is a median over the
-fields, of processor time; a ratio is ours divided by the peer's in the same turn, below 1 where ours takes
-less; beside it is where 80 % of the turns lie. *Ours* is the whole way from the packed field to points with
-covariances and identities, after {settled} fields in which the targets are identified; peers get unpacked
-pictures, and the settings that suit them best of those tried. Nobody sees the truth.
+Both sides get the same fields from the simulator (two views of 108 targets, 2 % noise, line jitter .12 px)
+and the same cameras, run on one thread of the same processor, and take turns. A turn is the median processor
+time over the fields. A ratio is our time divided by the peer's in the same turn, so below 1 we are faster;
+the column beside it is the range of 80 % of the turns. *Ours* is all the work from the packed field to points
+with covariances and identities, after {settled} fields in which the targets are identified. Peers get
+unpacked pictures and the best of the settings tried for them. Neither side sees the truth.
 """
 ABOUT = "It takes about four minutes on a quiet machine."
 SETTLED = 10
@@ -47,12 +47,12 @@ def newest(run: Run) -> list[str]:
     lines = [f"## {_day(run)}", "", _made_on(run), ""]
     for group in dict.fromkeys(one["group"] for one in run["compared"]):
         lines += [f"### {group}", "", *_times([one for one in run["compared"] if one["group"] == group]), ""]
-    lines += ["### Places beside the truth", "", *_located(run["located"]), ""]
-    lines += ["### Points beside the truth", "", *_points(run["points"]), ""]
+    lines += ["### Image positions compared with the truth", "", *_located(run["located"]), ""]
+    lines += ["### Points compared with the truth", "", *_points(run["points"]), ""]
     lines += [
         "With a real camera the paper reached .170 / .225 px and .141 mm at 1 bit.",
-        "optv has our rig as its own calibration; where it sees the targets and where we see them differs by "
-        f"{run['optv_disagreement_px']:.3f} px at most. It knows no targets, so its points have no identity.",
+        "optv uses our rig, converted into its own calibration; the two project the targets to positions "
+        f"that differ by {run['optv_disagreement_px']:.3f} px at most. Its points have no target identity.",
     ]
     return lines
 
@@ -148,7 +148,7 @@ def _peer(name: str) -> str:
 
 
 def _located(located: Sequence[Run]) -> list[str]:
-    head = ["by", "picture", "RMS x, px", "RMS y, px", "found", "none of the targets", "goal"]
+    head = ["by", "picture", "RMS x, px", "RMS y, px", "found", "not a target", "goal"]
     return _table(head, [_accuracy(one, ("x_px", "y_px"), "found", _goal_px(one)) for one in located])
 
 

@@ -84,6 +84,42 @@ def test_a_picture_that_lost_bytes_in_the_middle_is_damaged():
     assert decoder().decode(data)[1] == "broken JPEG: data are missing"
 
 
+@pytest.mark.parametrize("units", [5, 10, 23])
+def test_bytes_lost_before_the_coding_begins_anew_are_noticed(units):
+    """Many cameras restart it after every row of units, which then hides what is missing before."""
+    whole = compressed(scene(), flags=[cv2.IMWRITE_JPEG_RST_INTERVAL, units])
+    stream = decoder()
+    assert stream.decode(whole)[1] is None
+    for first in range(WHOLE.size // 4, WHOLE.size - 700, 300):
+        damaged = np.concatenate([whole[:first], whole[first + 512 :]])
+        assert stream.decode(damaged)[1] == "broken JPEG: data are missing"
+        assert stream.decode(whole)[1] is None
+
+
+def test_a_grey_scene_is_not_taken_for_missing_data():
+    grey = np.full((LINES, COLUMNS), 128, np.uint8)
+    grey[-16:] = 30
+    stream = decoder()
+    data = compressed(grey, flags=[cv2.IMWRITE_JPEG_RST_INTERVAL, 10])
+    assert [stream.decode(data)[1] for _ in range(3)] == [None] * 3
+
+
+def test_a_changed_bit_is_mostly_not_to_be_noticed():
+    """The limit of what is known: the coding has no sum to check, and any bits mean something."""
+    draw, stream = np.random.default_rng(1), decoder()
+    good, _ = stream.decode(WHOLE)
+    begin = WHOLE.tobytes().index(b"\xff\xda") + 14
+    noticed, changed = 0, []
+    for at in draw.integers(begin, WHOLE.size - 2, 200):
+        spoilt = WHOLE.copy()
+        spoilt[at] ^= 1 << draw.integers(8)
+        luma, damage = stream.decode(spoilt)
+        noticed += damage is not None
+        changed.append((np.abs(luma.astype(int) - good) > 8).mean())
+    assert noticed < 20
+    assert np.mean(np.array(changed) > 0.05) > 0.2, "the rest of the picture is brighter, darker or displaced"
+
+
 @pytest.mark.parametrize(
     ("data", "said"),
     [

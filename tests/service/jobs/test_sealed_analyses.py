@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from queued_jobs import Jobs, jobs_in
+from queued_jobs import jobs_in
 from running import configuration
-from sealed_setups import DEVICE, SHAPE, setups_of
+from sealed_setups import DEVICE, SHAPE, Barn, setups_of
 from slots import ManualClock
 
 from grabberd.config import AnalysisConfig, default_config_file
@@ -16,70 +16,18 @@ from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.states import JobState
 from grabberd.errors import StorageError
 from grabberd.processes.liner_tests.recipes import RECIPES
-from grabberd.service.archive.archive import Archive
-from grabberd.service.archive.capture_analyses import CaptureAnalyses
 from grabberd.service.jobs import job_queue
 from grabberd.service.jobs.analysis import AnalysisJob
 from grabberd.service.jobs.analysis_inputs import inputs_of_test
 from grabberd.service.jobs.check_job import NOTE as CHECK
 from grabberd.service.jobs.liner_test import LinerTestJob
-from grabberd.service.jobs.sealed_analyses import AGAIN_S, SealedAnalyses
-from grabberd.service.profiles.profiles import FoundProfiles, Profiles
+from grabberd.service.jobs.sealed_analyses import AGAIN_S
+from grabberd.service.profiles.profiles import FoundProfiles
 from grabberd.service.setup import DeviceSetup, set_up
-from grabberd.storage.state.analysis_store import AnalysisStore
 from grabberd.storage.state.annotation_store import Annotation
 from grabberd.storage.state.state_store import StateStore
 from processes.analysis.profiling import LINER, MATERIAL, PULSATOR
-from processes.milking import still
 from storage.captures import slots, write
-from storage.milkings import milking
-
-
-class Barn:
-    """A state directory with what looks after its captures, as one start of a daemon has it."""
-
-    def __init__(
-        self, folder: Path, clock: ManualClock, setups: dict[str, DeviceSetup] | None = None
-    ) -> None:
-        self.seconds = 0.0
-        self.clock = clock
-        self.captures = folder / "captures"
-        self.captures.mkdir(exist_ok=True)
-        self.jobs: Jobs = jobs_in(folder, clock=clock)
-        self.archive = Archive(self.captures, list)
-        self.archive.index.rebuild()
-        self.store = AnalysisStore(folder / "analyses")
-        self.store.open()
-        self.analyses = CaptureAnalyses(self.store, self.jobs.queue, self.archive.index)
-        self.archive.analysis = self.analyses.of
-        settings = StateStore(folder / "state.sqlite")
-        settings.open()
-        self.profiles = Profiles(folder / "state.sqlite", lambda document: [], clock)
-        self.profiles.open()
-        self.sealing = SealedAnalyses(
-            self.jobs.queue,
-            self.archive,
-            self.analyses,
-            settings,
-            setups_of(folder) if setups is None else setups,
-            self.profiles,
-            clock,
-            lambda: self.seconds,
-        )
-        self.sealing.open()
-
-    def seal(self, name: str, *, told: bool = True, **changes: Any) -> None:
-        """A capture with points comes into being."""
-        created = changes.pop("created_utc", f"{self.clock.utc_now():%FT%TZ}")
-        path = milking(self.captures, still(2), name, created_utc=created, device={"name": DEVICE}, **changes)
-        self.archive.index.add(path)
-        if told:
-            self.sealing.sealed(name, DEVICE)
-
-    @property
-    def queued(self) -> list[str]:
-        """Captures that wait, in order."""
-        return [job.subject for job in reversed(self.jobs.queue.list()) if job.state is JobState.QUEUED]
 
 
 @pytest.fixture

@@ -3,11 +3,12 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from running import PATIENCE_S, configuration, live
 from slots import STREAM, ManualClock, slot, without_signal
 
-from grabberd.acquisition import Standstill
+from grabberd.acquisition import GrabbedField, Rebase, Standstill
 from grabberd.acquisition.device import FieldOrder, Signal
 from grabberd.config import default_config_file
 from grabberd.documents.faults import FaultDocument
@@ -15,6 +16,7 @@ from grabberd.documents.health import DeviceHealth, HealthPart
 from grabberd.documents.state import StorageDocument
 from grabberd.documents.states import DeviceState
 from grabberd.errors import Cause
+from grabberd.field import Field
 from grabberd.service.instrument import Instrument
 from grabberd.service.live.health import Surroundings, device_health, lacks_of
 from grabberd.service.setup import set_up
@@ -156,6 +158,43 @@ def test_progressive_pictures_at_the_rate_granted_are_good_and_have_no_order(rat
     assert lacks_of(device.health.parts) == []
     device.fields(round(3 * rate_hz), seconds=1.1 / rate_hz)
     assert device.part("rate") == ("warning", "off")
+
+
+def slow_camera(counts: bool) -> Device:
+    """A progressive camera that has granted 30 pictures a second and steadily delivers 20."""
+    device = Device()
+    whole = {"field_rows": 576, "field_order": FieldOrder.PROGRESSIVE, "standard": "", "rate_hz": 30.0}
+    stream = replace(STREAM_OF_PAL, counts_losses=counts, **whole)  # type: ignore[arg-type]
+    device.instrument.pipeline.opened(stream, device.clock.ns)
+    device.board.opened(stream)
+    y, x = np.mgrid[:576, :720]
+    scene, noise = 20 + 180 * ((x // 8 + y // 12) % 5 == 0), np.random.default_rng(1)
+    for n in range(100):
+        picture = Field.progressive((scene + noise.integers(0, 16, scene.shape)).astype(np.uint8))
+        device.clock.advance(0.05)
+        grabbed = GrabbedField(picture, device.clock.ns - 40_000_000, n, None)
+        for one in device.instrument.pipeline.take(grabbed, Signal.UNKNOWN, device.clock.ns):
+            device.board.count(one)
+    return device
+
+
+@pytest.mark.parametrize(("counts", "level"), [(True, "warning"), (False, "bad")])
+def test_a_camera_that_delivers_fewer_pictures_than_granted_is_told_with_the_remedy(
+    counts: bool, level: str
+) -> None:
+    rate = slow_camera(counts).health.parts["rate"]
+    assert (rate.level, rate.word) == (level, "off")
+    assert rate.message.startswith("the camera delivers 20.0 pictures a second, 30 were granted")
+    assert ("may be uncertain" in rate.message) == (not counts)
+    assert "exposure" in rate.hint
+    assert rate.hint.endswith("rate_hz: 20")
+
+
+def test_a_slower_camera_that_counts_loses_nothing_and_captures_go_by_its_own_rate() -> None:
+    device = slow_camera(counts=True)
+    assert device.health.parts["lost"].level == "good"
+    assert device.instrument.rate_hz == pytest.approx(20.0, rel=1e-3)
+    assert device.board.now.rebases[Rebase.RATE] == 1
 
 
 def test_a_rate_that_is_a_little_off_is_a_warning() -> None:

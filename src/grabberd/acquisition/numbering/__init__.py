@@ -2,11 +2,12 @@
 
 The evidence is the driver's timestamp and count, the field's parity and its arrival. Each may be wrong, so
 several hypotheses are kept until one explains everything that has come (`paths`). `field_numbering` leads
-through it: what a field brings (`stamps`, `arrivals`, `sequence_steps`), when its number is settled
-(`settling`) and what is doubtful about it (`doubts`), what was lost before it (`losses`), and its time
-(`timing`). docs/reference/numbering.md derives the costs.
+through it: what a field brings (`stamps`, `arrivals`, `sequence_steps`), how long its camera takes for one
+(`pace`), when its number is settled (`settling`) and what is doubtful about it (`doubts`), what was lost
+before it (`losses`), and its time (`timing`). docs/reference/numbering.md derives the costs.
 """
 
-from grabberd.acquisition.numbering.field_numbering import FieldNumbering, Numbered
+from grabberd.acquisition.numbering.field_numbering import FieldNumbering
+from grabberd.acquisition.numbering.numbered import Numbered
 
 __all__ = ["FieldNumbering", "Numbered"]

@@ -1,9 +1,11 @@
 """Arrivals of a stream's fields: when each came, with which others, and how long its way was."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from grabberd.acquisition.device import FieldOrder, StreamInfo
+from grabberd.acquisition.numbering.pace import Pace
 
 _BURST = 0.3
 """Periods between arrivals, below which fields have waited in the driver's buffers."""
@@ -74,11 +76,12 @@ class Arrivals:
     Args:
         info: The stream as granted. Fields of a recording, and of a source that waits for its reader, arrive
             whenever they are taken.
+        pace: Of the camera.
     """
 
-    def __init__(self, info: StreamInfo) -> None:
+    def __init__(self, info: StreamInfo, pace: Pace) -> None:
         self._keeps_pace = info.live and not info.waits_for_reader
-        self._period_ns = 1e9 / info.rate_hz
+        self._pace = pace
         self._waiting_parity = {FieldOrder.TOP_FIRST: 0, FieldOrder.BOTTOM_FIRST: 1}.get(info.field_order)
         self._before_ns: int | None = None
         self._dequeued_ns: int | None = None
@@ -102,10 +105,10 @@ class Arrivals:
         varied = False
         if self._stamped is not None:
             newest_ns, before_ns, way_ns = self._stamped
-            varied = abs(arrival.time_ns - stamp_ns - way_ns) > _BURST * self._period_ns
+            varied = abs(arrival.time_ns - stamp_ns - way_ns) > _BURST * self._pace.period_ns
             # Stamps that stand still or run backward vary as well, and tell nothing; nor does the one after.
-            ahead = min(stamp_ns, before_ns) >= newest_ns - _BURST * self._period_ns
-            self._variations += varied and ahead and stamp_ns - before_ns > _BURST * self._period_ns
+            ahead = min(stamp_ns, before_ns) >= newest_ns - _BURST * self._pace.period_ns
+            self._variations += varied and ahead and stamp_ns - before_ns > _BURST * self._pace.period_ns
             newest_ns = max(newest_ns, stamp_ns)
         else:
             newest_ns = stamp_ns
@@ -117,9 +120,9 @@ class Arrivals:
         if now_ns is None or not self._keeps_pace:
             return Arrival(None, burst=False, joined=False)
         # The older field of a frame waits for the newer one.
-        arrival_ns = now_ns - (round(self._period_ns) if parity == self._waiting_parity else 0)
+        arrival_ns = now_ns - (round(self._pace.period_ns) if parity == self._waiting_parity else 0)
         before_ns, self._before_ns = self._before_ns, arrival_ns
-        burst = before_ns is not None and arrival_ns - before_ns < _BURST * self._period_ns
+        burst = before_ns is not None and arrival_ns - before_ns < _BURST * self._pace.period_ns
         woven = self._waiting_parity is not None and parity != self._waiting_parity
         joined = woven and now_ns == self._dequeued_ns
         self._dequeued_ns = now_ns
@@ -129,10 +132,16 @@ class Arrivals:
         """Exposure of a field that came by the shortest way; None while that is unknown."""
         if arrival.time_ns is None or math.isinf(self.way.periods):
             return None
-        return arrival.time_ns - round(self.way.periods * self._period_ns)
+        return arrival.time_ns - round(self.way.periods * self._pace.period_ns)
+
+    def learn_anew(self, ways_ns: Sequence[int]) -> None:
+        """Learn the way from some fields alone, as a longer exposure has a longer one."""
+        self.way = Way()
+        for way_ns in [min(ways_ns), *ways_ns] if ways_ns else ():
+            self.way = self.way.after(way_ns / self._pace.period_ns)
 
     def learn(self, arrival: Arrival, time_ns: int) -> None:
         """Learn the way from a field whose time is known."""
         if arrival.time_ns is not None:
-            periods = (arrival.time_ns - time_ns) / self._period_ns
+            periods = (arrival.time_ns - time_ns) / self._pace.period_ns
             self.way = self.way.after(periods, joined=arrival.joined)

@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from grabberd.acquisition.numbering.arrivals import Arrival, Arrivals
+from grabberd.acquisition.numbering.pace import Pace
 from grabberd.acquisition.numbering.paths import Step
 
 _REGULAR = 12
@@ -25,6 +26,7 @@ class Evidence(NamedTuple):
         stamps_follow: True if the stamps are of another clock from this field on, and shifted to continue
             the numbers as they are, and tell nothing of them.
         of_place: True if the doubt is only which of the fields beside it was lost.
+        counted: Fields since the one before by the driver's count; None if that cannot tell.
     """
 
     uncertain_by: int
@@ -34,6 +36,7 @@ class Evidence(NamedTuple):
     of_loss: bool = False
     stamps_follow: bool = False
     of_place: bool = False
+    counted: int | None = None
 
 
 class Doubts:
@@ -45,7 +48,7 @@ class Doubts:
 
     Args:
         arrivals: Those of the stream.
-        period_ns: Nominal time from field to field.
+        pace: Of the camera.
 
     Attributes:
         open: True from a field whose number is uncertain up to one whose number is certain again.
@@ -53,18 +56,33 @@ class Doubts:
             are too low, 0 if that tells nothing new.
     """
 
-    def __init__(self, arrivals: Arrivals, period_ns: float) -> None:
+    def __init__(self, arrivals: Arrivals, pace: Pace) -> None:
         self._arrivals = arrivals
-        self._period_ns = period_ns
+        self._pace = pace
         self._certain: tuple[int, int] | None = None
+        self._counted: int | None = None
         self.open = self._arrival_decides = self._of_place = False
         self.too_high_by = self._known_too_high = 0
         self._fields = self._in_a_row = 0
 
     def begin(self, time_ns: int, late_by: int) -> None:
         """Note the time of the first field, and by how many fields it may be late."""
-        self._certain, self._fields = (-late_by, time_ns - round(late_by * self._period_ns)), 0
+        self._certain, self._fields = (-late_by, time_ns - round(late_by * self._pace.period_ns)), 0
         self.open = late_by > 0
+        self._counted = None if late_by else 0
+
+    def end_by_count(self, n: int, time_ns: int) -> int:
+        """End a doubt by the driver's count alone, as the times until now were those of another pace.
+
+        Returns:
+            The fields by which the numbers turn out to be too high from here on, as `too_high_by`.
+        """
+        too_high_by = 0
+        if self.open and self._certain is not None and self._counted is not None:
+            too_high_by = n - self._certain[0] - self._counted - self._known_too_high
+        self.open, self._certain = False, (n, time_ns)
+        self._fields = self._counted = self._known_too_high = 0
+        return too_high_by
 
     def shift(self, late_ns: int) -> None:
         """Note that all times so far were late by so much."""
@@ -85,6 +103,8 @@ class Doubts:
         self.too_high_by = evidence.ahead_by
         self._known_too_high += evidence.ahead_by
         self._fields += 1
+        counts = self._counted is not None and evidence.counted is not None
+        self._counted = (self._counted or 0) + (evidence.counted or 0) if counts else None
         in_time = evidence.in_time
         regular = way_is_known and in_time and step.fields == 1
         self._in_a_row = self._in_a_row + 1 if regular else 0
@@ -100,6 +120,7 @@ class Doubts:
         if was_open:
             self.too_high_by += n - self._true_n(n, time_ns, step, arrival) - self._known_too_high
         self._certain, self._fields, self._known_too_high = (n, time_ns), 0, 0
+        self._counted = 0
         return 0
 
     def _ends(self, step: Step, *, in_time: bool) -> bool:
@@ -116,7 +137,7 @@ class Doubts:
         if latest is not None and step.arrived_in_time and self._arrivals.way.is_known:
             return round(latest)
         certain_n, certain_ns = self._certain
-        return certain_n + round((time_ns - certain_ns) / self._period_ns)
+        return certain_n + round((time_ns - certain_ns) / self._pace.period_ns)
 
     def _is_where_it_arrived(self, n: int, arrival: Arrival) -> bool:
         latest = self._latest(arrival)
@@ -128,7 +149,7 @@ class Doubts:
         if exposed_ns is None or self._certain is None:
             return None
         certain_n, certain_ns = self._certain
-        return certain_n + (exposed_ns - certain_ns) / self._period_ns
+        return certain_n + (exposed_ns - certain_ns) / self._pace.period_ns
 
     def _range(self, n: int, time_ns: int, arrival: Arrival) -> int:
         """Number of fields by which number and time of a field may be off."""
@@ -136,5 +157,5 @@ class Doubts:
         if latest is None or self._certain is None:
             return 0
         certain_n, certain_ns = self._certain
-        late = (time_ns - certain_ns) / self._period_ns - self._fields
+        late = (time_ns - certain_ns) / self._pace.period_ns - self._fields
         return max(n - (certain_n + self._fields), round(latest) - n, math.ceil(late))

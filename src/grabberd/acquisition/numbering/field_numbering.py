@@ -4,13 +4,14 @@ it.
 
 import math
 from collections import deque
-from typing import NamedTuple
 
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal, StreamInfo
 from grabberd.acquisition.ledger import NO_SIGNAL, LedgerEntry, Outcome
 from grabberd.acquisition.numbering.arrivals import Arrival, Arrivals
 from grabberd.acquisition.numbering.doubts import Doubts, Evidence
 from grabberd.acquisition.numbering.losses import contradiction, doubtful, lost_before
+from grabberd.acquisition.numbering.numbered import Numbered
+from grabberd.acquisition.numbering.pace import SUSPECTED, Came, Pace
 from grabberd.acquisition.numbering.paths import Paths, Step
 from grabberd.acquisition.numbering.pending import Pending, outcome_of
 from grabberd.acquisition.numbering.sequence_steps import SequenceSteps
@@ -25,27 +26,6 @@ _MOST_PENDING = 16
 """Fields that wait for more evidence before the likeliest path is taken, or as many as were in the driver's
 buffers, where that is more, and `_CONFIRMING` after them."""
 _CONFIRMING = 10
-
-
-class Numbered(NamedTuple):
-    """A grabbed field's number, time and outcome.
-
-    Attributes:
-        n: Nominal steps since numbering began, lost fields included; the first field is 0.
-        time_ns: Middle of the exposure, smoothed if the stream is live.
-        outcome: Received, damaged or no_signal.
-        reason: Reason for the outcome; for a received field None, or why its time had to be predicted.
-        lost_before: Fields missing between the previous field and this one: lost, or without a signal, since
-            some drivers deliver nothing then.
-        rebases: Changes of what numbers and times go by, from this field on.
-    """
-
-    n: int
-    time_ns: int
-    outcome: Outcome
-    reason: str | None
-    lost_before: tuple[LedgerEntry, ...]
-    rebases: tuple[LedgerEvent, ...] = ()
 
 
 class FieldNumbering:
@@ -63,15 +43,15 @@ class FieldNumbering:
     def __init__(self, info: StreamInfo, since_ns: int | None = None) -> None:
         self._live = info.live
         self._has_parity = info.field_order.has_parity
-        self._period_ns = 1e9 / info.rate_hz
-        self._stamps = Stamps(info)
-        self._arrivals = Arrivals(info)
+        self._pace = Pace(info)
+        self._stamps = Stamps(info, self._pace)
+        self._arrivals = Arrivals(info, self._pace)
         self._sequence = (
             SequenceSteps(info.field_order is FieldOrder.ALTERNATE) if info.counts_losses else None
         )
-        self._settling = Settling(self._arrivals, info.field_order)
-        self._timing = Timing(info, self._stamps, self._arrivals, since_ns)
-        self._doubts = Doubts(self._arrivals, self._period_ns)
+        self._settling = Settling(self._arrivals, info.field_order, has_own_pace=self._pace.is_followed)
+        self._timing = Timing(info, self._pace, self._stamps, self._arrivals, since_ns)
+        self._doubts = Doubts(self._arrivals, self._pace)
         self._n = -1
         self._parity = 0
         self._miscounted = False
@@ -79,11 +59,21 @@ class FieldNumbering:
         self._pending: deque[Pending] = deque()
         self._buffered = info.buffers
         self._most_pending = max(_MOST_PENDING, self._buffered + _CONFIRMING)
-        self._start = StreamStart(info, self._arrivals, since_ns, self._most_pending)
+        self._start = StreamStart(info, self._arrivals, since_ns, self._most_pending, self._pace)
         self._interruption: str | None = None
         self._since_ns: int | None = None
         self._standstill = COMPUTER_BUSY
         self._waited = 0
+
+    @property
+    def rate_hz(self) -> float:
+        """Fields per second that the camera keeps to, by which numbers and times go."""
+        return self._pace.rate_hz
+
+    @property
+    def steady_hz(self) -> float | None:
+        """Rate of the latest pictures of a progressive camera that came steadily; None if none did."""
+        return self._pace.steady_hz
 
     def interrupt(self, reason: str) -> list[Numbered]:
         """Note that the stream stopped: fields missing before the next one were lost for this reason.
@@ -108,7 +98,7 @@ class FieldNumbering:
             time_ns: Time since the buffers were empty.
             reason: Reason for fields that are lost meanwhile.
         """
-        if time_ns > (self._buffered - 1) * self._period_ns:
+        if time_ns > (self._buffered - 1) * self._pace.period_ns:
             # The fields that are lost come after those that were in the buffers.
             self._standstill, self._waited = reason, self._buffered + 1
 
@@ -139,30 +129,73 @@ class FieldNumbering:
         absent = NO_SIGNAL if signal is Signal.ABSENT else no_picture
         outcome = outcome_of(absent, grabbed.damage or damage)
         pending = self._look(grabbed, now_ns, *outcome, no_signal=signal is Signal.ABSENT, in_time=in_time)
+        settled = self._follow_pace() if self._has_another_pace(pending) else []
         self._waited = max(self._waited - 1, 0)
         self._interruption = None
         if self._paths is not None:
-            return self._go_on(self._paths, pending)
+            return settled + self._go_on(self._paths, pending)
         self._start.add(pending)
         return self._begin() if self._start.is_over else []
 
     def settle(self) -> list[Numbered]:
         """Number the fields that are in doubt by what is known now."""
-        begun = self._begin() if self._paths is None and self._start.fields else []
-        return begun + [self._settle_oldest(self._paths) for _ in range(len(self._pending)) if self._paths]
+        settled = self._begin() if self._paths is None and self._start.fields else []
+        while self._pending and self._paths is not None:
+            self._settling.is_settled(self._pending, self._paths)  # which notes what doubt there is
+            settled.append(self._settle_oldest(self._paths))
+        return settled
+
+    def _has_another_pace(self, pending: Pending) -> bool:
+        time_ns, arrived_ns = pending.time_ns, pending.arrival.time_ns
+        way_ns = None if time_ns is None or arrived_ns is None else arrived_ns - time_ns
+        # Stamps that are not those of arrivals tell nothing of a wait.
+        may_have_waited = not self._arrivals.tells_of_stamps and (
+            pending.arrival.burst or not pending.in_time
+        )
+        has_waited = may_have_waited or pending.interruption is not None
+        return self._pace.see(Came(time_ns, pending.count, way_ns, has_waited))
+
+    def _follow_pace(self) -> list[Numbered]:
+        """Go on by the pace that the camera has now; fields in doubt are numbered by the driver's count."""
+        settled = []
+        if self._paths is None:
+            first, *waiting = self._start.fields
+            settled = [self._begin_with(first, 0, 0)]
+        else:
+            waiting, self._pending = list(self._pending), deque()
+        settled += [self._count(one, len(waiting) - at) for at, one in enumerate(waiting)]
+        self._arrivals.learn_anew(self._pace.ways_ns)
+        self._timing.follow_pace(self._doubts.end_by_count(self._n, self._pace.before_ns))
+        self._paths = Paths(None, self._arrivals.way)
+        return settled
+
+    def _count(self, pending: Pending, back: int) -> Numbered:
+        """Number a field by the driver's count, as its time tells nothing between one pace and another; so
+        many have come after it.
+        """
+        step = Step(pending.count or 1, None, None)
+        lost = lost_before(pending, step, self._n + 1)
+        self._n += step.fields
+        time_ns = pending.stamp_ns if pending.time_ns is None else pending.time_ns
+        if lost_uncounted := self._pace.unexplained(back):
+            pending = pending.uncertain(lost_uncounted)
+        return self._numbered(pending, time_ns, lost, None)
 
     def _begin(self) -> list[Numbered]:
         """Number the first fields, now that it is known how late the first one was."""
         first, *others = self._start.fields
-        time_ns, doubt = self._timing.begin(first, self._start.late_ns)
         late_by = 0 if self._start.is_known else self._start.may_be_late_by
+        settled = [self._begin_with(first, self._start.late_ns, late_by)]
+        assert self._paths is not None, "it has just begun"
+        return settled + [one for pending in others for one in self._go_on(self._paths, pending)]
+
+    def _begin_with(self, first: Pending, late_ns: int, late_by: int) -> Numbered:
+        """Number the first field, whose stamp is late by so much and may be by so many fields."""
+        time_ns, doubt = self._timing.begin(first, late_ns)
         self._doubts.begin(time_ns, late_by)
         self._n, self._parity = 0, first.parity
         self._paths = Paths(first.phase, self._arrivals.way, exact=not self._live)
-        if late_by:
-            first = first.uncertain(late_by)
-        settled = [self._numbered(first, time_ns, (), doubt)]
-        return settled + [one for pending in others for one in self._go_on(self._paths, pending)]
+        return self._numbered(first.uncertain(late_by) if late_by else first, time_ns, (), doubt)
 
     def _go_on(self, paths: Paths, pending: Pending) -> list[Numbered]:
         self._pending.append(pending)
@@ -176,6 +209,8 @@ class FieldNumbering:
 
     def _goes_on(self, paths: Paths) -> bool:
         """True if the oldest field has its number, or has waited for it as long as it may."""
+        if self._pace.may_change and len(self._pending) < SUSPECTED:
+            return False
         return self._settling.is_settled(self._pending, paths) or len(self._pending) > self._most_pending
 
     def _longest_wait(self, arrival: Arrival) -> int:
@@ -186,7 +221,7 @@ class FieldNumbering:
         since_last = self._timing.steps_to(exposed_ns)
         longest = math.inf if since_last is None else since_last - 1
         if self._since_ns is not None:
-            longest = min(longest, (exposed_ns - self._since_ns) / self._period_ns)
+            longest = min(longest, (exposed_ns - self._since_ns) / self._pace.period_ns)
         return max(math.ceil(longest), 0) if math.isfinite(longest) else self._buffered
 
     def _look(
@@ -233,7 +268,7 @@ class FieldNumbering:
         if late := self._timing.take_late():
             self._arrivals.way = self._arrivals.way.longer_by(late)
             paths.lengthen_way(late)
-            self._doubts.shift(round(late * self._period_ns))
+            self._doubts.shift(round(late * self._pace.period_ns))
         if step.wrong_parity:
             pending = pending.damaged("parity contradicts time")
         was_open, evidence = self._doubts.open, self._evidence(pending, step, doubt_of_number, paths)
@@ -253,7 +288,11 @@ class FieldNumbering:
         ahead = self._timing.take_ahead()
         # One more: the early fields before it have moved the clock by part of a period.
         too_many = math.ceil(ahead) + 1 if ahead else 0
-        of_itself = max(step.doubt, too_many, contradiction(pending, step), pending.may_have_waited)
+        # It has waited for as long as it may, and nothing has told yet why it came late.
+        unexplained = self._pace.unexplained(len(self._pending)) if self._pace.may_change else 0
+        of_itself = max(
+            step.doubt, too_many, contradiction(pending, step), pending.may_have_waited, unexplained
+        )
         return Evidence(
             max(doubt.fields, of_itself),
             way_is_known=paths.best.way.is_known,
@@ -262,6 +301,7 @@ class FieldNumbering:
             of_loss=doubt.of_loss or pending.may_have_waited > 0,
             stamps_follow=any(kind is Rebase.CLOCK for kind, _ in self._timing.rebases),
             of_place=doubt.of_place and not of_itself,
+            counted=pending.count,
         )
 
     def _learn(self, arrival: Arrival, time_ns: int, paths: Paths) -> None:

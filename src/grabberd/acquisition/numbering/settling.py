@@ -43,10 +43,12 @@ class Settling:
     Args:
         arrivals: Those of the stream.
         order: Order of the fields. Those of one buffer arrive together, and tell as much as one alone.
+        has_own_pace: True if the camera may deliver fewer fields than granted, which looks like losses.
     """
 
-    def __init__(self, arrivals: Arrivals, order: FieldOrder) -> None:
+    def __init__(self, arrivals: Arrivals, order: FieldOrder, *, has_own_pace: bool = False) -> None:
         self._arrivals = arrivals
+        self._has_own_pace = has_own_pace
         self._latest = _LATE if order.has_parity else 0.5
         self._telling = _TELLING * (2 if order in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST) else 1)
         self._linked = self._doubt_linked = self._doubt_of_anchor = 0
@@ -74,7 +76,7 @@ class Settling:
             # Its stamp alone tells of a loss: that of another clock would as well.
             self._doubt_of_anchor = lost
         after = range(anchor + 1, min(anchor + 1 + self._telling, len(steps)))
-        if lost and not self._arrivals.tells_of_stamps:
+        if lost and (self._has_own_pace or not self._arrivals.tells_of_stamps):
             if len(after) < self._telling:
                 return False
             told = all(

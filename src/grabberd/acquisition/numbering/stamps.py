@@ -1,6 +1,7 @@
 """Timestamps of a stream: which are not believed, and how many periods late each is."""
 
 from grabberd.acquisition.device import StreamInfo
+from grabberd.acquisition.numbering.pace import Pace
 
 _BACKWARD = 1.5
 """Periods by which a stamp may lie before the last one: one of them was late."""
@@ -27,12 +28,13 @@ class Stamps:
 
     Args:
         info: The stream as granted. The times of a recording are taken as they are.
+        pace: Of the camera.
     """
 
-    def __init__(self, info: StreamInfo) -> None:
+    def __init__(self, info: StreamInfo, pace: Pace) -> None:
         self._live = info.live
         self._keeps_pace = info.live and not info.waits_for_reader
-        self._period_ns = 1e9 / info.rate_hz
+        self._pace = pace
         self._max_steps = _LONGEST_GAP_S * info.rate_hz if info.live else float("inf")
         self._backward = _BACKWARD if info.live else 0.0
         self._offset_ns = 0
@@ -56,7 +58,7 @@ class Stamps:
         if self._last_ns is None:
             too_old = self._keeps_pace and now_ns is not None and time_ns < now_ns - _OLDEST_NS
             return "far-off timestamp" if too_old else None
-        steps = (time_ns - self._last_ns) / self._period_ns
+        steps = (time_ns - self._last_ns) / self._pace.period_ns
         if steps < -self._backward:
             return "backward timestamp"
         confirmed = interrupted or (self._keeps_pace and now_ns is not None)
@@ -84,11 +86,11 @@ class Stamps:
 
     def explains(self, stamp_ns: int, predicted_ns: int) -> bool:
         """True if a stamp is one of the clock that is followed by now, which it was not when it came."""
-        return abs(stamp_ns - self._offset_ns - predicted_ns) <= _AGREE * self._period_ns
+        return abs(stamp_ns - self._offset_ns - predicted_ns) <= _AGREE * self._pace.period_ns
 
     def _watch(self, stamp_ns: int, predicted_ns: int, sightings: int) -> int:
         off_ns = stamp_ns - predicted_ns
-        self._off_ns = [one for one in self._off_ns if abs(off_ns - one) <= _AGREE * self._period_ns]
+        self._off_ns = [one for one in self._off_ns if abs(off_ns - one) <= _AGREE * self._pace.period_ns]
         self._off_ns.append(off_ns)
         if len(self._off_ns) < sightings:
             return 0
@@ -96,4 +98,4 @@ class Stamps:
         self._last_ns = predicted_ns
         self._off_ns.clear()
         set_by_ns = self._offset_ns - before_ns
-        return set_by_ns if abs(set_by_ns) > _AGREE * self._period_ns else 0
+        return set_by_ns if abs(set_by_ns) > _AGREE * self._pace.period_ns else 0

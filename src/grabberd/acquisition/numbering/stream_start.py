@@ -5,6 +5,7 @@ from statistics import median
 
 from grabberd.acquisition.device import StreamInfo
 from grabberd.acquisition.numbering.arrivals import Arrivals, Way
+from grabberd.acquisition.numbering.pace import Pace
 from grabberd.acquisition.numbering.paths import Paths
 from grabberd.acquisition.numbering.pending import Pending
 
@@ -19,22 +20,25 @@ _MARGIN = 1
 class StreamStart:
     """Fields that a stream begins with, kept back until it is known how late the first one was.
 
-    A stamp may be the time of an arrival, and on an overloaded computer every field waits. What shows it are
-    fields that come by the same shortest way, one by one; or stamps that vary against the arrivals, which are
-    those of exposures.
+    A stamp may be the time of an arrival, and on an overloaded computer every field waits, each for another
+    time. What shows it are stamps that come regularly, or fields that come by the same shortest way, one by
+    one; or stamps that vary against the arrivals, which are those of exposures.
 
     Args:
         info: The stream as granted.
         arrivals: Those of the stream.
         since_ns: When the stream was asked for: nothing was exposed before. None if unknown.
         most: Fields that are kept back at most.
+        pace: Of the camera.
 
     Attributes:
         fields: Those that are kept back, the first of the stream first.
     """
 
-    def __init__(self, info: StreamInfo, arrivals: Arrivals, since_ns: int | None, most: int) -> None:
-        self._period_ns = 1e9 / info.rate_hz
+    def __init__(
+        self, info: StreamInfo, arrivals: Arrivals, since_ns: int | None, most: int, pace: Pace
+    ) -> None:
+        self._pace = pace
         self._waits = info.live and not info.waits_for_reader
         self._arrivals = arrivals
         self._paths = Paths(None, Way())
@@ -64,7 +68,17 @@ class StreamStart:
         """True if it is known how late the first field was."""
         if not self._waits or self.fields[0].arrival.time_ns is None or self._arrivals.tells_of_stamps:
             return True
-        return self._longest_wait < _AT_ONCE or self._paths.best.way.is_known
+        return self._longest_wait < _AT_ONCE or self._paths.best.way.is_known or self._stamps_are_regular
+
+    @property
+    def _stamps_are_regular(self) -> bool:
+        """True if stamps lie on the grid of the rate: no fields have waited then, however they arrived."""
+        regular = Way().after(0.0)
+        for field, step in zip(self.fields[1:], self._paths.best.steps, strict=True):
+            if step.late is None:
+                return False
+            regular = regular.after(step.late, joined=field.arrival.joined)
+        return regular.is_known
 
     @property
     def late_ns(self) -> int:
@@ -73,7 +87,7 @@ class StreamStart:
         late = [one for one in late if -one <= self._longest_wait]
         if min(late) > -_LATE:
             return 0
-        return round(-median(one for one in late if one < min(late) + _LATE) * self._period_ns)
+        return round(-median(one for one in late if one < min(late) + _LATE) * self._pace.period_ns)
 
     @property
     def may_be_late_by(self) -> int:
@@ -93,4 +107,4 @@ class StreamStart:
         return self._buffered + _MARGIN if asked is None or asked > 1 else max(-asked, 0.0)
 
     def _steps_to(self, time_ns: int | None) -> float | None:
-        return None if time_ns is None else (time_ns - self._time_ns) / self._period_ns
+        return None if time_ns is None else (time_ns - self._time_ns) / self._pace.period_ns

@@ -3,10 +3,11 @@
 from grabberd.acquisition.device import StreamInfo
 from grabberd.acquisition.numbering.arrivals import Arrivals
 from grabberd.acquisition.numbering.field_clock import FieldClock
+from grabberd.acquisition.numbering.pace import Pace
 from grabberd.acquisition.numbering.paths import Step
 from grabberd.acquisition.numbering.pending import Pending
 from grabberd.acquisition.numbering.stamps import FUTURE_NS, Stamps
-from grabberd.acquisition.rebases import Rebase
+from grabberd.acquisition.rebases import Rebase, numbers_off
 
 _LATE = 0.75
 """Periods by which a stamp may be off before the field's time is predicted instead."""
@@ -30,6 +31,7 @@ class Timing:
 
     Args:
         info: The stream as granted. The times of a recording are taken as they are.
+        pace: Of the camera.
         stamps, arrivals: Those of the stream.
         since_ns: When the stream was asked for, before which nothing was exposed; None if unknown.
 
@@ -39,11 +41,11 @@ class Timing:
     """
 
     def __init__(
-        self, info: StreamInfo, stamps: Stamps, arrivals: Arrivals, since_ns: int | None = None
+        self, info: StreamInfo, pace: Pace, stamps: Stamps, arrivals: Arrivals, since_ns: int | None = None
     ) -> None:
         self._live = info.live
-        self._period_ns = 1e9 / info.rate_hz
-        self._clock = FieldClock(1e9 / info.rate_hz, exact=not info.live)
+        self._pace = pace
+        self._clock = FieldClock(pace.period_ns, exact=not info.live, free=pace.is_followed)
         self._stamps = stamps
         self._arrivals = arrivals
         self._since_ns = since_ns
@@ -55,6 +57,16 @@ class Timing:
     def steps_to(self, time_ns: int | None) -> float | None:
         """Periods from the field that was settled last to a time; None if either is unknown."""
         return self._clock.steps_to(time_ns) if time_ns is not None and self._clock.locked else None
+
+    def follow_pace(self, too_high_by: int) -> None:
+        """Go on from the field before by the pace that the camera has now, and tell of it."""
+        self._clock.follow(self._pace.period_ns, self._pace.before_ns)
+        self._early = 0
+        self._stamps.fits()
+        if told := self._pace.take_told():
+            self.rebases.append((Rebase.RATE, told))
+        if too_high_by:
+            self.rebases.append((Rebase.NUMBERS, numbers_off(0, too_high_by).reason))
 
     def take_ahead(self) -> float:
         """Periods by which numbers turned out with the last field to have run ahead; 0 when asked again."""
@@ -86,11 +98,11 @@ class Timing:
         exposed_ns, grace_ns = arrived_ns, FUTURE_NS
         if self._arrivals.way.is_known and n >= _NEW_FOR:  # before that, the first ones may have been late
             exposed_ns = self._arrivals.exposed_ns(pending.arrival) or arrived_ns
-            grace_ns = round(_IN_TIME * self._period_ns)
+            grace_ns = round(_IN_TIME * self._pace.period_ns)
         if time_ns <= exposed_ns + grace_ns:
             return time_ns, reason
         # A field of the future: a clock that was set while fields waited has passed for losses.
-        self._run_ahead((time_ns - exposed_ns) / self._period_ns, exposed_ns)
+        self._run_ahead((time_ns - exposed_ns) / self._pace.period_ns, exposed_ns)
         return exposed_ns, reason or "far-off timestamp"
 
     def _come_to(self, pending: Pending, step: Step, n: int) -> tuple[int, str | None]:
@@ -145,7 +157,7 @@ class Timing:
             return self._clock.advance(step.fields), "early timestamp"
         late_ns = self._clock.advance(step.fields) - time_ns
         self.rebases.append((Rebase.BEGIN, f"the first timestamps were late by {late_ns / 1e6:.0f} ms"))
-        self._early, self._late = 0, late_ns / self._period_ns
+        self._early, self._late = 0, late_ns / self._pace.period_ns
         self._clock.lock(time_ns)
         return time_ns, None
 
@@ -153,8 +165,8 @@ class Timing:
         """True if the stream would have begun before it was asked for, had its first stamps been so late."""
         if self._since_ns is None or self._first_ns is None:
             return False
-        late_ns = (self._clock.steps_to(time_ns) - step.fields) * self._period_ns
-        return self._first_ns + late_ns < self._since_ns - self._period_ns / 2
+        late_ns = (self._clock.steps_to(time_ns) - step.fields) * self._pace.period_ns
+        return self._first_ns + late_ns < self._since_ns - self._pace.period_ns / 2
 
     def _come_early(self, time_ns: int, step: Step, late: float) -> int:
         """Advance to a field that is early; after some of them the numbers have run ahead of the camera."""

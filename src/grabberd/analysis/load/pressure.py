@@ -58,7 +58,7 @@ class PressureMap(NamedTuple):
         mean_kpa: mean of `contact_kpa` over the supported targets, its σ from their full covariance. Targets
             whose own pressure is too uncertain count as well: without them, it would be that of the pressed
             ones. NaN if no target has a pressure.
-        above_atmosphere_kpa: (N,) the same above atmosphere, that is less the vacuum in the liner.
+        above_atmosphere_kpa: (N,) the same above atmosphere: minus the vacuum in the liner.
         misfit: of points and prior by the wall in equilibrium, per measured coordinate; .3 to 1.2 is usual.
         unseen_kpa: (N,) `contact_kpa` less what it would be if the unseen half were free; None where it is.
         supported: (N,) True for targets that are supported by data.

@@ -27,7 +27,7 @@ class Comparison(NamedTuple):
     Attributes:
         means: of each group.
         captures: how many captures each group has.
-        replicates: how many of them, averaged by unit, count as independent.
+        replicates: number of independent values after averaging by unit.
         differences: of every two groups.
         paired: True if differences are those within blocks.
         between_sigma: standard deviation between blocks; NaN without them or if none can be told.

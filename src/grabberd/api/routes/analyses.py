@@ -46,7 +46,7 @@ def analyse_capture(
     wanted: AnalysisRequest | None = None,
 ) -> JobDocument:
     """Determine surface, sections, curvature, strain, tension, pressure and pulsation from a sealed capture's
-    points: a job, whose result has the number of the analysis. A cancelled job leaves nothing behind.
+    points: a job, whose result contains the number of the analysis. A cancelled job leaves nothing behind.
     """
     return accepted(queue_analysis(service, capture_id, wanted or AnalysisRequest()), request, response)
 
@@ -56,9 +56,9 @@ def analyse_capture(
 def prepare_analysis(
     capture_id: CaptureId, service: ServiceOf, wanted: AnalysisRequest | None = None
 ) -> AnalysisPreparation:
-    """Tell what an analysis would be made with if it were asked for with this body: its inputs with their
-    sources, what they lack and what that costs, and everything for which it would be refused. Nothing is
-    computed or kept.
+    """Show the inputs that an analysis requested with this body would use, with their sources, what is
+    missing and what that costs, and every reason for which it would be refused. Nothing is computed or
+    stored.
     """
     spec = _job(service, capture_id, wanted or AnalysisRequest())
     return prepare_in_process(service.processes, service.archive.sealed_path(capture_id), spec)
@@ -142,7 +142,7 @@ def get_analysis_table(
     capture_id: CaptureId, number: AnalysisNumber, table: TableName, service: ServiceOf
 ) -> Response:
     """One table with all its rows, such as targets, triangles or edges; the reference of the analysis tables
-    describes every column. The file's name says so if the analysis has outdated pressures.
+    describes every column. The file name says so if the analysis has outdated pressures.
     """
     path = service.analyses.file(capture_id, number, f"{table}.csv")
     row = analysis_row(service.analyses, capture_id, number)

@@ -51,7 +51,7 @@ CalibrationId = Annotated[str, Path(pattern=r"^[0-9A-Za-z_-]{1,80}$", descriptio
 
 @router.get("/calibration-frames", summary="List the calibration frames")
 def list_calibration_frames() -> CalibrationFrameList:
-    """The calibration frames that can be named; any other one is given as a document."""
+    """The calibration frames that can be selected by name; others are sent as a document."""
     return CalibrationFrameList(calibration_frames=calibration_frame_rows())
 
 
@@ -126,7 +126,7 @@ def activate_calibration(
     choice: CalibrationChoice, service: ServiceOf, identity: IdentityOf
 ) -> CalibrationRow:
     """Measure with this calibration from the next field on, and after every restart. 409 while a capture is
-    running, and for one whose acceptance failed, unless an admin says `despite_failure`.
+    running, and for one whose acceptance failed, unless an admin sets `despite_failure`.
     """
     if choice.despite_failure and not identity.covers(Role.ADMIN):
         raise Refusal(
@@ -145,8 +145,8 @@ def activate_calibration(
 def reject_calibration(
     calibration_id: CalibrationId, service: ServiceOf, rejection: RejectionRequest | None = None
 ) -> CalibrationRow:
-    """Mark a calibration as not accepted: it stays in the list, with a note. Activating it takes that
-    back. 409 while a device measures with it.
+    """Mark a calibration as not accepted: it stays in the list, with a note. Activating it revokes that. 409
+    while a device measures with it.
     """
     service.active.reject(calibration_id, rejection.note if rejection else "")
     return service.active.row(calibration_id)
@@ -161,7 +161,7 @@ def reject_calibration(
 def get_calibration(
     calibration_id: CalibrationId, service: ServiceOf, if_none_match: IfNoneMatch = None
 ) -> Response:
-    """The whole calibration as it was stored: one JSON document."""
+    """The complete calibration as stored: one JSON document."""
     return tagged(service.calibrations.content(calibration_id), "application/json", if_none_match)
 
 
@@ -173,7 +173,7 @@ def get_calibration(
 )
 @reads
 def get_calibration_report(calibration_id: CalibrationId, service: ServiceOf) -> Response:
-    """The report on how the calibration was made and how good it is: a page to read and sign."""
+    """The calibration's report, on how it was made and how good it is: a page to read and sign."""
     page = service.calibrations.page(calibration_id)
     return Response(page, media_type="text/html; charset=utf-8", headers=REPORT_HEADERS)
 

@@ -73,7 +73,8 @@ def get_captures_zip(
     zone: Zone = "UTC",
 ) -> Download:
     """The files of up to a hundred captures in one ZIP file, named by time and labels, with a table of all.
-    It is made while it is sent. What could not be sent whole is named in `MISSING.txt` inside.
+    It is created while it is sent. Files that could not be sent completely are listed in `MISSING.txt`
+    inside.
     """
     pieces = captures_zip(service.archive, capture, zone_of(zone))
     return download(cast("Generator[Any, None, None]", pieces), "application/zip", "captures.zip")

@@ -145,8 +145,8 @@ def get_points_csv(capture_id: CaptureId, service: ServiceOf, run: RunNumber = N
 def get_points_ply(
     capture_id: CaptureId, service: ServiceOf, run: RunNumber = None, field: PlyField = None
 ) -> Content:
-    """The points of all fields or of one field as a cloud for programs that draw clouds: x, y, z in mm, with
-    field number, target and standard deviations as further properties.
+    """The points of all fields or of one field as a point cloud: x, y, z in mm, with field number, target and
+    standard deviations as further properties.
     """
     arguments = service.archive.path(capture_id), run, field
     suffix = "points" if field is None else f"field-{field:08d}"
@@ -161,7 +161,7 @@ def get_points_ply(
 )
 @reads
 def get_points_parquet(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> Download:
-    """The points as Parquet, the columns of the CSV with their units as metadata. 501 if the optional part
+    """The points as Parquet, the columns of the CSV with their units as metadata. 501 if the optional package
     that writes it is not installed.
     """
     parts = parquet_stream(service.archive.path(capture_id), run)
@@ -191,8 +191,8 @@ def get_points_mat(capture_id: CaptureId, service: ServiceOf, run: RunNumber = N
 )
 @reads
 def get_points_c3d(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> Content:
-    """The points as C3D for programs of motion analysis: a marker for each target, and a frame for each
-    field, lost ones included.
+    """The points as C3D for motion analysis programs: a marker for each target, and a frame for each field,
+    including lost ones.
     """
     arguments = service.archive.path(capture_id), run
     return Content(points_c3d, arguments, media_type=C3D, name=f"{capture_id}-points.c3d")
@@ -212,8 +212,8 @@ def get_channels(
         int, Query(ge=100, le=200_000, description="Maximum number of readings of each channel.")
     ] = 2000,
 ) -> Content:
-    """The vacuum and whatever else was measured beside the picture, in kPa on the time axis of the points;
-    with what is missing, and why. No channels where none were recorded.
+    """The vacuum and other quantities measured beside the picture, in kPa on the time axis of the points,
+    with gaps and their reasons. Empty if no channels were recorded.
     """
     return Content(channels_json, (service.archive.path(capture_id), max_readings), _json)
 
@@ -241,7 +241,7 @@ def get_channels_csv(capture_id: CaptureId, service: ServiceOf) -> Content:
 def get_field_png(
     capture_id: CaptureId, n: FieldNumber, service: ServiceOf, if_none_match: IfNoneMatch = None
 ) -> Content:
-    """One field as it was recorded, as a picture that never changes."""
+    """One field as recorded, as a picture that never changes."""
 
     def answer(png: bytes) -> Response:
         return tagged(png, "image/png", if_none_match, IMMUTABLE)
@@ -268,5 +268,5 @@ def get_thumbnail(capture_id: CaptureId, service: ServiceOf, if_none_match: IfNo
 @router.get("/{capture_id}/widths", summary="Get the course of the wall's width in few numbers")
 @reads
 def get_widths(capture_id: CaptureId, service: ServiceOf) -> WidthCourse:
-    """Widths across the middle row in six seconds from the middle of a sealed capture, for a small curve."""
+    """Widths across the middle row over six seconds in the middle of a sealed capture, for a small curve."""
     return WidthCourse(widths_mm=service.width_courses.of(capture_id))

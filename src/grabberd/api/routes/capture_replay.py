@@ -61,6 +61,6 @@ def get_replay_pictures(
         int, Query(ge=1, le=MOST_PICTURES, description="Number of fields, lost ones included.")
     ] = 25,
 ) -> Content:
-    """The pictures of consecutive fields as they were recorded, as one binary message."""
+    """The pictures of consecutive fields as recorded, as one binary message."""
     stretch = Stretch(first_n, first_n + count)
     return Content(replay_pictures, (service.archive.path(capture_id), stretch), _binary)

@@ -53,8 +53,8 @@ def list_captures(
     facets: Annotated[bool, Query(description="Count the values of what captures have in common.")] = False,
     zone: Zone = "UTC",
 ) -> CaptureList:
-    """Captures, newest first unless sorted otherwise, page by page. Captures that come or go meanwhile do not
-    shift the pages.
+    """Captures, newest first unless sorted otherwise, page by page. Captures added or deleted meanwhile do
+    not shift the pages.
     """
     days_in = zone_of(zone) if facets else None
     query = replace(matching, limit=limit, after=position_in(matching.order, cursor))
@@ -69,7 +69,7 @@ def list_captures(
 )
 @reads
 def list_captures_as_csv(service: ServiceOf, matching: Filter, limit: TableLimit = 1000) -> Response:
-    """Captures, newest first unless sorted otherwise, a row each: verdicts, labels, and the main quantities
+    """Captures, newest first unless sorted otherwise, one row each: verdicts, labels, and the main quantities
     of the latest analysis with their standard deviations.
     """
     text = captures_csv(page_of_captures(service.archive, replace(matching, limit=limit)).captures)
@@ -86,8 +86,8 @@ def get_capture(capture_id: CaptureId, service: ServiceOf) -> CaptureDocument:
 
 @router.patch("/{capture_id}", summary="Pin or annotate a capture")
 def patch_capture(capture_id: CaptureId, patch: CapturePatch, service: ServiceOf) -> CaptureDocument:
-    """Change the note, the labels, the marks or the pin. They are stored apart from the file, which stays as
-    it was recorded.
+    """Change the note, the labels, the marks or the pin. They are stored separately from the file, which is
+    not modified.
     """
     service.annotations.annotate(
         capture_id, pinned=patch.pinned, note=patch.note, labels=patch.labels, marks=patch.marks
@@ -143,7 +143,7 @@ def measure_capture(
 ) -> JobDocument:
     """Re-measure a sealed capture with the device's present calibration: a job that adds a run.
 
-    Damaged fields are left out unless they are asked for, fields without a signal always.
+    Damaged fields are left out unless requested, fields without a signal always.
     """
     service.archive.sealed_path(capture_id)
     setup = service.instrument(service.archive.document(capture_id).device).setup

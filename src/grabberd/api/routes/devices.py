@@ -71,7 +71,7 @@ def get_curves(
     last_s: Annotated[float, Query(gt=0, le=KEPT_S, description="How far back.")] = 60.0,
 ) -> LiveCurves:
     """Targets, points, residual, latency and widths of every measured field of the last minutes, and the
-    vacuum; `/curves/stream` goes on with them. Five minutes are kept, whether or not anybody looks.
+    vacuum; `/curves/stream` continues them. Five minutes are kept, whether or not anybody is connected.
     """
     span_ns = int(last_s * 1e9)
     return curves_document(service.instrument(name), service.loggers, service.clock, span_ns)
@@ -100,7 +100,7 @@ def get_light(
     ] = None,
 ) -> LightDocument:
     """Illumination of the newest field, to adjust lamp and lens: histogram, number and mean size of the
-    targets in each view. A new field at most five times a second.
+    targets in each view. Updated at most five times a second.
     """
     return light_document(service.instrument(name), threshold)
 
@@ -142,8 +142,8 @@ def check_device(
 )
 def get_readiness(service: ServiceOf) -> ReadyDocument | Response:
     """Check that every device measures as it should: that it streams at its rate, loses no fields, has a
-    signal, a calibration that fits, and room on the disk. 503 lists what does not. `faults` says what is
-    wrong with the daemon itself, which does not keep it from measuring.
+    signal, a calibration that fits, and room on the disk. 503 lists what does not. `faults` lists problems of
+    the daemon itself, which do not keep it from measuring.
     """
     around = service.surroundings()
     lacks = [

@@ -16,8 +16,8 @@ JobId = Annotated[str, Path(pattern=r"^job-[0-9]{1,12}$", description="Id of the
 
 @router.get("", summary="List jobs")
 def list_jobs(service: ServiceOf, limit: Limit = 100, cursor: Cursor = None) -> JobList:
-    """The jobs that wait or run and those that have ended in the last month, newest first, page by page. They
-    outlive the daemon: what waited or ran when it ended is done after its next start.
+    """Waiting and running jobs and those that ended within the last month, newest first, page by page. They
+    outlive the daemon: jobs that waited or ran when it stopped are done after its next start.
     """
     page, following = page_of(service.jobs.list(), _by_number, limit, cursor)
     return JobList(jobs=page, next=following)

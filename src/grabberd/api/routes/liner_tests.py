@@ -55,16 +55,16 @@ def list_tests(
 def make_test(
     wanted: LinerTestRequest, service: ServiceOf, request: Request, response: Response
 ) -> JobDocument:
-    """Analyse captures that were taken for a guided test, and judge them by its recipe: a job, whose result
-    has the id of the test. A capture whose label `test` names a recipe of one capture is tested by itself
-    as soon as it is sealed.
+    """Analyse captures made for a guided test, and judge them by its recipe: a job, whose result has the id
+    of the test. A capture whose label `test` names a recipe for a single capture is tested automatically as
+    soon as it is sealed.
     """
     return accepted(service.jobs.submit(service.liner_tests.job(wanted)), request, response)
 
 
 @router.get("/recipes", summary="List the recipes of guided tests")
 def list_recipes() -> RecipeList:
-    """The guided tests that there are: what to do for each, and how its captures are taken."""
+    """The available guided tests: what to do for each, and how its captures are made."""
     return RecipeList(recipes=[_recipe(one) for one in RECIPES.values()])
 
 
@@ -76,7 +76,7 @@ def list_recipes() -> RecipeList:
 )
 @reads
 def get_test(test_id: TestId, service: ServiceOf, if_none_match: IfNoneMatch = None) -> Response:
-    """The checks of a test with their reasons, its quantities, and what it offers to the liner's profile."""
+    """The checks of a test with their reasons, its quantities, and its offer to the liner's profile."""
     service.liner_tests.store.document(test_id)  # 507 for a damaged one, in place of what is no document
     content = service.liner_tests.store.file(test_id, DOCUMENT).read_bytes()
     return tagged(content, "application/json", if_none_match, IMMUTABLE)
@@ -90,15 +90,15 @@ def get_test(test_id: TestId, service: ServiceOf, if_none_match: IfNoneMatch = N
 )
 @reads
 def get_test_report(test_id: TestId, service: ServiceOf) -> Response:
-    """The report of one page, self-contained: verdict, checks, quantities, figure, what it was made of."""
+    """The self-contained one-page report: verdict, checks, quantities, figure, sources."""
     page = service.liner_tests.store.file(test_id, PAGE).read_bytes()
     return Response(page, media_type="text/html; charset=utf-8", headers=REPORT_HEADERS)
 
 
 @router.post("/{test_id}/accept", summary="Store what a guided test offers")
 def accept_offer(test_id: TestId, service: ServiceOf) -> ProfileDocument:
-    """Store the values that a test has found as the next version of the liner's profile. 409 if it offers
-    nothing, or the profile has been changed since the test; repeated, it answers with the version stored.
+    """Store the values found by a test as the next version of the liner's profile. 409 if it offers nothing,
+    or the profile has been changed since the test; repeated, it answers with the version stored.
     """
     return service.liner_tests.accept(test_id)
 

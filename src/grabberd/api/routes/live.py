@@ -57,7 +57,7 @@ async def get_events(
     summary="Get the newest field as a picture",
 )
 def get_preview_png(service: ServiceOf, request: Request, device: DeviceOf = None) -> Response:
-    """The newest field in 8 bits, with its lines as recorded. A new one at most five times a second."""
+    """The newest field in 8 bits, with its lines as recorded. Updated at most five times a second."""
     feeds: Feeds = request.app.state.feeds
     png = feeds.pictures[service.instrument(device).name].png()
     return Response(png, media_type="image/png", headers={"Cache-Control": "no-store"})

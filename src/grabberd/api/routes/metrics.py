@@ -83,12 +83,14 @@ class ServiceMetrics(Collector):
 def _fields(instruments: list[Instrument]) -> Iterator[Metric]:
     counts = [(one.name, one.board.now.outcomes) for one in instruments]
     samples = (((name, outcome), count[outcome]) for name, count in counts for outcome in Outcome)
-    yield counter("grabberd_fields", "By what became of them.", ("device", "outcome"), samples)
+    yield counter("grabberd_fields", "Expected fields by outcome.", ("device", "outcome"), samples)
     boards = [(one.name, one.board.now) for one in instruments]
     losses = (((name, cause), board.losses[cause]) for name, board in boards for cause in LossCause)
     rebases = (((name, kind), board.rebases[kind]) for name, board in boards for kind in Rebase)
-    yield counter("grabberd_fields_missing", "Not received, by the cause.", ("device", "cause"), losses)
-    yield counter("grabberd_rebases", "Changes of what numbers and times go by.", ("device", "kind"), rebases)
+    yield counter("grabberd_fields_missing", "Fields not received, by cause.", ("device", "cause"), losses)
+    yield counter(
+        "grabberd_rebases", "Changes of the reference of numbers and times.", ("device", "kind"), rebases
+    )
     yield from _standstills(instruments)
 
 
@@ -97,9 +99,11 @@ def _standstills(instruments: list[Instrument]) -> Iterator[Metric]:
     counts = (((name, code), one.counts[code]) for name, one in known for code in one.seconds)
     seconds = (((name, code), one.seconds[code]) for name, one in known for code in one.seconds)
     yield counter(
-        "grabberd_standstills", "Times that the program took no fields.", ("device", "cause"), counts
+        "grabberd_standstills", "Times the program stopped taking fields.", ("device", "cause"), counts
     )
-    yield counter("grabberd_standstill_seconds", "Their length together.", ("device", "cause"), seconds)
+    yield counter(
+        "grabberd_standstill_seconds", "Total duration of standstills.", ("device", "cause"), seconds
+    )
 
 
 def _ring(instruments: list[Instrument]) -> Iterator[Metric]:
@@ -108,8 +112,8 @@ def _ring(instruments: list[Instrument]) -> Iterator[Metric]:
     waiting = (((name,), ring.waiting) for name, ring in rings)
     deepest = (((name,), ring.deepest) for name, ring in rings)
     yield gauge("grabberd_ring_slots", "Slots of the ring in use.", ("device",), slots)
-    yield gauge("grabberd_ring_waiting_slots", "Not read yet by its slowest reader.", ("device",), waiting)
-    yield gauge("grabberd_ring_deepest_slots", "The most that ever were.", ("device",), deepest)
+    yield gauge("grabberd_ring_waiting_slots", "Not yet read by the slowest reader.", ("device",), waiting)
+    yield gauge("grabberd_ring_deepest_slots", "Maximum of waiting slots.", ("device",), deepest)
 
 
 def _device(instruments: list[Instrument]) -> Iterator[Metric]:
@@ -118,10 +122,10 @@ def _device(instruments: list[Instrument]) -> Iterator[Metric]:
     signals = (((name, s), float(board.signal is s)) for name, board in boards for s in Signal)
     openings = (((name,), board.openings) for name, board in boards)
     steps = (((name, rung), board.recoveries[rung]) for name, board in boards for rung in Rung)
-    yield gauge("grabberd_device_state", "1 for the state that it is in.", ("device", "state"), states)
-    yield gauge("grabberd_device_signal", "1 for what is known of it.", ("device", "signal"), signals)
-    yield counter("grabberd_device_openings", "How often it was opened.", ("device",), openings)
-    yield counter("grabberd_device_recoveries", "Steps to have it deliver.", ("device", "step"), steps)
+    yield gauge("grabberd_device_state", "1 for the current state.", ("device", "state"), states)
+    yield gauge("grabberd_device_signal", "1 for the signal's current state.", ("device", "signal"), signals)
+    yield counter("grabberd_device_openings", "Times it was opened.", ("device",), openings)
+    yield counter("grabberd_device_recoveries", "Recovery steps taken.", ("device", "step"), steps)
 
 
 def _points(instruments: list[Instrument]) -> Iterator[Metric]:
@@ -130,13 +134,13 @@ def _points(instruments: list[Instrument]) -> Iterator[Metric]:
     yield gauge("grabberd_live_points", "Points of the newest measured field.", ("device",), points)
     fits = [(one.name, fit) for one in instruments if (fit := one.worker.field_order.fit) is not None]
     verdicts = (((name, order), float(fit.order is order)) for name, fit in fits for order in Order)
-    yield gauge("grabberd_field_order", "1 for what the points tell of it.", ("device", "order"), verdicts)
+    yield gauge("grabberd_field_order", "1 for the current verdict.", ("device", "order"), verdicts)
     yield _latency(instruments)
 
 
 def _latency(instruments: list[Instrument]) -> Metric:
     family = HistogramMetricFamily(
-        "grabberd_latency_seconds", "From a field's arrival until its points.", labels=("device",)
+        "grabberd_latency_seconds", "From a field's arrival to its points.", labels=("device",)
     )
     for one in instruments:
         histogram = one.worker.latency.histogram
@@ -159,26 +163,28 @@ def _captures(instruments: list[Instrument], service: Service) -> Iterator[Metri
     measured = (((one.name, v), one.captures.measured[v]) for one in instruments for v in CoverageVerdict)
     free = service.storage_document().free_bytes
     yield gauge("grabberd_capture_running", "1 while a capture is recorded.", ("device",), running)
+    yield counter("grabberd_captures", "Captures sealed or given up.", ("device", "verdict"), ended)
     yield counter(
-        "grabberd_captures", "Captures that have been sealed or given up.", ("device", "verdict"), ended
+        "grabberd_captures_measured", "Measured captures, by coverage.", ("device", "verdict"), measured
     )
-    yield counter(
-        "grabberd_captures_measured", "How well these were measured.", ("device", "verdict"), measured
+    yield gauge(
+        "grabberd_disk_free_bytes", "Free space for captures.", (), [] if free is None else [((), free)]
     )
-    yield gauge("grabberd_disk_free_bytes", "Room for captures.", (), [] if free is None else [((), free)])
 
 
 def _mqtt(service: Service) -> Iterator[Metric]:
     if service.publisher is None:
         return
     now = service.publisher.document()
-    yield gauge("grabberd_mqtt_connected", "1 while the broker is.", (), [((), float(now.connected))])
+    yield gauge(
+        "grabberd_mqtt_connected", "1 while connected to the broker.", (), [((), float(now.connected))]
+    )
     waiting, acknowledged = now.waiting_captures, now.acknowledged_captures
-    yield gauge("grabberd_mqtt_waiting_captures", "Not acknowledged yet.", (), [((), waiting)])
-    yield counter("grabberd_mqtt_acknowledged_captures", "Since the start.", (), [((), acknowledged)])
+    yield gauge("grabberd_mqtt_waiting_captures", "Summaries not yet acknowledged.", (), [((), waiting)])
+    yield counter("grabberd_mqtt_acknowledged_captures", "Summaries acknowledged.", (), [((), acknowledged)])
     yield counter(
         "grabberd_mqtt_missed_captures",
-        "Deleted before they could be told.",
+        "Captures deleted before their summary could be published.",
         (),
         [((), now.missed_captures)],
     )

@@ -76,8 +76,8 @@ def get_profile(kind: Kind, name: Name, service: ServiceOf) -> ProfileDocument:
 def put_profile(
     kind: Kind, name: Name, new: ProfileRequest, service: ServiceOf, request: Request, response: Response
 ) -> ProfileDocument:
-    """Store the next version of a profile, or the first (201), and bring a retired one back in use. The same
-    content again makes no version. 409 if the newest version is not `after`.
+    """Store the next version of a profile, or the first (201), and reinstate a retired one. Unchanged content
+    creates no version. 409 if the newest version is not `after`.
     """
     document = _document(new)
     check_name(document, kind, name)
@@ -90,13 +90,13 @@ def put_profile(
 
 @router.delete("/{kind}/{name}", summary="Retire a profile")
 def retire_profile(kind: Kind, name: Name, service: ServiceOf) -> ProfileDocument:
-    """Take a profile out of use: no label finds it any longer. All of its versions stay readable."""
+    """Retire a profile: labels no longer select it. All of its versions stay readable."""
     return service.profiles.retire(kind, name)
 
 
 @router.get("/{kind}/{name}/versions", summary="List a profile's versions")
 def list_profile_versions(kind: Kind, name: Name, service: ServiceOf) -> ProfileVersions:
-    """All versions of a profile, the newest first."""
+    """All versions of a profile, newest first."""
     return service.profiles.versions(kind, name)
 
 

@@ -13,7 +13,7 @@ router = APIRouter(tags=["settings"], route_class=RenderedRoute)
 
 @router.get("/settings", summary="Get the settings")
 def get_settings(service: ServiceOf) -> SettingsDocument:
-    """The settings in force: those of the configuration, or what was set in their place."""
+    """The active settings: those of the configuration, or those set in their place."""
     return service.settings.document()
 
 

@@ -28,8 +28,8 @@ ZIP = "application/zip"
     summary="Get the state at a glance",
 )
 async def get_state(snapshots: SnapshotsOf, if_none_match: IfNoneMatch = None) -> Response:
-    """State at a glance: devices, rings, newest points, storage. Its numbers are a fifth of a second old at
-    most; what a request has changed is in it from that request's response on.
+    """State at a glance: devices, rings, newest points, storage. Its numbers are at most a fifth of a second
+    old; changes made by a request are included once that request has been answered.
     """
     return (await snapshots.state.get()).response(if_none_match)
 
@@ -41,7 +41,7 @@ async def get_state(snapshots: SnapshotsOf, if_none_match: IfNoneMatch = None) -
     responses={503: {"model": Problem, "content": {"application/problem+json": {}}}},
 )
 async def get_health(service: ServiceOf) -> HealthDocument | Response:
-    """The daemon serves, whatever its devices do. 503 where a capture thread is stuck: restart the daemon."""
+    """The daemon is serving, whatever its devices do. 503 if a capture thread hangs: restart the daemon."""
     if service.liveness.is_well:
         return HealthDocument(version=__version__)
     detail = f"the capture thread of {' and '.join(service.liveness.silent)} does not answer"
@@ -59,8 +59,8 @@ def get_diagnostics(
     service: ServiceOf,
     words: Annotated[bool, Query(description="Include labels, notes and the site's name.")] = False,
 ) -> Response:
-    """One ZIP file to send to whoever helps: versions, grabbers, configuration without secrets, devices,
-    captures with their ledgers, jobs, the last lines of the log. No pictures, tokens or certificates.
+    """One ZIP file for support: versions, grabbers, configuration without secrets, devices, captures with
+    their ledgers, jobs, the last lines of the log. No pictures, tokens or certificates.
     """
     headers = {
         "Content-Disposition": 'attachment; filename="grabberd-diagnostics.zip"',
@@ -74,5 +74,5 @@ def get_diagnostics(
 )
 @reads
 def get_docs(request: Request) -> HTMLResponse:
-    """This description as a page to read; it loads nothing from any other host."""
+    """This description as a page; it loads nothing from other hosts."""
     return HTMLResponse(page(request.app.openapi()), headers={"Content-Security-Policy": POLICY})

@@ -33,16 +33,18 @@ def _phases(before: str, what: str) -> tuple[Column, ...]:
 
 
 _FIELD = (
-    _count("n", "number of the field: nominal steps after the capture's first, lost ones included"),
-    _number("time_s", "s", "middle of the field's exposure, from the first field of the capture on"),
+    _count("n", "number of the field: nominal steps since the capture's first, including lost ones"),
+    _number("time_s", "s", "middle of the field's exposure, since the capture's first field"),
 )
 _PHASE = (
-    _number("phase", "1", "where in the mean cycle, from 0 to 1, counted from the beginning of wall phase a"),
+    _number("phase", "1", "position in the mean cycle, from 0 to 1, counted from the start of wall phase a"),
 )
 
 _WALL = (
-    _measured("area_mm2", "mm²", "area of the outer face that data support, between the outermost targets"),
-    _number("covered", "1", "share of the target grid that data support; the area is of this share alone"),
+    _measured(
+        "area_mm2", "mm²", "area of the outer face between the outermost targets, where supported by data"
+    ),
+    _number("covered", "1", "share of the target grid supported by data, to which the area refers"),
     _measured("volume_mm3", "mm³", "between the plane and the wall, from the first section to the last"),
     _measured("pulsation_vacuum_kpa", "kPa", "vacuum in the pulsation chamber, below atmosphere"),
     _measured("liner_vacuum_kpa", "kPa", "vacuum in the liner, below atmosphere"),
@@ -50,24 +52,30 @@ _WALL = (
     _measured(
         "greatest_contact_kpa", "kPa", "the greatest contact_kpa where it is determined; noise raises it"
     ),
-    _id("greatest_contact_target", "id of the target where it is"),
-    _count("determined", "at how many targets the pressure is determined"),
+    _id("greatest_contact_target", "id of the target with the greatest value"),
+    _count("determined", "number of targets where the pressure is determined"),
     _number("load_misfit", "1", "misfit of points and wall in equilibrium; .3 to 1.2 is usual, 2 refused"),
     _text(
         "method",
         "where shape, strain and tension are from: equilibrium, the wall that explains the targets, or "
         "smooth, a surface through them, which knows little of a closed wall between and beside its columns",
     ),
-    _number("misfit", "1", "weighted square of the points' departure from the outer face by its expectation"),
+    _number(
+        "misfit", "1", "weighted squared deviation of the points from the outer face, over its expectation"
+    ),
 )
 _SECTION = (
-    _number("height_mm", "mm", "where the section is: x in the object's frame"),
-    _measured("distance_mm", "mm", "from the plane to the wall; twice it parts opposite walls if symmetric"),
+    _number("height_mm", "mm", "height of the section: x in the object's frame"),
+    _measured(
+        "distance_mm", "mm", "from the plane to the wall; half the distance of opposite walls if symmetric"
+    ),
     _measured("area_mm2", "mm²", "between the outline and the plane"),
     _measured("length_mm", "mm", "along the outline, from the first column of targets to the last"),
     _measured("chord_mm", "mm", "between the outline's ends"),
-    _measured("least_width_mm", "mm", "least width of the outline; only where the targets go round"),
-    _measured("opposite_mm", "mm", "least distance of opposite walls; only where the targets go round"),
+    _measured("least_width_mm", "mm", "least width of the outline; only if the targets go all the way round"),
+    _measured(
+        "opposite_mm", "mm", "least distance of opposite walls; only if the targets go all the way round"
+    ),
 )
 _TARGET = (
     _id("target", "id of the target, the same through the capture"),
@@ -75,20 +83,22 @@ _TARGET = (
     _id("column", "its column on the target grid, from 0"),
     *(_measured(f"{a}_mm", "mm", f"{a.upper()} of the smooth outer face, object's frame") for a in "xyz"),
     _measured(
-        "kappa1_per_m", "1/m", "greater principal curvature of the middle surface (outer without material)"
+        "kappa1_per_m",
+        "1/m",
+        "greater principal curvature of the middle surface (outer one without material)",
     ),
     _measured("kappa2_per_m", "1/m", "lesser principal curvature of the same"),
     _measured(
-        "strain1", "1", "greater principal strain λ − 1 of the middle surface (outer without material)"
+        "strain1", "1", "greater principal strain λ − 1 of the middle surface (outer one without material)"
     ),
     _measured("strain2", "1", "lesser principal strain of the same"),
     _measured("tension1_n_per_m", "N/m", "greater principal tension of the wall"),
     _measured("tension2_n_per_m", "N/m", "lesser principal tension of the wall"),
     _measured("contact_kpa", "kPa", "pressure of the liner on the teat, above the pressure in the liner"),
-    _measured(
-        "above_atmosphere_kpa", "kPa", "the same above atmosphere, that is less the vacuum in the liner"
+    _measured("above_atmosphere_kpa", "kPa", "the same above atmosphere: minus the vacuum in the liner"),
+    _number(
+        "unseen_kpa", "kPa", "change of contact_kpa by mirroring the hidden half instead of leaving it free"
     ),
-    _number("unseen_kpa", "kPa", "contact_kpa less what it would be with a free hidden half, if mirrored"),
 )
 _PROFILE = (
     _number("x_mm", "mm", "height on the mounted tube: x in the object's frame; it stays with the material"),
@@ -96,10 +106,12 @@ _PROFILE = (
         "compression_kpa", "kPa", "mean contact pressure over the arc between the outermost columns seen"
     ),
     _measured("load_n_per_mm", "N/mm", "force on one side of the teat per present length of the tube"),
-    _measured("gap_mm", "mm", "between the inner faces of opposite walls; takes the hidden half as mirrored"),
+    _measured(
+        "gap_mm", "mm", "between the inner faces of opposite walls, assuming a mirror-symmetric hidden half"
+    ),
 )
-_REASON = _text("reason", "why there is no pressure there; empty where there is, or where none was asked for")
-_STRETCH = "present length by length in the reference state, on the outer face, where the targets sit"
+_REASON = _text("reason", "why there is no pressure there; empty if there is, or if none was requested")
+_STRETCH = "present length divided by that in the reference state, on the outer face, where the targets are"
 
 TABLES: Mapping[str, TableSpec] = {
     "summary": TableSpec(
@@ -107,32 +119,38 @@ TABLES: Mapping[str, TableSpec] = {
         (),
         (
             _count("fields", "fields of the capture that have points"),
-            _count("analysed", "those of them that make a surface"),
-            _count("missing", "fields without points between the first and the last that has some"),
-            _number("cycles", "1", "how many cycles the capture, and its bursts, span together"),
+            _count("analysed", "those for which a surface was computed"),
+            _count("missing", "fields without points between the first and the last with points"),
+            _number("cycles", "1", "number of cycles that the capture and its bursts span"),
             _measured("period_s", "s", "length of the cycle"),
             _measured("rate_per_min", "1/min", "cycles a minute"),
             _measured("stroke_mm", "mm", "movement of the target that moves most, from closed to open"),
-            _number("residual_mm", "mm", "root mean square departure of the movement from the mean cycle"),
-            _number("expected_mm", "mm", "what it would be by the points' σ alone"),
+            _number("residual_mm", "mm", "root mean square deviation of the movement from the mean cycle"),
+            _number("expected_mm", "mm", "its expected value from the points' σ alone"),
             _number("period_spread_s", "s", "standard deviation of the cycles' lengths"),
-            _number("stroke_spread", "1", "standard deviation of the cycles' strokes, by the mean one"),
+            _number(
+                "stroke_spread", "1", "standard deviation of the cycles' strokes, relative to the mean stroke"
+            ),
             *_phases("wall", "wall"),
             *_phases("iso", "ISO"),
             _measured(
-                "offset_s", "s", "camera's time less the vacuum's, by the light or the wall's movement"
+                "offset_s", "s", "camera's time minus the vacuum's, from the light or the wall's movement"
             ),
-            _measured("clock_drift", "1", "seconds that the vacuum's clock loses in one, by the light"),
+            _measured(
+                "clock_drift", "1", "seconds per second by which the vacuum's clock is slow, from the light"
+            ),
             _count("light_switchings", "switchings of the light that relate the clocks"),
             _measured(
                 "opening_lag_s",
                 "s",
-                "from the vacuum's half height to the wall's half stroke, by the light or on one clock",
+                "from half the vacuum to half the wall's stroke, with clocks related by the light or shared",
             ),
             _measured("closing_lag_s", "s", "likewise, closing"),
-            _number("clock_kpa", "kPa", "σ of the vacuum on its steepest slope for want of a common clock"),
-            _count("touch_n", "field in which pressure begins; the first where it has some already"),
-            _id("touch_target", "target at which it begins"),
+            _number(
+                "clock_kpa", "kPa", "σ of the vacuum on its steepest slope due to the uncertain clock offset"
+            ),
+            _count("touch_n", "field in which contact begins; the first field if there is contact already"),
+            _id("touch_target", "target at which contact begins"),
         ),
     ),
     "ramp": TableSpec(
@@ -163,9 +181,13 @@ TABLES: Mapping[str, TableSpec] = {
         _FIELD,
         (
             _number("cycle", "", "number of the cycle, from 0; empty where no pulsation was found"),
-            _number("phase", "1", "where in its cycle, from 0 to 1, from the beginning of wall phase a"),
+            _number(
+                "phase", "1", "position in its cycle, from 0 to 1, counted from the start of wall phase a"
+            ),
             _measured(
-                "movement_mm", "mm", "how far the target that moves most is from its mean place, to +z"
+                "movement_mm",
+                "mm",
+                "distance of the target that moves most from its mean position, toward +z",
             ),
             *_WALL,
         ),
@@ -182,21 +204,21 @@ TABLES: Mapping[str, TableSpec] = {
         "The mean cycle: the load over height, a row for each phase and height", _PHASE, _PROFILE
     ),
     "quantities": TableSpec(
-        "The field's own quantities, a row for each; the definitions are in the rows",
-        (_text("name", "name of the quantity; it ends with its unit where it has one"),),
+        "Quantities used in milking research, one per row, with their definitions",
+        (_text("name", "name of the quantity, ending with its unit if it has one"),),
         (
             _text("title", "what it is called"),
             _measured("value", "", "its value, in the row's unit; empty where there is a reason"),
             _number(
                 "sigma_common",
                 "",
-                "part of σ that captures share which are analysed with the same liner values and gauges: "
-                "averaging them does not lessen it",
+                "part of σ shared by captures that are analysed with the same liner values and gauges: "
+                "not reduced by averaging them",
             ),
             _text("unit", "its unit; 1 for a ratio"),
-            _text("verdict", "met, not met or not certain, where a standard sets a limit; else empty"),
+            _text("verdict", "met, not met or not certain, if a standard sets a limit; else empty"),
             _text("reason", "why it has no value; empty if it has one"),
-            _text("definition", "what it is, in a sentence"),
+            _text("definition", "definition of the quantity, in a sentence"),
             _text("source", "where the term is from"),
         ),
     ),
@@ -205,11 +227,11 @@ TABLES: Mapping[str, TableSpec] = {
         (),
         (
             _measured("start_s", "s", "when wall phase a began"),
-            _measured("stroke", "1", "its movement by that of the mean cycle"),
+            _measured("stroke", "1", "its movement relative to that of the mean cycle"),
         ),
     ),
     "gaps": TableSpec(
-        "A row for each gap: fields without points between two that have some; none is filled",
+        "A row for each gap of fields without points; none is filled",
         (),
         (
             _count("after_n", "the last field before it"),

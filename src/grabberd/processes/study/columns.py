@@ -18,13 +18,13 @@ def _text(name: str, meaning: str) -> Column:
 
 
 _QUANTITY = (
-    _text("quantity", "name of the quantity; it ends with its unit where it has one"),
+    _text("quantity", "name of the quantity, ending with its unit if it has one"),
     _text("unit", "unit of the row's values; 1 for a ratio"),
 )
 _BASIS = _text(
     "basis",
-    "what σ is by, beside its common part: scatter of the captures; own σ, where that is greater; own σ "
-    "alone, where there is no scatter to judge by and nothing can be tested",
+    "what σ is based on, besides its common part: scatter of the captures; own σ, if that is greater; own σ "
+    "alone, if there is no scatter to judge by, so that nothing can be tested",
 )
 
 
@@ -32,10 +32,10 @@ def _judged(name: str, meaning: str, what: str) -> tuple[Column, ...]:
     """A value with σ and the common part of that, and what judges it."""
     return (
         _measured(name, "", meaning),
-        _number(f"sigma_common_{name}", "", f"part of sigma_{name} that no number of captures lessens"),
+        _number(f"sigma_common_{name}", "", f"part of sigma_{name} that more captures do not reduce"),
         _number("low", "", f"lower end of the 95 % interval of the {what}"),
         _number("high", "", f"upper end of the 95 % interval of the {what}"),
-        _number("dof", "", "degrees of freedom of σ after Welch and Satterthwaite; empty without scatter"),
+        _number("dof", "", "degrees of freedom of σ (Welch–Satterthwaite); empty without scatter"),
     )
 
 
@@ -46,20 +46,20 @@ _TEST = (
 
 TABLES = {
     "quantities": TableSpec(
-        "What was compared: a row for each quantity",
+        "Quantities compared: a row for each",
         _QUANTITY,
         (
             _text("title", "what it is called"),
             _text("definition", "its definition"),
             _number("captures", "", "captures that have it"),
             _text("paired", "yes if groups were compared within the blocks, else no"),
-            _number("between_sigma", "", "standard deviation between the blocks, over that within them"),
+            _number("between_sigma", "", "standard deviation between the blocks, beyond that within them"),
             _number("within_sigma", "", "standard deviation of the replicates within groups and blocks"),
-            _number("chi2", "1", "weighted square of the captures' departures by their own σ"),
-            _number("chi2_dof", "", "what it is about if captures differ by their own σ alone"),
+            _number("chi2", "1", "sum of the captures' squared deviations, weighted by their own σ"),
+            _number("chi2_dof", "", "its expected value if captures differ by their own σ alone"),
             _number("chi2_p", "1", "probability of a greater one if they do"),
             _text("verdict", "differ if any pair of groups does, else no difference shown; or not tested"),
-            _text("remarks", "what else is to be known"),
+            _text("remarks", "remarks"),
         ),
     ),
     "groups": TableSpec(
@@ -67,22 +67,22 @@ TABLES = {
         (*_QUANTITY, _text("group", "name of the group")),
         (
             _number("captures", "", "captures of the group that have the quantity"),
-            _number("replicates", "", "how many of them, averaged by unit, count as independent"),
+            _number("replicates", "", "number of independent values after averaging by unit"),
             *_judged("mean", "mean of the group", "mean"),
             _BASIS,
         ),
     ),
     "comparison": TableSpec(
-        "Every two groups compared: a row for each quantity and pair",
+        "Comparison of groups: a row for each quantity and pair",
         (
             *_QUANTITY,
             _text("first", "name of a group"),
             _text("second", "name of another group"),
         ),
         (
-            *_judged("difference", "mean of `second` less that of `first`", "difference"),
+            *_judged("difference", "mean of `second` minus that of `first`", "difference"),
             *_TEST,
-            _number("adjusted_p", "1", "p adjusted after Holm for all pairs of the quantity"),
+            _number("adjusted_p", "1", "p adjusted for all pairs of the quantity (Holm)"),
             _BASIS,
             _text("verdict", "differ if adjusted_p < .05, else no difference shown; or not tested"),
         ),
@@ -102,7 +102,7 @@ TABLES = {
         ),
     ),
     "left_out": TableSpec(
-        "What the study does without: a row for each capture, or quantity of one",
+        "Omissions: a row for each capture, or quantity of a capture, that was left out",
         (
             _text("capture", "id of the capture, or the file"),
             _text("quantity", "name of the quantity; empty where the whole capture is left out"),

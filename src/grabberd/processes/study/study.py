@@ -32,7 +32,7 @@ class QuantityStudy(NamedTuple):
         observed: their values.
         comparison: of the groups.
         trend: over the places; None without one, or if no group has two places.
-        remarks: what else is to be known.
+        remarks: remarks.
     """
 
     name: str

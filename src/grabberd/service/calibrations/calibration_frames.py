@@ -19,17 +19,17 @@ CALIBRATION_FRAME_KEYS: Mapping[str, FileKey] = MappingProxyType(
             "anything",
             "",
             "none",
-            "Number, laboratory, date: kept with every calibration and shown in its report.",
+            "Number, laboratory, date; stored with every calibration and shown in its report.",
         ),
         "temperature_C": FileKey(
-            "number", "°C", "none", "Temperature at which the places were measured; kept and shown likewise."
+            "number", "°C", "none", "Temperature at which they were measured; stored and shown likewise."
         ),
         "check_length": FileKey(
             "mapping",
             "",
             "none",
-            "Distance of two targets, certified by other means than the places: nothing else tells of a file "
-            "whose scale is wrong.",
+            "Distance between two targets, certified independently of the positions: only this reveals a "
+            "file whose scale is wrong.",
         ),
     }
 )

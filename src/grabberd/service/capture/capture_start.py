@@ -6,7 +6,7 @@ All captures of a group start at the same moment, or none does; a single capture
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 from grabberd import __version__
 from grabberd.acquisition import Signal, Slot
@@ -50,7 +50,7 @@ class CaptureStart:
     def duration_s(self) -> float | None:
         """Length of the capture; None if it has none."""
         fields = self.new.request.fields
-        return None if fields is None else fields / self.device.stream.rate_hz
+        return None if fields is None else fields / self.device.rate_hz
 
     def check_free(self) -> None:
         """Checks that a capture may be started or armed.
@@ -114,7 +114,8 @@ class CaptureStart:
 
         There is no file yet. However long that takes to be made, no field is missed meanwhile.
         """
-        pipeline, request, stream = self.device.pipeline, self.new.request, self.device.stream
+        pipeline, request = self.device.pipeline, self.new.request
+        stream = replace(self.device.stream, rate_hz=self.device.rate_hz)
         reader = pipeline.ring.reader(request.overrun, back=request.pre_trigger_fields)
         period_ns = round(1e9 / stream.rate_hz)
         keeps_pace = stream.live and not stream.waits_for_reader
@@ -192,7 +193,7 @@ class CaptureStart:
             note=request.note,
             bits=ring.bits,
             lines=ring.lines,
-            rate_hz=stream.rate_hz,
+            rate_hz=device.rate_hz,
             version=__version__,
             boot_id=boot_id(),
             extra={

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from grabberd.acquisition import PAL_HZ, FieldOrder, StreamInfo
+from grabberd.acquisition import FieldOrder, StreamInfo
 from grabberd.acquisition.clock import UtcClock
 from grabberd.config import RigConfig
 from grabberd.errors import CaptureRunning, Conflict, GrabberdError, NotFound
@@ -121,9 +121,10 @@ class DeviceCaptures:
 
     @property
     def rate_hz(self) -> float:
-        """Fields per second as granted; nominal until the device has been opened."""
-        stream = self.board.now.stream
-        return stream.rate_hz if stream else PAL_HZ
+        """Fields per second: as granted, or of the pace that its camera keeps to instead; nominal until the
+        device has been opened.
+        """
+        return self.pipeline.rate_hz
 
     @property
     def bytes_per_s(self) -> float:

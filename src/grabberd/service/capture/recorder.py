@@ -129,6 +129,11 @@ class FieldSource(Protocol):
         """Reason why no fields come at this moment, or None while they do."""
         ...
 
+    @property
+    def rate_hz(self) -> float:
+        """Fields per second that come at this moment, lost ones included."""
+        ...
+
 
 class Recorder:
     """Takes fields until the capture has its length or is stopped; numbers them from the capture's first.
@@ -143,7 +148,7 @@ class Recorder:
         backlog: Queue that the fields go into; closed at the end.
         clock: Source of time.
         stream: The stream as the driver granted it.
-        source: Explains why no fields come.
+        source: Explains why no fields come, and tells at which rate they do.
         fields: Length of the capture, or None.
         begin: Instant that the capture begins at; None: with whatever field comes first.
 
@@ -177,10 +182,9 @@ class Recorder:
         self._clock = clock
         self._source = source
         self.rate_hz = stream.rate_hz
-        self._period_ns = round(1e9 / stream.rate_hz)
         self._lossless = stream.waits_for_reader
         self._keeps_pace = stream.live and not stream.waits_for_reader
-        self._begin = begin or Begin(None, self._period_ns)
+        self._begin = begin or Begin(None, round(1e9 / stream.rate_hz))
         self._numbers = NumbersFromBegin(self._begin)
         self._start_ns = self._newest_ns = clock.now_ns()
         self._newest: Slot | None = None
@@ -266,6 +270,10 @@ class Recorder:
         reason = slot.lost_before[-1].reason if slot.lost_before else "time gap"
         self.ledger.close(end_n, reason)
         self.stop("length reached")
+
+    @property
+    def _period_ns(self) -> int:
+        return round(1e9 / self._source.rate_hz)
 
     @property
     def _wants_more(self) -> bool:

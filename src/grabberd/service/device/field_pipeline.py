@@ -130,8 +130,15 @@ class FieldPipeline:
 
     @property
     def rate_hz(self) -> float:
-        """Fields per second as granted; nominal until the device has been opened."""
-        return PAL_HZ if self._granted is None else self._granted.rate_hz
+        """Fields per second: as granted, or of the pace that its camera keeps to instead; nominal until the
+        device has been opened.
+        """
+        return PAL_HZ if self._numbering is None else self._numbering.rate_hz
+
+    @property
+    def steady_hz(self) -> float | None:
+        """Rate of the latest pictures of a progressive camera that came steadily; None if none did."""
+        return None if self._numbering is None else self._numbering.steady_hz
 
     @property
     def is_progressive(self) -> bool:

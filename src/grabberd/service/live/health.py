@@ -7,7 +7,7 @@ not called good, and what nobody measures any longer is not told as if it were s
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from grabberd.acquisition import Signal
+from grabberd.acquisition import Signal, StreamInfo
 from grabberd.acquisition.clock import UtcClock
 from grabberd.documents.devices import DeviceLackDocument
 from grabberd.documents.faults import FaultDocument
@@ -163,19 +163,37 @@ def _signal(status: DeviceStatus) -> HealthPartDocument:
 
 
 def _rate(instrument: Instrument) -> HealthPartDocument:
-    rate_hz, wanted_hz = instrument.board.rate_hz, instrument.rate_hz
-    if rate_hz is None:
+    rate_hz, stream = instrument.board.rate_hz, instrument.board.now.stream
+    if rate_hz is None or stream is None:
         return HealthPartDocument(level="unknown", word="counting")
     if _waits(instrument):
         return _UNKNOWN  # what waits for its reader has no rate of its own
+    wanted_hz = stream.rate_hz
     off = abs(rate_hz / wanted_hz - 1)
     if off <= _RATE_OFF:
         return _GOOD
+    steady_hz = instrument.pipeline.steady_hz
+    if steady_hz is not None and steady_hz < wanted_hz and abs(rate_hz / steady_hz - 1) <= _RATE_OFF:
+        return _own_pace(steady_hz, stream, instrument.pipeline.rate_hz)
     return HealthPartDocument(
         level="bad" if off > _RATE_BAD else "warning",
         word="off",
         message=f"{rate_hz:.1f} fields a second arrive instead of {wanted_hz:g}",
         hint="end other programs, unplug other USB devices, check the camera's standard",
+    )
+
+
+def _own_pace(steady_hz: float, stream: StreamInfo, followed_hz: float) -> HealthPartDocument:
+    """The rate of a camera that delivers fewer pictures than it granted, one as long after the other."""
+    is_followed = abs(steady_hz / followed_hz - 1) <= _RATE_OFF
+    uncertain = "" if is_followed else "; it does not count them, so their numbers may be uncertain"
+    return HealthPartDocument(
+        level="warning" if is_followed or steady_hz > (1 - _RATE_BAD) * stream.rate_hz else "bad",
+        word="off",
+        message=f"the camera delivers {steady_hz:.1f} pictures a second, {stream.rate_hz:.4g} were granted"
+        f"{uncertain}",
+        hint="shorten the camera's exposure (exposure_dynamic_framerate=0) with more light, or set its "
+        f"option rate_hz: {steady_hz:.3g}",
     )
 
 

@@ -13,21 +13,21 @@ CHANNEL_COLUMNS = (
     Column("channel", "", "U", "name of the channel"),
     Column("quantity", "", "U", "what it measures: pulsation, liner, mouthpiece, milk_line, light"),
     Column("time_utc", "", "M8[ms]", "when the reading was taken"),
-    Column("time_s", "s", "f8", "the same, from the first field of the capture on", csv_format=".6f"),
+    Column("time_s", "s", "f8", "the same, in seconds since the capture's first field", csv_format=".6f"),
     Column(
-        "sigma_time_s", "s", "f8", "σ of time_s, without what is common to all readings", csv_format=".3g"
+        "sigma_time_s", "s", "f8", "σ of time_s, excluding what is common to all readings", csv_format=".3g"
     ),
     Column(
         "vacuum_kpa",
         "kPa",
         "f8",
-        "vacuum below atmosphere: gain · value + offset of the calibration; none of a light",
+        "vacuum below atmosphere: gain · value + offset of the calibration; none for a light",
     ),
-    Column("sigma_vacuum_kpa", "kPa", "f8", "σ of the calibration, common to all readings; none of a light"),
+    Column("sigma_vacuum_kpa", "kPa", "f8", "σ of the calibration, common to all readings; none for a light"),
     # All digits, so that CSV reads back bit for bit.
     Column("value", "", "f8", "as measured, in the column `unit`", csv_format=""),
     Column("unit", "", "U", "unit of `value`"),
-    Column("dating", "", "U", "what the times go by: arrival, own_clock or monotonic"),
+    Column("dating", "", "U", "source of the times: arrival, own_clock or monotonic"),
     Column("logger", "", "U", "name of the logger"),
 )
 

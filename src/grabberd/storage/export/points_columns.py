@@ -13,15 +13,15 @@ from grabberd.storage.capture.checked_rows import END
 from grabberd.storage.capture.meta import CaptureMeta
 from grabberd.storage.capture.reader import CaptureReader
 
-_NUMBER = Column("n", "", "i4", "number of the field: n nominal steps after the first, lost ones included")
-_UTC = Column("time_utc", "", "M8[ms]", "middle of the field's exposure; empty for a recording played again")
+_NUMBER = Column("n", "", "i4", "number of the field: n nominal steps since the first, including lost ones")
+_UTC = Column("time_utc", "", "M8[ms]", "middle of the field's exposure; empty for a replayed recording")
 _POSITION = (
-    Column("time_s", "s", "f8", "the same, from the first field of the capture on", csv_format=".6f"),
+    Column("time_s", "s", "f8", "the same, in seconds since the capture's first field", csv_format=".6f"),
     Column("target", "", "i4", "id of the target, the same through the capture"),
     # All digits, so that CSV reads back bit for bit.
     *(Column(f"{a}_mm", "mm", "f8", f"{a.upper()} in the object's frame", csv_format="") for a in "xyz"),
 )
-_FROM_CALIBRATION = "from the calibration: common to all fields, reduced by no averaging"
+_FROM_CALIBRATION = "from the calibration: common to all fields, not reduced by averaging"
 
 
 def _measure(name: str, unit: str, meaning: str) -> Column:
@@ -35,7 +35,7 @@ _QUALITY = (
         _measure(f"calibration_sigma_{axis}_mm", "mm", f"σ of {axis}_mm {_FROM_CALIBRATION}")
         for axis in "xyz"
     ),
-    _measure("residual_px", "px", "root mean square of what the intersection leaves in the images"),
+    _measure("residual_px", "px", "root mean square of the image residuals of the intersection"),
 )
 _IMAGES = tuple(
     _measure(f"{view}_{axis}_px", "px", f"{axis} of its image in the {view} view, in frame pixels")
@@ -63,15 +63,15 @@ def _array(name: str, meaning: str) -> Column:
 
 GRID_COLUMNS = (
     _NUMBER,
-    Column("time_s", "s", "f8", "middle of its exposure, from the first field on; unknown for lost fields"),
-    Column("target", "", "i4", "id of the target: all of the object model, found or not"),
+    Column("time_s", "s", "f8", "middle of its exposure, since the first field; unknown for lost fields"),
+    Column("target", "", "i4", "ids of all targets of the object model, found or not"),
     Column("row", "", "i4", "its row on the target grid"),
     Column("column", "", "i4", "its column on the target grid"),
     Column("nominal_mm", "mm", "f8", "its nominal X, Y and Z in the object model"),
     _array("xyz_mm", "X, Y and Z in the object's frame"),
     _array("sigma_mm", "σ of X, Y and Z from pointing and line jitter"),
     _array("calibration_sigma_mm", f"σ of X, Y and Z {_FROM_CALIBRATION}"),
-    _array("residual_px", "root mean square of what the intersection leaves in the images"),
+    _array("residual_px", "root mean square of the image residuals of the intersection"),
     _array("left_px", "x and y of its image in the left view, in frame pixels"),
     _array("right_px", "x and y of its image in the right view, in frame pixels"),
 )
@@ -82,7 +82,7 @@ DATASET_COLUMNS = (
     Column("capture", "", WORD, "id of the capture"),
     Column("device", "", WORD, "name of the grabber"),
     Column("calibration", "", WORD, "id of the calibration the points were measured with"),
-    Column("labels", "", LABELS, "the capture's labels as they were recorded"),
+    Column("labels", "", LABELS, "the capture's labels as recorded"),
 )
 
 

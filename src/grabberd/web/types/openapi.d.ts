@@ -13,8 +13,8 @@ export interface paths {
         };
         /**
          * List captures
-         * @description Captures, newest first unless sorted otherwise, page by page. Captures that come or go meanwhile do not
-         *     shift the pages.
+         * @description Captures, newest first unless sorted otherwise, page by page. Captures added or deleted meanwhile do
+         *     not shift the pages.
          */
         get: operations["list_captures"];
         put?: never;
@@ -43,7 +43,7 @@ export interface paths {
         };
         /**
          * List captures as CSV
-         * @description Captures, newest first unless sorted otherwise, a row each: verdicts, labels, and the main quantities
+         * @description Captures, newest first unless sorted otherwise, one row each: verdicts, labels, and the main quantities
          *     of the latest analysis with their standard deviations.
          */
         get: operations["list_captures_as_csv"];
@@ -78,8 +78,8 @@ export interface paths {
         head?: never;
         /**
          * Pin or annotate a capture
-         * @description Change the note, the labels, the marks or the pin. They are stored apart from the file, which stays as
-         *     it was recorded.
+         * @description Change the note, the labels, the marks or the pin. They are stored separately from the file, which is
+         *     not modified.
          */
         patch: operations["patch_capture"];
         trace?: never;
@@ -138,7 +138,7 @@ export interface paths {
          * Re-measure a capture
          * @description Re-measure a sealed capture with the device's present calibration: a job that adds a run.
          *
-         *     Damaged fields are left out unless they are asked for, fields without a signal always.
+         *     Damaged fields are left out unless requested, fields without a signal always.
          */
         post: operations["measure_capture"];
         delete?: never;
@@ -199,7 +199,8 @@ export interface paths {
         /**
          * Download several captures
          * @description The files of up to a hundred captures in one ZIP file, named by time and labels, with a table of all.
-         *     It is made while it is sent. What could not be sent whole is named in `MISSING.txt` inside.
+         *     It is created while it is sent. Files that could not be sent completely are listed in `MISSING.txt`
+         *     inside.
          */
         get: operations["get_captures_zip"];
         put?: never;
@@ -382,8 +383,8 @@ export interface paths {
         };
         /**
          * Get points as a PLY cloud
-         * @description The points of all fields or of one field as a cloud for programs that draw clouds: x, y, z in mm, with
-         *     field number, target and standard deviations as further properties.
+         * @description The points of all fields or of one field as a point cloud: x, y, z in mm, with field number, target and
+         *     standard deviations as further properties.
          */
         get: operations["get_points_ply"];
         put?: never;
@@ -403,7 +404,7 @@ export interface paths {
         };
         /**
          * Get points as Parquet
-         * @description The points as Parquet, the columns of the CSV with their units as metadata. 501 if the optional part
+         * @description The points as Parquet, the columns of the CSV with their units as metadata. 501 if the optional package
          *     that writes it is not installed.
          */
         get: operations["get_points_parquet"];
@@ -445,8 +446,8 @@ export interface paths {
         };
         /**
          * Get points as C3D
-         * @description The points as C3D for programs of motion analysis: a marker for each target, and a frame for each
-         *     field, lost ones included.
+         * @description The points as C3D for motion analysis programs: a marker for each target, and a frame for each field,
+         *     including lost ones.
          */
         get: operations["get_points_c3d"];
         put?: never;
@@ -466,8 +467,8 @@ export interface paths {
         };
         /**
          * Get channels as JSON, thinned out
-         * @description The vacuum and whatever else was measured beside the picture, in kPa on the time axis of the points;
-         *     with what is missing, and why. No channels where none were recorded.
+         * @description The vacuum and other quantities measured beside the picture, in kPa on the time axis of the points,
+         *     with gaps and their reasons. Empty if no channels were recorded.
          */
         get: operations["get_channels"];
         put?: never;
@@ -507,7 +508,7 @@ export interface paths {
         };
         /**
          * Get a field as a picture
-         * @description One field as it was recorded, as a picture that never changes.
+         * @description One field as recorded, as a picture that never changes.
          */
         get: operations["get_field_png"];
         put?: never;
@@ -547,7 +548,7 @@ export interface paths {
         };
         /**
          * Get the course of the wall's width in few numbers
-         * @description Widths across the middle row in six seconds from the middle of a sealed capture, for a small curve.
+         * @description Widths across the middle row over six seconds in the middle of a sealed capture, for a small curve.
          */
         get: operations["get_widths"];
         put?: never;
@@ -587,7 +588,7 @@ export interface paths {
         };
         /**
          * Get pictures of a stretch for replay
-         * @description The pictures of consecutive fields as they were recorded, as one binary message.
+         * @description The pictures of consecutive fields as recorded, as one binary message.
          */
         get: operations["get_replay_pictures"];
         put?: never;
@@ -610,7 +611,7 @@ export interface paths {
         /**
          * Analyse a capture
          * @description Determine surface, sections, curvature, strain, tension, pressure and pulsation from a sealed capture's
-         *     points: a job, whose result has the number of the analysis. A cancelled job leaves nothing behind.
+         *     points: a job, whose result contains the number of the analysis. A cancelled job leaves nothing behind.
          */
         post: operations["analyse_capture"];
         delete?: never;
@@ -630,9 +631,9 @@ export interface paths {
         put?: never;
         /**
          * Prepare an analysis
-         * @description Tell what an analysis would be made with if it were asked for with this body: its inputs with their
-         *     sources, what they lack and what that costs, and everything for which it would be refused. Nothing is
-         *     computed or kept.
+         * @description Show the inputs that an analysis requested with this body would use, with their sources, what is
+         *     missing and what that costs, and every reason for which it would be refused. Nothing is computed or
+         *     stored.
          */
         post: operations["prepare_analysis"];
         delete?: never;
@@ -733,7 +734,7 @@ export interface paths {
         /**
          * Get a table of an analysis
          * @description One table with all its rows, such as targets, triangles or edges; the reference of the analysis tables
-         *     describes every column. The file's name says so if the analysis has outdated pressures.
+         *     describes every column. The file name says so if the analysis has outdated pressures.
          */
         get: operations["get_analysis_table"];
         put?: never;
@@ -753,7 +754,7 @@ export interface paths {
         };
         /**
          * List the calibration frames
-         * @description The calibration frames that can be named; any other one is given as a document.
+         * @description The calibration frames that can be selected by name; others are sent as a document.
          */
         get: operations["list_calibration_frames"];
         put?: never;
@@ -821,7 +822,7 @@ export interface paths {
         /**
          * Activate a calibration
          * @description Measure with this calibration from the next field on, and after every restart. 409 while a capture is
-         *     running, and for one whose acceptance failed, unless an admin says `despite_failure`.
+         *     running, and for one whose acceptance failed, unless an admin sets `despite_failure`.
          */
         put: operations["activate_calibration"];
         post?: never;
@@ -841,8 +842,8 @@ export interface paths {
         get?: never;
         /**
          * Reject a calibration
-         * @description Mark a calibration as not accepted: it stays in the list, with a note. Activating it takes that
-         *     back. 409 while a device measures with it.
+         * @description Mark a calibration as not accepted: it stays in the list, with a note. Activating it revokes that. 409
+         *     while a device measures with it.
          */
         put: operations["reject_calibration"];
         post?: never;
@@ -861,7 +862,7 @@ export interface paths {
         };
         /**
          * Download a calibration
-         * @description The whole calibration as it was stored: one JSON document.
+         * @description The complete calibration as stored: one JSON document.
          */
         get: operations["get_calibration"];
         put?: never;
@@ -881,7 +882,7 @@ export interface paths {
         };
         /**
          * Get a calibration's report as a page
-         * @description The report on how the calibration was made and how good it is: a page to read and sign.
+         * @description The calibration's report, on how it was made and how good it is: a page to read and sign.
          */
         get: operations["get_calibration_report"];
         put?: never;
@@ -950,14 +951,14 @@ export interface paths {
         get: operations["get_profile"];
         /**
          * Store a profile's next version
-         * @description Store the next version of a profile, or the first (201), and bring a retired one back in use. The same
-         *     content again makes no version. 409 if the newest version is not `after`.
+         * @description Store the next version of a profile, or the first (201), and reinstate a retired one. Unchanged content
+         *     creates no version. 409 if the newest version is not `after`.
          */
         put: operations["put_profile"];
         post?: never;
         /**
          * Retire a profile
-         * @description Take a profile out of use: no label finds it any longer. All of its versions stay readable.
+         * @description Retire a profile: labels no longer select it. All of its versions stay readable.
          */
         delete: operations["retire_profile"];
         options?: never;
@@ -974,7 +975,7 @@ export interface paths {
         };
         /**
          * List a profile's versions
-         * @description All versions of a profile, the newest first.
+         * @description All versions of a profile, newest first.
          */
         get: operations["list_profile_versions"];
         put?: never;
@@ -1042,9 +1043,9 @@ export interface paths {
         put?: never;
         /**
          * Make a guided test of captures
-         * @description Analyse captures that were taken for a guided test, and judge them by its recipe: a job, whose result
-         *     has the id of the test. A capture whose label `test` names a recipe of one capture is tested by itself
-         *     as soon as it is sealed.
+         * @description Analyse captures made for a guided test, and judge them by its recipe: a job, whose result has the id
+         *     of the test. A capture whose label `test` names a recipe for a single capture is tested automatically as
+         *     soon as it is sealed.
          */
         post: operations["make_test"];
         delete?: never;
@@ -1062,7 +1063,7 @@ export interface paths {
         };
         /**
          * List the recipes of guided tests
-         * @description The guided tests that there are: what to do for each, and how its captures are taken.
+         * @description The available guided tests: what to do for each, and how its captures are made.
          */
         get: operations["list_recipes"];
         put?: never;
@@ -1082,7 +1083,7 @@ export interface paths {
         };
         /**
          * Get a guided test
-         * @description The checks of a test with their reasons, its quantities, and what it offers to the liner's profile.
+         * @description The checks of a test with their reasons, its quantities, and its offer to the liner's profile.
          */
         get: operations["get_test"];
         put?: never;
@@ -1102,7 +1103,7 @@ export interface paths {
         };
         /**
          * Get a guided test as a page
-         * @description The report of one page, self-contained: verdict, checks, quantities, figure, what it was made of.
+         * @description The self-contained one-page report: verdict, checks, quantities, figure, sources.
          */
         get: operations["get_test_report"];
         put?: never;
@@ -1124,8 +1125,8 @@ export interface paths {
         put?: never;
         /**
          * Store what a guided test offers
-         * @description Store the values that a test has found as the next version of the liner's profile. 409 if it offers
-         *     nothing, or the profile has been changed since the test; repeated, it answers with the version stored.
+         * @description Store the values found by a test as the next version of the liner's profile. 409 if it offers nothing,
+         *     or the profile has been changed since the test; repeated, it answers with the version stored.
          */
         post: operations["accept_offer"];
         delete?: never;
@@ -1143,8 +1144,8 @@ export interface paths {
         };
         /**
          * List jobs
-         * @description The jobs that wait or run and those that have ended in the last month, newest first, page by page. They
-         *     outlive the daemon: what waited or ran when it ended is done after its next start.
+         * @description Waiting and running jobs and those that ended within the last month, newest first, page by page. They
+         *     outlive the daemon: jobs that waited or ran when it stopped are done after its next start.
          */
         get: operations["list_jobs"];
         put?: never;
@@ -1237,7 +1238,7 @@ export interface paths {
         };
         /**
          * Get the newest field as a picture
-         * @description The newest field in 8 bits, with its lines as recorded. A new one at most five times a second.
+         * @description The newest field in 8 bits, with its lines as recorded. Updated at most five times a second.
          */
         get: operations["get_preview_png"];
         put?: never;
@@ -1257,7 +1258,7 @@ export interface paths {
         };
         /**
          * Get the settings
-         * @description The settings in force: those of the configuration, or what was set in their place.
+         * @description The active settings: those of the configuration, or those set in their place.
          */
         get: operations["get_settings"];
         /**
@@ -1362,7 +1363,7 @@ export interface paths {
         /**
          * Get the last minutes, field by field
          * @description Targets, points, residual, latency and widths of every measured field of the last minutes, and the
-         *     vacuum; `/curves/stream` goes on with them. Five minutes are kept, whether or not anybody looks.
+         *     vacuum; `/curves/stream` continues them. Five minutes are kept, whether or not anybody is connected.
          */
         get: operations["get_curves"];
         put?: never;
@@ -1423,7 +1424,7 @@ export interface paths {
         /**
          * Get the illumination
          * @description Illumination of the newest field, to adjust lamp and lens: histogram, number and mean size of the
-         *     targets in each view. A new field at most five times a second.
+         *     targets in each view. Updated at most five times a second.
          */
         get: operations["get_light"];
         put?: never;
@@ -1465,8 +1466,8 @@ export interface paths {
         /**
          * Check that every device measures as it should
          * @description Check that every device measures as it should: that it streams at its rate, loses no fields, has a
-         *     signal, a calibration that fits, and room on the disk. 503 lists what does not. `faults` says what is
-         *     wrong with the daemon itself, which does not keep it from measuring.
+         *     signal, a calibration that fits, and room on the disk. 503 lists what does not. `faults` lists problems of
+         *     the daemon itself, which do not keep it from measuring.
          */
         get: operations["get_readiness"];
         put?: never;
@@ -1486,8 +1487,8 @@ export interface paths {
         };
         /**
          * Get the state at a glance
-         * @description State at a glance: devices, rings, newest points, storage. Its numbers are a fifth of a second old at
-         *     most; what a request has changed is in it from that request's response on.
+         * @description State at a glance: devices, rings, newest points, storage. Its numbers are at most a fifth of a second
+         *     old; changes made by a request are included once that request has been answered.
          */
         get: operations["get_state"];
         put?: never;
@@ -1507,7 +1508,7 @@ export interface paths {
         };
         /**
          * Check that the daemon serves
-         * @description The daemon serves, whatever its devices do. 503 where a capture thread is stuck: restart the daemon.
+         * @description The daemon is serving, whatever its devices do. 503 if a capture thread hangs: restart the daemon.
          */
         get: operations["get_health"];
         put?: never;
@@ -1527,8 +1528,8 @@ export interface paths {
         };
         /**
          * Get diagnostics for support
-         * @description One ZIP file to send to whoever helps: versions, grabbers, configuration without secrets, devices,
-         *     captures with their ledgers, jobs, the last lines of the log. No pictures, tokens or certificates.
+         * @description One ZIP file for support: versions, grabbers, configuration without secrets, devices, captures with
+         *     their ledgers, jobs, the last lines of the log. No pictures, tokens or certificates.
          */
         get: operations["get_diagnostics"];
         put?: never;
@@ -1548,7 +1549,7 @@ export interface paths {
         };
         /**
          * Read the API description as a page
-         * @description This description as a page to read; it loads nothing from any other host.
+         * @description This description as a page; it loads nothing from other hosts.
          */
         get: operations["get_docs"];
         put?: never;
@@ -3656,12 +3657,12 @@ export interface components {
         CowProfile: {
             /**
              * Name
-             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
+             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, spaces, `.`, `_`, `-`.
              */
             name: string;
             /**
              * Note
-             * @description Anything for people, such as where it is kept, or that it is an example.
+             * @description Free text, such as where it is kept, or that it is an example.
              * @default
              */
             note?: string;
@@ -3679,7 +3680,7 @@ export interface components {
             lactation?: number | null;
             /**
              * Teats
-             * @description Teats by the value of the label `teat`: size and shape of the end, for people.
+             * @description Teats by the value of the label `teat`: size and shape of the end, for information.
              */
             teats?: {
                 [key: string]: components["schemas"]["TeatDocument"];
@@ -3689,17 +3690,17 @@ export interface components {
         };
         /**
          * CupProfile
-         * @description A cup with its targets: what it belongs to, and how well its vacuum gauge is known.
+         * @description A cup with its targets: its device and object model, and the σ of its vacuum gauge.
          */
         CupProfile: {
             /**
              * Name
-             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
+             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, spaces, `.`, `_`, `-`.
              */
             name: string;
             /**
              * Note
-             * @description Anything for people, such as where it is kept, or that it is an example.
+             * @description Free text, such as where it is kept, or that it is an example.
              * @default
              */
             note?: string;
@@ -3710,7 +3711,7 @@ export interface components {
             kind: "cup";
             /**
              * Device
-             * @description Device whose camera looks into it.
+             * @description Device whose camera views it.
              */
             device?: string | null;
             /**
@@ -3720,7 +3721,7 @@ export interface components {
             object_model?: string | null;
             /**
              * Gauge
-             * @description The gauge on it, and when it was calibrated.
+             * @description Its gauge, and when that was calibrated.
              */
             gauge?: string | null;
             /**
@@ -4551,17 +4552,17 @@ export interface components {
         };
         /**
          * LagDocument
-         * @description Delay from the vacuum's half height to half of the wall's stroke; negative: the wall is first.
+         * @description Delay from half the vacuum to half the wall's stroke; negative: the wall leads.
          */
         LagDocument: {
             /**
              * Opening S
-             * @description In opening.
+             * @description While opening.
              */
             opening_s: number;
             /**
              * Closing S
-             * @description In closing.
+             * @description While closing.
              */
             closing_s: number;
             /**
@@ -4655,12 +4656,12 @@ export interface components {
         LinerProfile: {
             /**
              * Name
-             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
+             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, spaces, `.`, `_`, `-`.
              */
             name: string;
             /**
              * Note
-             * @description Anything for people, such as where it is kept, or that it is an example.
+             * @description Free text, such as where it is kept, or that it is an example.
              * @default
              */
             note?: string;
@@ -4683,7 +4684,7 @@ export interface components {
             lot?: string | null;
             /**
              * Age Milkings
-             * @description Milkings that it has done.
+             * @description Number of milkings it has been used for.
              */
             age_milkings?: number | null;
             /** @description The `material` of an analysis' inputs, whole or by `zones`; here σ of E, thickness and force are required. */
@@ -4695,9 +4696,9 @@ export interface components {
             obtained?: {
                 [key: string]: string;
             };
-            /** @description The wall's lag, by which a pulsator's settings are dated; without `near_s`. */
+            /** @description The wall's lag, which relates a pulsator's settings to the capture; without `near_s`. */
             lag?: components["schemas"]["LagDocument"] | null;
-            /** @description How captures of this liner are analysed unless the inputs say otherwise: `reference`, `plane`, `heights_mm`, `phases`, `sought_kpa`, `unseen`. */
+            /** @description Defaults for the analysis of this liner's captures: `reference`, `plane`, `heights_mm`, `phases`, `sought_kpa`, `unseen`. */
             analysis?: components["schemas"]["JsonObject"] | null;
         };
         /**
@@ -5242,7 +5243,7 @@ export interface components {
             fields?: number | null;
             /**
              * Duration S
-             * @description Length in seconds; that of an armed capture is from the trigger on.
+             * @description Length in seconds; for an armed capture, counted from the trigger.
              */
             duration_s?: number | null;
             /** @description Bits per pixel; default: as configured. */
@@ -5321,7 +5322,7 @@ export interface components {
             fields?: number | null;
             /**
              * Duration S
-             * @description Length in seconds; that of an armed capture is from the trigger on.
+             * @description Length in seconds; for an armed capture, counted from the trigger.
              */
             duration_s?: number | null;
             /** @description Bits per pixel; default: as configured. */
@@ -5954,7 +5955,7 @@ export interface components {
         };
         /**
          * ProfileVersions
-         * @description All versions of a profile, the newest first.
+         * @description All versions of a profile, newest first.
          */
         ProfileVersions: {
             /** Versions */
@@ -5988,12 +5989,12 @@ export interface components {
         PulsatorProfile: {
             /**
              * Name
-             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, blanks, `.`, `_`, `-`.
+             * @description Value of the capture's label of this kind, such as `liner: A`; letters, digits, spaces, `.`, `_`, `-`.
              */
             name: string;
             /**
              * Note
-             * @description Anything for people, such as where it is kept, or that it is an example.
+             * @description Free text, such as where it is kept, or that it is an example.
              * @default
              */
             note?: string;
@@ -6118,7 +6119,7 @@ export interface components {
          * @description Kind of a change; each is entered once, with the first field that goes by the new base.
          * @enum {string}
          */
-        Rebase: "clock" | "arrivals" | "timestamps" | "begin" | "count" | "phase" | "numbers";
+        Rebase: "clock" | "arrivals" | "timestamps" | "begin" | "count" | "phase" | "numbers" | "rate";
         /**
          * RecipeDocument
          * @description Recipe of a guided test: its steps, and its captures.
@@ -7062,11 +7063,15 @@ export interface components {
         ThresholdConfig: {
             /**
              * Kind
+             * @description fixed: `value`; trinder: the paper's equation 3; automatic: least error
              * @default automatic
              * @enum {string}
              */
             kind?: "fixed" | "trinder" | "automatic";
-            /** Value */
+            /**
+             * Value
+             * @description grey value, for kind fixed
+             */
             value?: number | null;
             /**
              * Map

@@ -35,7 +35,7 @@ def _left_out(result: CalibrateResult, explained: set[int]) -> Iterator[Reason]:
     yield from graded(share, LEFT_OUT_SHARE).reason(
         "left_out",
         f"{len(blunders)} image points contradict the others and were left out: {ids}",
-        "look whether anything covers these targets or shines on them; measure their places anew",
+        "check whether anything covers these targets or shines on them; measure their positions again",
         {"n": len(blunders), "ids": ids},
     )
 
@@ -60,7 +60,7 @@ def _unmodelled(unmodelled_px: float) -> Iterator[Reason]:
         "unmodelled",
         f"the image points are off by {unmodelled_px:.2f} px beyond their own σ: dirty or bent mirrors, a "
         "calibration frame that differs from its file, or parameters that were held",
-        "clean the mirrors, measure the calibration frame anew, or adjust more parameters",
+        "clean the mirrors, measure the calibration frame again, or adjust more parameters",
         {"px": unmodelled_px},
     )
 
@@ -71,8 +71,8 @@ def _bent(patterns: Sequence[Pattern]) -> Iterator[Reason]:
             yield Reason(
                 "pattern",
                 REMARK,
-                f"neighbouring residuals of the {one.view} view agree (correlation {one.correlation:.2f}): "
-                "the picture is bent in a way that nothing describes",
+                f"neighbouring residuals of the {one.view} view are correlated ({one.correlation:.2f}): "
+                "the picture is distorted in a way that no parameter describes",
                 "clean and straighten the mirrors of that view; leave the local field switched on",
                 {"view": one.view, "correlation": one.correlation},
             )

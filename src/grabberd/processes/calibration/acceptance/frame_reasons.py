@@ -36,7 +36,7 @@ def _runner_up(result: CalibrateResult) -> Iterator[Reason]:
             yield Reason(
                 "runner_up",
                 REMARK,
-                f"the {side.view.name} view is nearly as well explained in another way: "
+                f"the {side.view.name} view is explained nearly as well by another assignment: "
                 f"{side.runner_up_targets} targets to {side.runner_up_rms_px:.2f} px, against "
                 f"{int((side.target >= 0).sum())} to {side.rms_px:.2f} px",
                 "show the whole calibration frame, or identify some targets by hand",
@@ -51,7 +51,7 @@ def _alike(result: CalibrateResult, alike: Sequence[Symmetry]) -> Iterator[Reaso
         yield Reason(
             "alike",
             REMARK,
-            f"{alike[0]}, and not all of them are seen: only those missing tell which is which",
+            f"{alike[0]}, and not all of them are visible: only the missing ones resolve the ambiguity",
             "show the whole calibration frame, or add a target that breaks the repetition",
         )
 
@@ -64,10 +64,10 @@ def _grid(result: CalibrateResult) -> Iterator[Reason]:
         yield Reason(
             "exchanged",
             REMARK,
-            f"targets {first} and {second} are exchanged in the calibration frame's file: each stands where "
+            f"targets {first} and {second} are exchanged in the calibration frame's file: each is where "
             "the row and column of the other belong",
-            f"give target {first} the id of {second} and the other way round, or exchange their rows and "
-            "columns if the ids are right; the calibration, which goes by places, stays as it is",
+            f"give target {first} the id of {second} and vice versa, or exchange their rows and "
+            "columns if the ids are right; the calibration, which uses positions, is not affected",
             {"first": first, "second": second, "what": "id"},
         )
     if order.astray:
@@ -75,9 +75,8 @@ def _grid(result: CalibrateResult) -> Iterator[Reason]:
         yield Reason(
             "grid_order",
             REMARK,
-            f"targets {ids} do not stand where their rows and columns in the calibration frame's file put "
-            "them",
-            "correct the ids, places or rows and columns of these targets in the file",
+            f"targets {ids} are not where their rows and columns in the calibration frame's file put them",
+            "correct the ids, positions or rows and columns of these targets in the file",
             {"ids": ids},
         )
 
@@ -103,8 +102,8 @@ def _displaced(frame: ObjectModel, displaced: Sequence[DisplacedTarget]) -> Iter
     short = ", ".join(f"{frame.target[one.target]} ({one.distance_mm:.2f} mm)" for one in displaced)
     yield from graded(len(displaced) / len(frame), DISPLACED_SHARE).reason(
         "displaced",
-        f"targets stand elsewhere than the calibration frame's file has them: {said}",
-        "measure these targets anew, correct the file, and calibrate again",
+        f"targets are not where the calibration frame's file places them: {said}",
+        "measure these targets again, correct the file, and recalibrate",
         {"n": len(displaced), "ids": short},
     )
 

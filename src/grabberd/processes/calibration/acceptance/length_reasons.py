@@ -23,7 +23,7 @@ def length_reasons(check: CheckLength | None, length: MeasuredLength | None) -> 
         yield Reason(
             "no_check_length",
             REMARK,
-            "no check length is given, so nothing tells whether the scale of the calibration frame's file is "
+            "no check length is given, so nothing confirms that the scale of the calibration frame's file is "
             "right",
             "have the distance between two targets certified, and state it as check_length in that file",
         )
@@ -33,9 +33,9 @@ def length_reasons(check: CheckLength | None, length: MeasuredLength | None) -> 
         yield Reason(
             "length_unseen",
             REMARK,
-            f"the check length from target {check.first} to {check.second} could not be measured: not both "
-            "views have kept both targets",
-            "uncover the two targets and take the capture again, or certify another distance",
+            f"the check length from target {check.first} to {check.second} could not be measured: a view "
+            "lacks one of the targets",
+            "uncover the two targets and repeat the capture, or certify another distance",
             between,
         )
     elif abs(length.difference_mm) > LENGTH_MM:

@@ -29,7 +29,7 @@ def _movement(result: CalibrateResult) -> Iterator[Reason]:
         "moved",
         f"the picture moved by {moved:.2f} px rms during the capture, "
         f"{max(one.drift_px for one in result.stillness):.2f} px of it steadily",
-        "fasten the stand of the calibration frame, touch nothing, and take the capture again",
+        "fasten the calibration frame's stand, touch nothing, and repeat the capture",
         {"px": moved},
     )
     if (count := result.images[0].of_fields) < ENOUGH_FIELDS:
@@ -62,7 +62,7 @@ def _focus(result: CalibrateResult) -> Iterator[Reason]:
                 REMARK,
                 f"the discs of the {view.name} view appear {share:.1f} times as large as their geometric "
                 "image: the picture is out of focus, or far too bright",
-                "turn the lens until the targets are smallest; close the iris a little",
+                "focus the lens until the targets are smallest; close the iris a little",
                 {"view": view.name, "times": share},
             )
 

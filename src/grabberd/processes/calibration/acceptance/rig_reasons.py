@@ -47,7 +47,7 @@ def _handedness(rows: Sequence[RigQuantity]) -> Iterator[Reason]:
                 FAILED,
                 f"the {one.view} view has handedness {one.found:+.0f}, but the rig states {built:+.0f}: that "
                 "half of the picture is mirrored",
-                "switch off the mirroring of camera or grabber, or count the mirrors of that view anew",
+                "switch off the mirroring of camera or grabber, or recount the mirrors of that view",
                 values,
             )
         elif before is not None and built is None and before != one.found:

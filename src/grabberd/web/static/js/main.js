@@ -1,6 +1,7 @@
-// Entry point: loads the texts, creates store and shell, opens the stream of changes.
+// Entry point: loads the first view's texts, creates store and shell, opens the stream of changes.
 import { createConnection } from "./core/connection.js";
 import { createContext } from "./core/context.js";
+import { createTexts } from "./core/texts.js";
 import { createShell } from "./shell/shell.js";
 
 /** @import { First } from "./core/context.js" */
@@ -10,13 +11,14 @@ import { createShell } from "./shell/shell.js";
 const first = JSON.parse(document.getElementById("first")?.textContent ?? "{}");
 const language = document.documentElement.lang;
 
-/** Every text of the language. @returns {Promise<Catalogue>} */
-async function catalogue() {
-  const answer = await fetch(new URL(`../texts/${language}.json`, import.meta.url));
+/** Texts of the language. @param {string} name @returns {Promise<Record<string, Catalogue>>} */
+async function catalogues(name) {
+  const answer = await fetch(new URL(`../texts/${name}.json`, import.meta.url));
   return answer.json();
 }
 
-const context = createContext(first, await catalogue(), language);
+const texts = createTexts(await catalogues(language), language, () => catalogues(`${language}.rest`));
+const context = createContext(first, texts);
 const connection = createConnection(context.store, context.api);
 // The frame without its panel, which the daemon wrote into the page, was there to be seen at once.
 document.getElementById("waiting")?.replaceWith(createShell(context));

@@ -6,15 +6,13 @@ import { createConfirm } from "./confirm.js";
 import { createFormat } from "./format.js";
 import { go } from "./router.js";
 import { createStore, deviceOf } from "./store.js";
-import { createTexts } from "./texts.js";
 import { keptText } from "./kept.js";
 
-/** @import { Values } from "./texts.js" */
+/** @import { Texts, Values } from "./texts.js" */
 /** @import { Announcement } from "./announce.js" */
 /** @import { Question } from "./confirm.js" */
 /** @import { Format } from "./format.js" */
 /** @import { Store } from "./store.js" */
-/** @import { Catalogue } from "./texts.js" */
 /** @import { Device, Role, Session, State } from "types/documents" */
 /** @import { Api } from "types/routes" */
 
@@ -28,7 +26,7 @@ const RANKS = ["viewer", "operator", "admin"];
  * @property {(key: string, values?: Values) => string} t a text
  * @property {(key: string, n: number, values?: Values) => string} tn a text in the number's form
  * @property {(key: string) => string[]} tl a list of texts
- * @property {ReturnType<typeof createTexts>} texts
+ * @property {Texts} texts
  * @property {Format} format numbers, times, sizes
  * @property {(role: Role) => boolean} may true if the user of the page has this role, or a higher one
  * @property {() => Device | null} device the chosen one
@@ -47,8 +45,8 @@ const RANKS = ["viewer", "operator", "admin"];
  * @property {string} now_utc the daemon's time when it wrote the page
  */
 
-/** @param {First} first @param {Catalogue} catalogue @param {string} language @returns {Context} */
-export function createContext(first, catalogue, language) {
+/** @param {First} first @param {Texts} texts @returns {Context} */
+export function createContext(first, texts) {
   const store = createStore({
     session: first.session,
     state: first.state,
@@ -57,13 +55,12 @@ export function createContext(first, catalogue, language) {
     clockOffset_ms: Date.parse(first.now_utc) - arrived_ms(),
   });
   const api = createApi({ onUnauthorised: () => store.set({ session: null, state: null }) });
-  const texts = createTexts(catalogue, language);
   const announcer = createAnnouncer(texts.t);
   const now_ms = () => Date.now() + store.get().clockOffset_ms;
   return {
     store, api, texts, go,
     t: texts.t, tn: texts.tn, tl: texts.tl,
-    format: createFormat(language, texts.t),
+    format: createFormat(texts.language, texts.t),
     may: (role) => rankOf(store.get().session) >= RANKS.indexOf(role),
     device: () => deviceOf(store.get()),
     announce: announcer.announce,

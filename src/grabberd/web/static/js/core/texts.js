@@ -5,10 +5,13 @@
 /** @typedef {ReturnType<typeof createTexts>} Texts */
 
 /**
- * @param {Catalogue} catalogue every catalogue of a language, by name
+ * @param {Record<string, Catalogue>} catalogue the first view's catalogues of a language, by name
  * @param {string} language
+ * @param {() => Promise<Record<string, Catalogue>>} fetchRest gets the others
  */
-export function createTexts(catalogue, language) {
+export function createTexts(catalogue, language, fetchRest) {
+  /** @type {Promise<unknown> | null} */
+  let rest = null;
   const plurals = new Intl.PluralRules(language);
 
   /** @param {string} key @returns {Catalogue | undefined} */
@@ -35,7 +38,19 @@ export function createTexts(catalogue, language) {
   /** True if there is such a text; for keys that the daemon chooses. @param {string} key */
   const has = (key) => find(key) !== undefined;
 
-  return { t, tn, tl, has, language };
+  /** Resolves once the other panels' texts are there. What failed is tried again when next asked for. */
+  function all() {
+    rest ??= fetchRest().then(
+      (more) => Object.assign(catalogue, more),
+      (error) => {
+        rest = null;
+        throw error;
+      },
+    );
+    return rest;
+  }
+
+  return { t, tn, tl, has, all, language };
 }
 
 /** @param {Catalogue | undefined} part @param {string} name */

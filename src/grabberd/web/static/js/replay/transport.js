@@ -34,8 +34,8 @@ export function createTransport(context, playhead, { field_s, total, cycle }) {
   const slider = el("input", { class: "slider", type: "range", min: 0, max: Math.max(0, total() - 1), step: 1, value: 0, "aria-label": t("capture.whichField"), on: { input: () => goTo(Number(slider.value)) } });
   const when = el("output", { class: "number replay-when" });
   const state = el("p", { class: "replay-state small", role: "status" });
-  const element = el("div", { class: "replay-transport" }, slider,
-    el("div", { class: "replay-buttons" }, steps.slice(0, 2), play, steps.slice(2), el("div", { class: "choices replay-speeds", role: "radiogroup", "aria-label": t("shape.speed") }, speeds), loop, state, when));
+  const element = el("div", { class: "replay-transport" }, el("div", { class: "replay-track" }, slider, when),
+    el("div", { class: "replay-buttons" }, steps.slice(0, 2), play, steps.slice(2), el("div", { class: "choices replay-speeds", role: "radiogroup", "aria-label": t("shape.speed") }, speeds), loop, state));
   let looking = false;
 
   /** @param {number} by */

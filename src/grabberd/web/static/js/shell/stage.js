@@ -54,16 +54,18 @@ export function createStage(context, entries, main, mark) {
   /** @param {Entry} entry */
   async function load(entry) {
     try {
-      return (await entry.load()).panel;
+      const [module] = await Promise.all([entry.load(), entry === entries[0] || context.texts.all()]);
+      return module.panel;
     } catch (error) {
       fail(error);
       return null;
     }
   }
 
-  /** Fetches the other panels while nobody waits for one: their modules import each other, level after level. */
+  /** Fetches the other panels and their texts while nobody waits for one: their modules import each other, level after level. */
   async function loadAhead() {
     try {
+      await context.texts.all();
       for (const entry of entries) await entry.load();
     } catch (error) {
       console.warn("The other panels were not loaded ahead.", error); // whoever asks for one is told
