@@ -21,6 +21,8 @@ PAGE_TYPES := src/grabberd/web/types/openapi.d.ts
 PAGE_SOURCES = $(shell find src/grabberd/web/static/js src/grabberd/web/types tests/web/types -type d -o -name '*.js' -o -name '*.ts')
 SITE := src/grabberd/web/site/index.html
 SITE_SOURCES = README.md CHANGELOG.md $(shell find docs src/grabberd/public -name '*.md' -o -name '*.ipynb' -o -name '*.py' -o -name '*.png' -o -name '*.svg')
+# Tests of the virtual machine that need the package; all others need none.
+OF_PACKAGE := test_deb.py test_first_day.py
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 .PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto ffmpeg promtool screenshots test-vm test-wheel test-pythons sizes test-install test-deb test-vm-deb test-container wheel sdist deb check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs site format lock clean
@@ -94,10 +96,10 @@ npm:
 	  || echo "*** npm is missing, so the page's types are NOT checked: sudo apt-get install npm ***"
 
 test-vm: $(READY)  ## driver and service under a real kernel and systemd, in a virtual machine (WRITE=1: results into docs/)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/vm --ignore=tests/vm/test_deb.py $(if $(WRITE),--write-tables)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/vm $(addprefix --ignore=tests/vm/,$(OF_PACKAGE)) $(if $(WRITE),--write-tables)
 
-test-vm-deb: $(READY)  ## the Debian package in the same machine: installed, captures, purged (six minutes)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/vm/test_deb.py
+test-vm-deb: deb  ## the Debian package in the same machine: installed, captures, purged; a new user's first day with it (WRITE=1: into docs/)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(addprefix tests/vm/,$(OF_PACKAGE)) $(if $(WRITE),--write-tables)
 
 test-wheel: wheel sdist  ## install wheel and source archive, with a compiler and without, into an empty environment; capture there
 	@! ls $(WHEELS)/grabberd-*abi3*.whl >/dev/null 2>&1 || $(BIN)/abi3audit --strict $(WHEELS)/grabberd-*.whl
@@ -109,16 +111,16 @@ test-pythons: wheel  ## the wheel in every Python from 3.11 on that this machine
 test-install: wheel  ## pack a bundle, install it into an empty root without internet, upgrade and remove it there
 	WHEEL=$$(echo $(WHEELS)/grabberd-*.whl) bash tests/systemd/bundle_and_install.sh "$(SYSTEM_PYTHON)" "$(BIN)/python"
 
-sizes: wheel  ## how large each package of an installation is, and which of them a daemon loads
+sizes: wheel $(if $(WRITE),sdist deb)  ## how large each package of an installation is, and which of them a daemon loads (WRITE=1: into docs/)
 	@rm -rf build/sizes && $(PYTHON) -m venv build/sizes
 	@build/sizes/bin/python -m pip install --quiet --no-compile --constraint constraints.txt $(WHEELS)/grabberd-*.whl
-	@build/sizes/bin/python tests/wheel/sizes.py 2>/dev/null
+	@build/sizes/bin/python tests/wheel/sizes.py $(if $(WRITE),docs/reference/sizes.md) 2>build/sizes/log || { cat build/sizes/log; exit 1; }
 
-test-deb: $(READY)  ## make the Debian package twice, compare, ask lintian; install it into an empty root and capture there
-	@WHEEL= bash tests/systemd/make_and_check_deb.sh "$(SYSTEM_PYTHON)" $(BIN)/python
+test-deb: wheel  ## make the Debian package twice, compare, ask lintian; install it into an empty root and capture there
+	@WHEEL=$$(echo $(WHEELS)/grabberd-*.whl) bash tests/systemd/make_and_check_deb.sh "$(SYSTEM_PYTHON)" $(BIN)/python
 
-test-container: $(READY)  ## build the image and run it, where podman or buildah can
-	@bash tests/container/build_and_run.sh $(BIN)/python
+test-container: wheel  ## build the image and run it, where podman or buildah can
+	@WHEEL=$$(echo $(WHEELS)/grabberd-*.whl) bash tests/container/build_and_run.sh $(BIN)/python
 
 wheel: $(READY) site  ## the wheel, tagged for the oldest glibc that its kernel runs with, into build/wheel
 	@rm -rf $(WHEELS)
@@ -142,8 +144,8 @@ rollback:  ## go back to the release before the latest installation
 uninstall:  ## remove the service; captures and configuration stay
 	@DESTDIR="$(DESTDIR)" sh systemd/installer.sh uninstall
 
-bundle: $(READY)  ## pack wheels and installer for a computer without internet, into dist/
-	@bash systemd/bundle.sh $(BIN)/python dist
+bundle: wheel  ## pack wheels and installer for a computer without internet, into dist/
+	@WHEEL=$$(echo $(WHEELS)/grabberd-*.whl) bash systemd/bundle.sh $(BIN)/python dist
 
 deb: $(READY) wheel  ## make a Debian package, with what is in it (CycloneDX) and digests, into dist/deb
 	@rm -rf $(DEB)

@@ -33,7 +33,9 @@ class KernelHook(BuildHookInterface):  # type: ignore[type-arg]
         if wanted == "no":
             return
         sources = Path(self.root, "src/grabberd/kernel")
-        made = Path(tempfile.mkdtemp(prefix="grabberd-kernel-"), NAME)
+        # Removed with this hook, once the wheel is packed.
+        self._folder = tempfile.TemporaryDirectory(prefix="grabberd-kernel-")
+        made = Path(self._folder.name, NAME)
         if problem := build(sources, made):
             if wanted == "must":
                 raise RuntimeError(problem)

@@ -79,6 +79,13 @@ do_configure() {
     step_units
     step_start
     step_health
+    [ -n "$old" ] || say_where
+}
+
+# What who has just installed it looks for.
+say_where() {
+    say "configuration: $CONFIG   captures: $STATE/captures"
+    ! is_live || is_masked || say "page: http://$(systemctl show grabberd.socket -p Listen --value | sed 's/ .*//')"
 }
 
 # Also where no systemd runs: in the image of a machine that boots later.

@@ -20,8 +20,10 @@ TUTORIALS = "tutorials/"
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that are no Markdown files below docs/: notebooks, README, CHANGELOG and decisions."""
     for path in sorted((ROOT / "docs" / "notebooks").glob("*.ipynb")):
-        text = _notebook_page(json.loads(path.read_text(encoding="utf-8")), path.name)
+        notebook = path.read_text(encoding="utf-8")
+        text = _notebook_page(json.loads(notebook), path.name)
         files.append(File.generated(config, f"{TUTORIALS}{path.stem}.md", content=text))
+        files.append(File.generated(config, f"{TUTORIALS}{path.name}", content=notebook))
     for name, uri in (("README.md", "index.md"), ("CHANGELOG.md", "changelog.md")):
         text = (ROOT / name).read_text(encoding="utf-8").replace("](docs/", "](")
         files.append(File.generated(config, uri, content=text))
@@ -67,7 +69,5 @@ def _notebook_page(notebook: dict[str, Any], name: str) -> str:
     for cell in notebook["cells"]:
         text = "".join(cell["source"])
         parts.append(text if cell["cell_type"] == "markdown" else f"```python\n{text}\n```")
-    parts.append(
-        f"*This page is the notebook `docs/notebooks/{name}`, without its pictures: run it to see them.*"
-    )
+    parts.append(f"*This page is the notebook [{name}]({name}), without its pictures: run it to see them.*")
     return "\n\n".join(parts)

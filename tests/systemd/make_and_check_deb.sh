@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Makes the Debian package of all of it twice and compares; asks lintian; installs it into an empty root, captures there
 # as the package's program, and purges it.
+# $WHEEL, if set, is grabberd's own wheel; otherwise it is built.
 # usage: make_and_check_deb.sh SYSTEM_PYTHON BUILDING_PYTHON [BUNDLE]
 set -euo pipefail
 python=$1 building_python=$2 here=$(cd "$(dirname "$0")/../.." && pwd)
@@ -36,6 +37,7 @@ touch "$database"/{status,available}
 dpkg() { DEBIAN_FRONTEND=noninteractive command dpkg --root="$root" --force-depends --force-script-chrootless --force-not-root --no-triggers "$@" >"$work/said" 2>&1 || { cat "$work/said"; fail "dpkg $*"; }; }
 dpkg --install "$deb"
 grabberd() { env -i PATH=/usr/bin:/bin HOME="$work" "$root/usr/lib/grabberd/bin/python" -c 'from grabberd.cli import main; main()' "$@"; }
+test -s "$(echo "$root"/usr/lib/grabberd/lib/python3*/site-packages/grabberd/web/site/index.html)" || fail "it has no documentation to serve at /docs"
 grabberd check-config "$root/etc/grabberd/grabberd.yaml" >/dev/null
 grabberd capture --fields 32 --out "$work/liner.grab"
 dpkg --purge grabberd

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -89,6 +90,13 @@ def test_it_is_installed_and_runs(with_first: Packaged) -> None:
     unit = (with_first.root / "usr/lib/systemd/system/grabberd.service").read_text()
     assert f"ExecStart=/{RELEASE}/bin/grabberd serve" in unit
     assert "enable --quiet grabberd.socket grabberd.service" in with_first.calls
+
+
+def test_who_installs_it_is_told_where_everything_is(machine: Packaged, first: Path, second: Path) -> None:
+    said = machine.dpkg("--install", first).said
+    assert "configuration: /etc/grabberd/grabberd.yaml   captures: /var/lib/grabberd/captures" in said
+    assert re.search(r"page: http://127\.0\.0\.1:\d+$", said, re.MULTILINE), said
+    assert "page: " not in machine.dpkg("--install", second).said
 
 
 def test_an_upgrade_keeps_the_configuration_and_a_copy_of_the_state(

@@ -33,6 +33,8 @@ PACKAGES = (
     "libusb-1.0-0",
     "procps",
     "e2fsprogs",
+    "iproute2",
+    "curl",
 )
 SITE = "opt/site"
 """Where the Python packages are in the guest."""

@@ -73,13 +73,22 @@ class GuestError(Exception):
 class Machine:
     """Boots in `with`; gone, whatever happens, at its end.
 
+    It has no network, but for a port of the host's loopback that leads to one of its own, if it is
+    `forwarded`: (the host's, the guest's). Nothing else goes through, in either direction.
+
     Attributes:
         share: a folder that host and guest (there: /share) both write.
         calls: what was called, with the guest's and the host's seconds.
     """
 
     def __init__(
-        self, image: Image, processor: Processor, *, memory_mb: int = 1024, disks: Disks | None = None
+        self,
+        image: Image,
+        processor: Processor,
+        *,
+        memory_mb: int = 1024,
+        disks: Disks | None = None,
+        forwarded: tuple[int, int] | None = None,
     ) -> None:
         self._folder = Path(tempfile.mkdtemp(prefix="grabberd-vm-"))
         self.share = self._folder / "share"
@@ -89,6 +98,7 @@ class Machine:
         self._pending = b""
         self._id = 0
         self._disks = disks
+        self._forwarded = forwarded
         self._process = self._launch(image, memory_mb)
         try:
             self._agent = self._connect("agent")
@@ -192,6 +202,7 @@ class Machine:
             *("-qmp", f"unix:{self._folder / 'qmp'},server=on,wait=off"),
             *("-serial", f"file:{self._console}"),
             *("-device", "qemu-xhci,id=xhci", "-device", "usb-tablet,id=tablet,bus=xhci.0,port=1"),
+            *_network(self._forwarded),
         ]
 
     def _connect(self, name: str) -> socket.socket:
@@ -253,6 +264,14 @@ def _drives(image: Image, disks: Disks | None) -> tuple[str, ...]:
 def _drive(name: str, file: Path, how: str) -> tuple[str, ...]:
     drive = f"file={file},if=none,id={name},format=raw,{how}"
     return ("-drive", drive, "-device", f"virtio-blk-pci,drive={name}")
+
+
+def _network(forwarded: tuple[int, int] | None) -> tuple[str, ...]:
+    if forwarded is None:
+        return ()
+    host, guest = forwarded
+    user = f"user,id=network,restrict=on,hostfwd=tcp:127.0.0.1:{host}-:{guest}"
+    return ("-netdev", user, "-device", "virtio-net-pci,netdev=network,romfile=")
 
 
 def _share(name: str, folder: Path, readonly: bool = False) -> tuple[str, ...]:

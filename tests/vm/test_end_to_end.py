@@ -6,9 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from grabberd.field import unpack
 from grabberd.storage import CaptureReader
-from grabberd_fake.stamp import read_stamp
 from vm import film
 from vm.guest import daemon, vivid
 from vm.machine import Machine
@@ -52,21 +50,14 @@ def test_points_of_a_capture_over_http_lie_near_the_truth_of_the_film(fast: Mach
 def _errors_mm(path: Path, ledger: dict[str, Any]) -> np.ndarray:
     """Distances of all points from their targets at the fields that the pictures' stamps name."""
     with CaptureReader(path) as reader:
-        stamps = {numbered.n: read_stamp(unpack(numbered.packed).luma) for numbered in reader.received()}
-        numbers = [stamp.number for stamp in stamps.values() if stamp is not None]
-        assert len(numbers) == ledger["counts"]["received"] >= MIN_FIELDS, "every picture bears its number"
+        stamps = film.stamps(reader)
+        assert len(stamps) == ledger["counts"]["received"] >= MIN_FIELDS, "every picture bears its number"
         if ledger["complete"]:
+            numbers = [stamp.number for stamp in stamps.values()]
             assert set(np.diff(numbers) % film.FIELDS) == {1}, (
                 "complete means that no picture of the film is missing"
             )
-        errors = []
-        for n, points in reader.points():
-            stamp = stamps[n]
-            assert stamp is not None
-            truth = film.truth(stamp.number)
-            place = dict(zip(truth.ids.tolist(), truth.xyz_mm, strict=True))
-            errors += [xyz - place[int(id_)] for id_, xyz in zip(points.target, points.xyz_mm, strict=True)]
-    return np.linalg.norm(errors, axis=1)
+        return film.errors_mm(reader, stamps)
 
 
 @pytest.fixture(autouse=True)

@@ -38,6 +38,7 @@ complete() { # the site and the examples are in it
 import grabberd
 from grabberd.web.site import Site
 assert Site().is_built, "the documentation has been forgotten"
+assert Site().find("tutorials/first_look.ipynb"), "the notebooks have been forgotten"
 for name in ("frame.grab", "liner.grab", "object.grab"):
     with grabberd.open(grabberd.example(name)) as capture:
         assert capture.rate_hz == 50.0
