@@ -95,9 +95,7 @@ def test_several_are_chosen_by_keyboard_labelled_taken_home_and_deleted(
     bar.get_by_role("button", name="All shown").click()
     bar.get_by_role("button", name="Delete").click()
     page.get_by_role("dialog").get_by_role("button", name="Delete 3").click()
-    expect(page.get_by_role("alert").filter(has_text="Failed for 1 capture")).to_contain_text(
-        "is pinned"
-    )
+    expect(page.get_by_role("alert").filter(has_text="Failed for 1 capture")).to_contain_text("is pinned")
     expect(page.locator(".capture-item")).to_have_count(1)
     assert ids(page) == [three[0]]
     assert serious(page) == []
