@@ -28,7 +28,7 @@ from running import PatientClock  # noqa: E402 - a helper of the service's tests
 
 # A page shows a few fields a second, and drawing and measuring all fifty took most of these tests' processor
 # time. Busy computers are slower than this, so nothing here may depend on it.
-IDLE_SLOWNESS = 3
+IDLE_SLOWNESS = 5
 
 
 class IdlingClock(PatientClock):
