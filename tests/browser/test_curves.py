@@ -44,7 +44,7 @@ def test_a_logger_that_gives_nothing_is_named_there_with_the_reason(
 ) -> None:
     daemon = start_daemon(loggers=True, logger_faults=UNPLUGGED, idle_slowness=1)
     page = open_page(f"{daemon.url}/#operate").page
-    expect(page.locator(".curves .note")).to_contain_text("The logger vacuum gives nothing: ")
+    expect(page.locator(".curves .note")).to_contain_text("Logger vacuum sends no readings: ")
     expect(page.locator(".curves .note")).to_contain_text("unplugged")
 
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from grabberd.errors import CaptureFileError, GrabberdError, StorageError
 from grabberd.storage import CaptureReader
+from grabberd.storage.capture.reader import stat_at_rest
 from grabberd.storage.capture.schema import connect
 from storage.captures import numbers, slot, slots, write
 
@@ -18,6 +19,17 @@ def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(CaptureFileError, match=r"no capture file .*gone\.grab"):
         CaptureReader(tmp_path / "gone.grab")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_one_that_was_sealed_since_its_path_was_looked_up_is_read_by_its_name_now(tmp_path):
+    sealed = write(tmp_path, slots(2))
+    before = sealed.with_name(f"{sealed.name}.part")
+    with CaptureReader(before) as reader:
+        assert reader.path == sealed
+    assert stat_at_rest(before) == sealed.stat()
+    sealed.unlink()
+    with pytest.raises(CaptureFileError, match=r"no capture file .*\.grab\.part"):
+        CaptureReader(before)
 
 
 def test_a_name_with_unusual_letters_can_be_read(tmp_path):

@@ -80,4 +80,4 @@ def test_a_file_that_is_changed_while_it_is_sent_is_named(files: list[Path], cha
         with files[1].open("ab") as file:
             file.write(change)
     archive = opened([first, *pieces])
-    assert "capture long: it was changed while it was being sent" in archive.read(MISSING).decode()
+    assert "capture long: it was changed while being sent" in archive.read(MISSING).decode()

@@ -30,7 +30,14 @@ from grabberd.storage.capture.meta import (
 from grabberd.storage.capture.rebases import rebases_in
 from grabberd.storage.capture.row_content import RowContent
 from grabberd.storage.capture.rows import RecordedField, RunInfo, ledger, run_info
-from grabberd.storage.capture.schema import DAMAGE, FORMAT_1, connect, format_of, reading_errors
+from grabberd.storage.capture.schema import (
+    DAMAGE,
+    FORMAT_1,
+    connect,
+    format_of,
+    named_now,
+    reading_errors,
+)
 from grabberd.storage.guarded_database import check_kind
 from grabberd.storage.patience import check_patience
 
@@ -61,8 +68,7 @@ class CaptureReader:
     """
 
     def __init__(self, path: Path | str, left_out: list[Damage] | None = None) -> None:
-        self.path = Path(path)
-        self._connection = connect(self.path)
+        self.path, self._connection = _opened(Path(path))
         with reading_errors(self.path):
             self.meta = self._read_meta()
         self.content = content_of(self.path, self._connection, left_out)
@@ -322,6 +328,7 @@ def stat_at_rest(path: Path) -> os.stat_result:
         CaptureFileError: It is a link or the like, which could lead to any other file.
         StorageError: Somebody writes it for longer than ten seconds.
     """
+    path = named_now(path)
     with reading_errors(path):
         check_kind(path)
     with suppress(CaptureFileError), closing(connect(path)) as connection, reading_errors(path):
@@ -330,3 +337,13 @@ def stat_at_rest(path: Path) -> os.stat_result:
         connection.execute("SELECT count(*) FROM meta").fetchone()
         return path.stat()
     return path.stat()
+
+
+def _opened(path: Path) -> tuple[Path, sqlite3.Connection]:
+    """Opens a capture; one that has been sealed since its path was looked up, by its name now."""
+    try:
+        return path, connect(path)
+    except CaptureFileError:
+        if named_now(path) == path:
+            raise
+        return named_now(path), connect(named_now(path))

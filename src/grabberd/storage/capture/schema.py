@@ -148,6 +148,12 @@ def sealed_path(part: Path) -> Path:
     return part.with_name(part.name.removesuffix(PART))
 
 
+def named_now(path: Path) -> Path:
+    """Path of a capture that may have been sealed since its path was looked up."""
+    sealed = sealed_path(path)
+    return sealed if not path.exists() and sealed.is_file() else path
+
+
 def connect(path: Path, *, writable: bool = False) -> GuardedConnection:
     """Opens an existing capture file and checks that it is one, and nothing else.
 
