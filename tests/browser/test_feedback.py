@@ -109,6 +109,18 @@ def test_a_part_whose_modules_do_not_come_says_so_and_leaves_the_rest_usable(
     expect(page.get_by_role("button", name="Start")).to_be_enabled()
 
 
+def test_a_panel_whose_texts_do_not_come_says_so(daemon: Daemon, open_page: Open) -> None:
+    """As after an upgrade of the daemon, whose files have other addresses."""
+    watched = open_page(f"{daemon.url}/#operate")
+    watched.expect_errors("Failed to load resource", "texts en.rest: 404")
+    page = watched.page
+    gone = {"title": "Not Found", "status": 404}
+    page.route("**/texts/en.rest.json", lambda route: route.fulfill(status=404, json=gone))
+    page.evaluate("location.hash = 'captures'")
+    page.reload()
+    expect(page.locator("main").get_by_role("button", name="Reload the page")).to_be_visible()
+
+
 def test_the_other_panels_are_fetched_before_anybody_asks_for_them(daemon: Daemon, open_page: Open) -> None:
     page = open_page(daemon.url).page
     with page.expect_response("**/panels/calibration.js"):

@@ -18,6 +18,8 @@ PAL_HZ = 50.0
 NTSC_HZ = 60_000 / 1001
 """Fields per second of the video with 625 and with 525 lines."""
 _NTSC_LINES = (480, 486)
+VIDEO_LINES = (576, *_NTSC_LINES)
+"""Lines of an interlaced frame; pictures with another number are progressive."""
 
 
 def standard_rate_hz(frame_lines: int) -> float:

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from grabberd.reconstruction import ObjectModel
 
 COLUMNS = ("X", "Y", "Z", "XYZ", "calibration's XYZ")
-VIDEO_LINES = (480, 486, 576)
-"""Lines of a frame of two fields; pictures with another number are progressive."""
 USUAL_FRAME = "calibration-frames/paper-108.yaml"
 
 
@@ -123,6 +121,7 @@ def _settings(
     noise: float,
     sigma_px: tuple[float, float] | None,
 ) -> "PlanSettings":
+    from grabberd.acquisition.device import VIDEO_LINES  # noqa: PLC0415
     from grabberd.processes.plan import PlanSettings  # noqa: PLC0415
 
     wanted = device.ring.bits if bits is None else bits

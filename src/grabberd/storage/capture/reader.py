@@ -344,6 +344,7 @@ def _opened(path: Path) -> tuple[Path, sqlite3.Connection]:
     try:
         return path, connect(path)
     except CaptureFileError:
-        if named_now(path) == path:
+        sealed = named_now(path)
+        if sealed == path:
             raise
-        return named_now(path), connect(named_now(path))
+        return sealed, connect(sealed)

@@ -14,6 +14,7 @@ const language = document.documentElement.lang;
 /** Texts of the language. @param {string} name @returns {Promise<Record<string, Catalogue>>} */
 async function catalogues(name) {
   const answer = await fetch(new URL(`../texts/${name}.json`, import.meta.url));
+  if (!answer.ok) throw new Error(`texts ${name}: ${answer.status}`); // as after an upgrade, which has other addresses
   return answer.json();
 }
 
