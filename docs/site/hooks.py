@@ -1,4 +1,4 @@
-"""The site's own pages: notebooks, README, CHANGELOG and the list of decisions, as Markdown like the rest."""
+"""The site's own pages, as Markdown like the rest: notebooks, files of the root, the list of decisions."""
 
 import json
 import re
@@ -15,17 +15,19 @@ ROOT = Path(__file__).parents[2]
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s]+)(#[^)\s]*)?\)")
 NOTEBOOKS = "notebooks/"
 TUTORIALS = "tutorials/"
+OF_ROOT = {"README.md": "index.md", "CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md"}
+"""Files beside docs/ that are pages of the site, by their addresses there."""
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages that are no Markdown files below docs/: notebooks, README, CHANGELOG and decisions."""
+    """Add the pages that are no Markdown files below docs/: notebooks, those of the root, and decisions."""
     for path in sorted((ROOT / "docs" / "notebooks").glob("*.ipynb")):
         notebook = path.read_text(encoding="utf-8")
         text = _notebook_page(json.loads(notebook), path.name)
         files.append(File.generated(config, f"{TUTORIALS}{path.stem}.md", content=text))
         files.append(File.generated(config, f"{TUTORIALS}{path.name}", content=notebook))
-    for name, uri in (("README.md", "index.md"), ("CHANGELOG.md", "changelog.md")):
-        text = (ROOT / name).read_text(encoding="utf-8").replace("](docs/", "](")
+    for name, uri in OF_ROOT.items():
+        text = LINK.sub(_seen_from_docs, (ROOT / name).read_text(encoding="utf-8"))
         files.append(File.generated(config, uri, content=text))
     decisions = sorted((ROOT / "docs" / "decisions").glob("[0-9]*.md"))
     listing = "".join(f"- [{_title(path)}](decisions/{path.name})\n" for path in decisions)
@@ -58,6 +60,17 @@ def on_page_markdown(markdown: str, *, page: Page, files: Files, **_: Any) -> st
 
     docs = ROOT / "docs"
     return LINK.sub(repaired, markdown)
+
+
+def _seen_from_docs(link: re.Match[str]) -> str:
+    """A link of a file beside docs/ as it would be written inside of it."""
+    image, words, target, anchor = link.groups()
+    if "://" in target or target.startswith("mailto:"):
+        return link[0]
+    inside = (
+        target.removeprefix("docs/") if target.startswith("docs/") else OF_ROOT.get(target, f"../{target}")
+    )
+    return f"{image}[{words}]({inside}{anchor or ''})"
 
 
 def _title(path: Path) -> str:
