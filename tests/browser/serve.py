@@ -1,8 +1,9 @@
 """The daemon for a browser: serve.py PORT OPTIONS. Its grabber waits for its reader.
 
 OPTIONS are the simulated grabber's, as JSON; besides, `config` names a configuration file, `location` the
-locator that all devices measure with, `idle_slowness` how slowly time passes while nothing is captured;
-`loggers` has those of the configuration read, too, with the script `logger_faults`.
+locator that all devices measure with, `idle_slowness` how slowly time passes while nothing is captured, and
+`capture_slowness` while a capture of a set length is; `loggers` has those of the configuration read, too,
+with the script `logger_faults`.
 """
 
 import json
@@ -29,30 +30,30 @@ from running import PatientClock  # noqa: E402 - a helper of the service's tests
 # A page shows a few fields a second, and drawing and measuring all fifty took most of these tests' processor
 # time. Busy computers are slower than this, so nothing here may depend on it.
 IDLE_SLOWNESS = 5
+# What somebody waits for anyway need not take the camera's time: none is lost, since the grabber waits.
+CAPTURE_SLOWNESS = 0.3
 
 
-class IdlingClock(PatientClock):
-    """A patient clock that runs slowly while nothing is captured.
+class VaryingClock(PatientClock):
+    """A patient clock that runs faster or slower than time does.
 
     Attributes:
-        captures: Tells if a capture runs or waits for its trigger: those get the camera's pace.
+        slowness: Tells how slow it is at the moment; 1 is the camera's pace.
     """
 
-    def __init__(self, slowness: int) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self._slowness = slowness
-        self.captures: Callable[[], bool] = lambda: False
+        self.slowness: Callable[[], float] = lambda: 1.0
 
     def sleep_until_ns(self, time_ns: int) -> None:
-        if not self.captures():
-            time.sleep(max(time_ns - self.now_ns(), 0) * (self._slowness - 1) / 1e9)
-        super().sleep_until_ns(time_ns)
+        time.sleep(max(time_ns - self._now_ns, 0) * self.slowness() / 1e9)
+        self._now_ns = max(self._now_ns, time_ns)
 
 
 class WaitingClock:
     """The grabber's clock for a logger, which waits until that has gone on."""
 
-    def __init__(self, clock: IdlingClock) -> None:
+    def __init__(self, clock: VaryingClock) -> None:
         self._clock = clock
 
     def now_ns(self) -> int:
@@ -69,7 +70,11 @@ def service_of(options: dict[str, Any]) -> Service:
     config = located(load_config(file), options.pop("location", None))
     read = set_up_loggers(config, file) if options.pop("loggers", False) else {}
     faults = options.pop("logger_faults", [])
-    clock = IdlingClock(options.pop("idle_slowness", IDLE_SLOWNESS))
+    idle, capture = (
+        options.pop(name, usual)
+        for name, usual in (("idle_slowness", IDLE_SLOWNESS), ("capture_slowness", CAPTURE_SLOWNESS))
+    )
+    clock = VaryingClock()
     setups = set_up(config, file)
     for name, device in config.devices.items():
         grabber = FakeGrabber(clock=clock, **{**device.options, "buffers": 32, **options})
@@ -80,8 +85,22 @@ def service_of(options: dict[str, Any]) -> Service:
     }
     folder, site = Path(os.environ["STATE_DIRECTORY"]), dict(config.site)
     service = Service(setups, folder, site=site, loggers=loggers, clock=clock)
-    clock.captures = lambda: any(one.running or one.armed_capture for one in service.instruments.values())
+    clock.slowness = lambda: slowness(service, idle, capture)
     return service
+
+
+def slowness(service: Service, idle: float, capture: float) -> float:
+    """How slowly time passes at the moment.
+
+    A capture that waits for its trigger, or lasts until it is stopped, gets the camera's pace: somebody looks
+    at it meanwhile.
+    """
+    running = [one.running for one in service.instruments.values() if one.running]
+    if any(one.armed_capture for one in service.instruments.values()):
+        return 1.0
+    if not running:
+        return idle
+    return capture if all(one.recorder.length_fields for one in running) else 1.0
 
 
 def located(config: Config, method: str | None) -> Config:

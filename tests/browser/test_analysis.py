@@ -18,8 +18,8 @@ from browser.daemons import Daemon
 PATIENCE_MS = 200_000
 FIELDS = 12
 """Too few for a cycle, enough for strain field by field."""
-CYCLES = 160
-"""Three of them, and a little."""
+CYCLES = 110
+"""Two of them, and a little."""
 
 
 def fill_in(page: Page, **numbers: str) -> None:

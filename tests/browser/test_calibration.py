@@ -5,25 +5,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import yaml
 from playwright.sync_api import Page, expect
 
 from browser.axe import serious
-from browser.conftest import PHONE, Guarded, Open, Start
+from browser.conftest import PHONE, Guarded, Open
 from browser.daemons import Daemon
-from grabberd.config import shipped_configs
 
 LONG_MS = 600_000
 """Computing a calibration on a computer that does other work as well."""
 CONFIGURED = "fake-1-2"
-
-
-@pytest.fixture
-def before_the_frame(tmp_path: Path, start_daemon: Start) -> Daemon:
-    """A daemon whose camera sees the calibration frame, and which has no calibration yet."""
-    config = yaml.safe_load((shipped_configs() / "fake-calibration-frame.yaml").read_text())
-    (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
-    return start_daemon(config=str(tmp_path / "config.yaml"), location="weighted")
 
 
 @pytest.fixture(scope="module")
@@ -34,10 +24,6 @@ def at_the_frame(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
         yield daemon
 
 
-def step(page: Page) -> str:
-    return str(page.locator(".step.is-now").inner_text()).split("\n")[-1]
-
-
 def signed_in(guarded: Guarded, open_page: Open, role: str, panel: str) -> Page:
     watched = open_page(f"{guarded.url}/#{panel}")
     watched.expect_errors("401")
@@ -45,59 +31,6 @@ def signed_in(guarded: Guarded, open_page: Open, role: str, panel: str) -> Page:
     watched.page.get_by_role("button", name="Sign in").click()
     watched.page.wait_for_selector("[data-panel^=calibration]")
     return watched.page
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(1200)
-def test_from_the_calibration_frame_to_an_accepted_calibration(
-    before_the_frame: Daemon, open_page: Open
-) -> None:
-    daemon = before_the_frame
-    watched = open_page(f"{daemon.url}/#calibration")
-    watched.expect_errors("ERR_CONNECTION", "ERR_INCOMPLETE", "ERR_EMPTY", "WebSocket")  # of its restart
-    page = watched.page
-    expect(page.locator(".note.is-bad")).to_contain_text("There is none.")
-    page.get_by_role("link", name="New calibration").click()
-
-    expect(page.get_by_text("Both views show the calibration frame well.")).to_be_visible()
-    expect(page.locator(".badge[data-view=left]")).to_have_text("Left view: 108 of 108")
-    page.get_by_role("link", name="Next").click()
-
-    page.get_by_role("radio", name="2 s").check()
-    page.get_by_role("button", name="Capture").click()
-    expect(page.get_by_role("progressbar")).to_be_visible()
-
-    expect(page.get_by_text("All 108 targets were found in both views.")).to_be_visible(timeout=LONG_MS)
-    assert step(page) == "Targets found"
-    page.reload()
-    expect(page.get_by_text("All 108 targets were found in both views.")).to_be_visible(timeout=LONG_MS)
-    assert serious(page) == []
-    page.get_by_role("link", name="Next").click()
-
-    page.get_by_label("Note").fill("new mirrors")
-    page.get_by_role("button", name="Compute").click()
-    expect(page.get_by_role("progressbar")).to_be_visible()
-    page.reload()
-    page.locator("[data-verdict], .note.is-good").first.wait_for(timeout=LONG_MS)
-    if page.get_by_role("link", name="Read the result").is_visible():
-        page.get_by_role("link", name="Read the result").click()
-
-    expect(page.locator("[data-verdict]")).to_have_attribute("data-verdict", "passed_with_remarks")
-    expect(page.locator("[data-reason]")).to_have_attribute("data-reason", "no_check_length")
-    expect(page.get_by_text("new mirrors")).to_be_visible()
-    assert serious(page) == []
-    page.get_by_role("button", name="Accept and use").click()
-    page.get_by_role("dialog").get_by_role("button", name="Use it").click()
-    expect(page.get_by_text("The instrument measures with this calibration now.")).to_be_visible()
-
-    made = daemon.ask("/state")["devices"]["simulated"]["calibration"]["id"]
-    expect(page.locator(f"[data-calibration='{made}']")).to_contain_text("In use")
-    daemon.stop()
-    daemon.start()
-    page.reload()
-    expect(page.locator(f"[data-calibration='{made}']")).to_contain_text("In use")
-    page.goto(f"{daemon.url}/#calibration/review/{made}")
-    expect(page.get_by_text("The instrument measures with this calibration.")).to_be_visible()
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Several poses of the calibration frame on the page: another one taken, all listed, one removed."""
+"""From the calibration frame to an accepted calibration, in several poses: taken, listed, removed."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -56,55 +56,84 @@ def turned() -> dict[str, Any]:
     return {"scene": "points", "points": points}
 
 
+def step(page: Page) -> str:
+    return str(page.locator(".step.is-now").inner_text()).split("\n")[-1]
+
+
 def capture(page: Page) -> None:
     """From the picture of the placed frame to the targets that were found."""
     expect(page.get_by_text("Both views show the calibration frame well.")).to_be_visible()
+    expect(page.locator(".badge[data-view=left]")).to_have_text("Left view: 108 of 108")
     page.get_by_role("link", name="Next").click()
     page.get_by_role("radio", name="2 s").check()
     page.get_by_role("button", name="Capture").click()
+    expect(page.get_by_role("progressbar")).to_be_visible()
     expect(page.get_by_text("All 108 targets were found in both views.")).to_be_visible(timeout=LONG_MS)
+    assert step(page) == "Targets found"
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
-def test_a_calibration_from_two_poses(before_the_frame: Daemon, open_page: Open) -> None:
+def test_from_two_poses_of_the_calibration_frame_to_an_accepted_calibration(
+    before_the_frame: Daemon, open_page: Open
+) -> None:
     daemon = before_the_frame
     watched = open_page(f"{daemon.url}/#calibration")
     watched.expect_errors("ERR_CONNECTION", "ERR_INCOMPLETE", "ERR_EMPTY", "WebSocket")  # of its restart
     page = watched.page
+    expect(page.locator(".note.is-bad")).to_contain_text("There is none.")
     page.get_by_role("link", name="New calibration").click()
     expect(page.get_by_text("place the frame differently")).to_have_count(0)
     capture(page)
     expect(page.locator("[data-pose]")).to_have_text([f"Pose 1 – {ALL_FOUND}Remove"])
-
     page.get_by_role("link", name="Take another pose").click()
     expect(page.get_by_text("Pose 2: place the frame differently")).to_be_visible()
     assert serious(page) == []
+
     daemon.stop()
     write_config(daemon.folder, turned())
     daemon.start()
     page.reload()
     expect(page.get_by_text("Pose 2: place the frame differently")).to_be_visible()
     capture(page)
-    expect(page.locator("[data-pose]")).to_have_count(2)
+    page.reload()
+    rows = [f"Pose {n} – {ALL_FOUND}Remove" for n in (1, 2)]
+    expect(page.locator("[data-pose]")).to_have_text(rows)
     assert serious(page) == []
 
     page.get_by_role("link", name="Next").click()
-    rows = [f"Pose {n} – {ALL_FOUND}Remove" for n in (1, 2)]
     expect(page.locator("[data-pose]")).to_have_text(rows)
-    page.get_by_role("button", name="Compute").click()
-    expect(page.locator("[data-verdict]")).to_be_visible(timeout=LONG_MS)
-    made = page.url.rsplit("/", 1)[1]
+    made = computed(page)
     document = daemon.ask(f"/calibrations/{made}")
     (pose,) = document["details"]["poses"]
     assert pose["turn_deg"] == pytest.approx(10.0, abs=0.1)
     poses = [one["id"] for one in daemon.ask("/captures?limit=2")["captures"]][::-1]
     assert document["details"]["capture"]["id"] == poses[0]
 
-    page.get_by_role("link", name="Overview").first.click()
+    page.get_by_role("button", name="Accept and use").click()
+    page.get_by_role("dialog").get_by_role("button", name="Use it").click()
+    expect(page.get_by_text("The instrument measures with this calibration now.")).to_be_visible()
+    assert daemon.ask("/state")["devices"]["simulated"]["calibration"]["id"] == made
+    expect(page.locator(f"[data-calibration='{made}']")).to_contain_text("In use")
     page.get_by_role("link", name="New calibration").click()
     expect(page.get_by_text("Both views show the calibration frame well.")).to_be_visible()
     expect(page.get_by_text("place the frame differently")).to_have_count(0)
+
+
+def computed(page: Page) -> str:
+    """Computes a calibration, over a reload of the page, and returns its id; its verdict is shown."""
+    page.get_by_label("Note").fill("new mirrors")
+    page.get_by_role("button", name="Compute").click()
+    expect(page.get_by_role("progressbar")).to_be_visible()
+    page.reload()
+    page.locator("[data-verdict], .note.is-good").first.wait_for(timeout=LONG_MS)
+    if page.get_by_role("link", name="Read the result").is_visible():
+        page.get_by_role("link", name="Read the result").click()
+    expect(page.locator("[data-verdict]")).to_have_attribute("data-verdict", "passed_with_remarks")
+    expect(page.locator("[data-reason]")).to_have_attribute("data-reason", "no_check_length")
+    expect(page.get_by_text("new mirrors")).to_be_visible()
+    assert serious(page) == []
+    return str(page.url.rsplit("/", 1)[1])
 
 
 @pytest.mark.slow

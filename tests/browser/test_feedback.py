@@ -25,15 +25,13 @@ def test_a_tab_that_is_still_loading_shows_nothing_of_the_panel_before(
     page.locator(".panel-operate h1, .panel-operate .state-card").first.wait_for()
     held: list[Route] = []
 
-    def hold(route: Route) -> None:
-        held.append(route)
-
-    page.route("**/panels/tests.js", hold)
+    page.route("**/panels/tests.js", lambda route: held.append(route))
     shown_ms = page.evaluate(SHOWN_AFTER_MS, [page.locator(".nav-link[href='#tests']").element_handle()])
     assert shown_ms < 100
     assert page.locator(".panel-operate").count() == 0
-    for route in held:
-        route.continue_()
+    while not held:
+        page.wait_for_timeout(10)
+    held[0].continue_()
     page.locator(".panel-tests").wait_for()
     assert page.locator("main [aria-busy]").count() == 0
 
@@ -122,7 +120,7 @@ def test_a_panel_whose_texts_do_not_come_says_so(daemon: Daemon, open_page: Open
 
 
 def test_the_other_panels_are_fetched_before_anybody_asks_for_them(daemon: Daemon, open_page: Open) -> None:
-    page = open_page(daemon.url).page
+    page = open_page(daemon.url, ahead=True).page
     with page.expect_response("**/panels/calibration.js"):
         expect(page.get_by_role("button", name="Start")).to_be_enabled()
     asked: list[str] = []
@@ -130,3 +128,18 @@ def test_the_other_panels_are_fetched_before_anybody_asks_for_them(daemon: Daemo
     page.get_by_role("link", name="Captures").click()
     expect(page.get_by_label("Search")).to_be_visible()
     assert not [url for url in asked if "/captures/" in url and url.endswith(".js")]
+
+
+def test_a_browser_that_saves_data_fetches_no_panel_before_it_is_asked_for(
+    daemon: Daemon, open_page: Open
+) -> None:
+    page = open_page(daemon.url).page
+    page.clock.install()
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.reload()
+    expect(page.get_by_role("button", name="Start")).to_be_enabled()
+    page.clock.run_for(10_000)
+    page.wait_for_timeout(300)
+    panels = {url.rsplit("/", 1)[1] for url in asked if "/panels/" in url}
+    assert panels == {"index.js", "operate.js"}

@@ -44,8 +44,14 @@ PICTURE = "() => document.querySelector('.picture-canvas').toDataURL()"
 
 def live(daemon: Daemon, open_page: Open, **options: object) -> Any:
     page = open_page(f"{daemon.url}/#live", **options).page
-    until(page, f"() => ({WHITE})() > 500")
+    shows_targets(page)
     return page
+
+
+def shows_targets(page: Any) -> None:
+    """Waits for a picture with targets in it."""
+    expect(page.locator(".picture-canvas")).to_be_visible()
+    until(page, f"() => ({WHITE})() > 250")
 
 
 def changes(page: Any, before: str) -> None:
@@ -91,7 +97,7 @@ def test_each_view_says_how_many_targets_it_shows_and_how_large(daemon: Daemon, 
 def test_it_is_grey_and_comes_from_every_field_that_is_taken(daemon: Daemon, open_page: Open) -> None:
     """Many grey values, which bits do not have; a change of the choice shows at once."""
     page = live(daemon, open_page)
-    assert page.evaluate(LEVELS) > 20
+    until(page, f"() => ({LEVELS})() > 20")  # the field as it was measured comes first
     page.get_by_role("button", name="As measured").click()
     until(page, f"() => ({LEVELS})() <= 2")
     page.get_by_role("button", name="As measured").click()
@@ -120,8 +126,7 @@ def test_one_looks_closer_by_button_wheel_keys_and_double_tap_and_only_that_part
     page.on("websocket", lambda socket: socket.on("framesent", hear))
     page.reload()
     canvas = page.locator(".picture-canvas")
-    expect(canvas).to_be_visible()
-    until(page, f"() => ({WHITE})() > 500")
+    shows_targets(page)
     assert part_of(asked) is None
 
     page.get_by_role("button", name="Zoom in").click()
@@ -173,7 +178,7 @@ def test_two_fingers_look_closer_and_one_moves_that_part(daemon: Daemon, open_pa
 
     page.on("websocket", lambda socket: socket.on("framesent", hear))
     page.reload()
-    until(page, f"() => ({WHITE})() > 500")
+    shows_targets(page)
     canvas = page.locator(".picture-canvas")
     spread(page, canvas)
     wait_for_part(page, asked, lambda part: part is not None and part["columns"] < 400)

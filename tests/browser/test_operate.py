@@ -1,6 +1,7 @@
 """The operator's panel: state, Start and Stop."""
 
 import re
+import time
 
 from playwright.sync_api import Page, Route, expect
 
@@ -176,8 +177,9 @@ def test_the_next_cow_does_not_get_the_number_of_the_last_one(daemon: Daemon, op
     expect(page.get_by_label("Liner")).to_have_value("A")
     page.get_by_label("Cow").fill("113")
     page.get_by_role("button", name="Start").click()
-    page.get_by_role("button", name="Same cow again").click()
-    expect(page.locator(".last")).to_contain_text("Complete")
+    with page.expect_response(lambda answer: answer.request.method == "POST"):
+        page.get_by_role("button", name="Same cow again").click()
+    daemon.wait_until_none_runs()
     page.reload()  # what was typed survives
     expect(page.get_by_label("Cow")).to_have_value("113")
     page.get_by_role("button", name="Next cow").wait_for()
@@ -186,12 +188,11 @@ def test_the_next_cow_does_not_get_the_number_of_the_last_one(daemon: Daemon, op
 
 
 def test_a_note_on_somebody_else_s_capture_leaves_it_its_labels(daemon: Daemon, open_page: Open) -> None:
+    daemon.wait_until_none_runs()
     page = open_page(daemon.url).page
-    page.get_by_label("Cow").fill("417")  # meant for the next one here
     is_in_state(page, "ready")
-    for earlier in daemon.ask("/captures?limit=1")["captures"]:
-        daemon.wait_until_sealed(earlier["id"])
-    other = daemon.ask("/captures", body={"duration_s": 600, "labels": {"cow": "900"}})["id"]
+    page.get_by_label("Cow").fill("417")  # meant for the next one here
+    other = daemon.ask("/captures", body={"labels": {"cow": "900"}})["id"]
     is_in_state(page, "capturing")
     with page.expect_response(lambda answer: answer.request.method == "PATCH"):
         page.get_by_label("Note").fill("seen from the other side")
@@ -201,3 +202,29 @@ def test_a_note_on_somebody_else_s_capture_leaves_it_its_labels(daemon: Daemon, 
     document = daemon.wait_until_sealed(other)
     assert document["labels"] == {"cow": "900"}
     assert daemon.ask(f"/captures/{other}")["note"] == "seen from the other side"
+
+
+def test_what_was_typed_for_a_capture_goes_to_it_though_the_next_one_runs_already(
+    daemon: Daemon, open_page: Open
+) -> None:
+    daemon.wait_until_none_runs()
+    page = open_page(daemon.url).page
+    page.clock.install()
+    length(page, "Fields")
+    page.get_by_label("How many").fill("31")
+    page.get_by_role("button", name="Start").click()
+    expect(page.locator(".last")).to_contain_text("31 fields")
+    expect(page.locator(".last")).to_contain_text("Complete")
+    own = daemon.ask("/captures?limit=1")["captures"][0]["id"]
+    page.clock.pause_at(time.time() + 3600)  # so that the typing does not pause, however long this takes
+    page.get_by_label("Cow").fill("417")
+    other = daemon.ask("/captures", body={"labels": {"cow": "900"}})["id"]
+    is_in_state(page, "capturing")
+    with page.expect_response(lambda answer: answer.request.method == "PATCH" and own in answer.url):
+        page.get_by_label("Note").fill("seen from the other side")
+    with page.expect_response(lambda answer: answer.request.method == "PATCH" and other in answer.url):
+        page.clock.run_for(1000)
+    daemon.ask(f"/captures/{other}/stop", method="POST")
+    noted = daemon.wait_until_sealed(other)
+    assert (noted["labels"], noted["note"]) == ({"cow": "900"}, "seen from the other side")
+    assert daemon.ask(f"/captures/{own}")["labels"] == {"cow": "417"}

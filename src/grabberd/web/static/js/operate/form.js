@@ -59,7 +59,9 @@ export function createForm(context, { changed, labelled }) {
   function typed(name, given) {
     const before = wish.labels;
     stored = false;
-    wish.of = running() ?? wish.of;
+    const of = running() ?? wish.of;
+    if (of !== wish.of) labelling.send(); // to the capture that it was typed for
+    wish.of = of;
     set(name, given);
     if (name !== "labels") return labelling.changed(null);
     relabel(before);

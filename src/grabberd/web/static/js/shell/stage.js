@@ -7,6 +7,11 @@ import { routeOf } from "../core/router.js";
 
 const AHEAD_MS = 2000; // the first panel's own picture and curves come before this
 
+/** Tells if the browser was asked to spare the link, as over a mobile one; not every browser can be asked. */
+function savesData() {
+  return "connection" in navigator && Boolean(/** @type {{ saveData?: boolean }} */ (navigator.connection).saveData);
+}
+
 /**
  * @param {Context} context
  * @param {Entry[]} entries
@@ -85,7 +90,7 @@ export function createStage(context, entries, main, mark) {
       if (running) return;
       running = true;
       follow();
-      setTimeout(loadAhead, AHEAD_MS);
+      if (!savesData()) setTimeout(loadAhead, AHEAD_MS);
     },
     /** Shows something else than a panel. @param {Node} node */
     show(node) {
