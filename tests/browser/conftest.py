@@ -81,6 +81,14 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
         yield Guarded(one.url, {role: one.add_token(role, role) for role in ("viewer", "operator")})
 
 
+@pytest.fixture(scope="package")
+def unplugged(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    """One whose grabber is pulled out after ten fields, and stays away."""
+    faults = [{"kind": "unplug", "at_s": 0.2, "back_after_s": 6000.0}]
+    with Daemon(tmp_path_factory.mktemp("unplugged"), location=CHEAP, faults=faults) as one:
+        yield one
+
+
 @pytest.fixture
 def start_daemon(tmp_path: Path) -> Iterator[Start]:
     """Starts a daemon for one test: `start_daemon(scene="blank")`. It ends after the pages of the test."""

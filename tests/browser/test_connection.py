@@ -18,6 +18,7 @@ def test_the_page_survives_a_restart_of_the_daemon_without_being_loaded_anew(
     )
     page = watched.page
     page.evaluate("window.still = true")
+    page.get_by_label("Cow").fill("112")
     page.get_by_role("button", name="Start").wait_for()
     # What is fetched after the first panel is there: a module that is asked for meanwhile would not come.
     page.get_by_role("img", name="Picture").wait_for()
@@ -34,6 +35,7 @@ def test_the_page_survives_a_restart_of_the_daemon_without_being_loaded_anew(
     expect(page.get_by_role("button", name="Start")).to_be_enabled()
     expect(page.locator(".veil")).to_be_hidden(timeout=RETURN_MS)
     assert page.evaluate("window.still")
+    assert page.get_by_label("Cow").input_value() == "112"
 
 
 def test_two_tablets_see_the_same_and_either_may_stop(daemon: Daemon, open_page: Open) -> None:

@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Page
 
 from browser.axe import serious
-from browser.conftest import CHEAP, TABLET, Open, Start
+from browser.conftest import CHEAP, TABLET, Open
 from browser.daemons import Daemon
 
 PANELS = [
@@ -144,11 +144,10 @@ def test_the_canvas_is_as_wide_as_its_place_before_it_was_told_so(daemon: Daemon
     assert (canvas, canvas_after) == (place, place_after)
 
 
-def test_nothing_is_asked_of_a_device_that_is_not_there(start_daemon: Start, open_page: Open) -> None:
-    away = start_daemon(faults=[{"kind": "unplug", "at_s": 0.0, "back_after_s": 600.0}])
-    page = open_page(at(away, PANELS[0])).page
+def test_nothing_is_asked_of_a_device_that_is_not_there(unplugged: Daemon, open_page: Open) -> None:
+    page = open_page(at(unplugged, PANELS[0])).page
     page.clock.install()
-    for _ in every_panel(page, away):
+    for _ in every_panel(page, unplugged):
         page.clock.run_for(LOOKED_AGAIN_MS)
         page.wait_for_timeout(ANSWERED_MS)
 

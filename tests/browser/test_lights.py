@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from browser.axe import serious
-from browser.conftest import Open, Start
+from browser.conftest import Open
 from browser.daemons import Daemon
 
 ALL = [
@@ -29,13 +29,6 @@ NOTICED_MS = 120_000
 
 def has_level(page: Page, light: str, level: str) -> None:
     expect(page.locator(f'[data-light="{light}"]')).to_have_attribute("data-level", level, timeout=NOTICED_MS)
-
-
-@pytest.fixture
-def unplugged(start_daemon: Start) -> Daemon:
-    """A daemon whose grabber is pulled out after ten fields."""
-    faults = [{"kind": "unplug", "at_s": 0.2, "back_after_s": 600.0}]
-    return start_daemon(faults=faults)
 
 
 def test_every_light_has_a_word_and_what_is_well_is_green(daemon: Daemon, open_page: Open) -> None:

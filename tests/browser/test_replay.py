@@ -45,7 +45,7 @@ BRIGHT = """() => {
 @pytest.fixture(scope="module")
 def capture(daemon: Daemon) -> str:
     """Id of a capture of some pulsations, with an analysis."""
-    capture_id = daemon.capture(fields=150, labels={"cow": "112"})
+    capture_id = daemon.capture(fields=120, labels={"cow": "112"})
     daemon.analyse(capture_id, reference="nominal", plane="symmetry")
     return capture_id
 
@@ -83,7 +83,7 @@ def test_one_playhead_moves_picture_shape_curves_and_map(
     page.get_by_role("slider", name="Which field").fill("100")
     stands_at(page, 100)
     curve = page.locator(".replay-chart .u-over").first
-    curve.click(position={"x": curve.bounding_box()["width"] * 0.2, "y": 20})
+    curve.click(position={"x": curve.bounding_box()["width"] * 0.25, "y": 20})
     stands_at(page, 30)
     until(page, "address => location.hash === address", f"#replay/{capture}/30")
     page.reload()
