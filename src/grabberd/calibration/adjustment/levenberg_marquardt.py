@@ -77,7 +77,9 @@ def minimise(problem: Problem, settings: AdjustmentSettings) -> Minimum:
             # damped steps follow, and each return from a strong damping takes several.
             damping *= 5
             if damping > _MOST_DAMPING:
-                raise _no_convergence(steps, linear.omega, problem)
+                promise = _step(normals, scale, _LEAST_DAMPING).promise / linear.omega
+                stuck = f": no step lowers it, though the next promises {promise:.1e} of its square"
+                raise _no_convergence(steps, linear.omega, problem, stuck)
         # Trust the linear model more, as is or less, by how much of its promise was kept.
         kept = (linear.omega - there.omega) / step.promise
         damping *= 0.1 if kept > 0.75 else 1.0 if kept > 0.25 else 3.0
@@ -110,8 +112,8 @@ def _scale(problem: Problem, normals: Normals) -> Array:
     return 1.0 / np.sqrt(diagonal)
 
 
-def _no_convergence(steps: int, omega: float, problem: Problem) -> MeasurementError:
+def _no_convergence(steps: int, omega: float, problem: Problem, stuck: str = "") -> MeasurementError:
     sigma0 = (omega / problem.freedom) ** 0.5
     return MeasurementError(
-        f"the adjustment has not converged after {steps} steps; sigma 0 is {sigma0:.3g}", _HINT_START
+        f"the adjustment has not converged after {steps} steps; sigma 0 is {sigma0:.3g}{stuck}", _HINT_START
     )
