@@ -19,6 +19,8 @@ PHONE = {"width": 390, "height": 844}
 
 # The locator that takes least of the processor: the page shows alike whatever any of them has found.
 CHEAP = "centroid"
+SELDOM = 20
+"""Slowness of daemons that stay until the last test, and are looked at by a few."""
 
 Open = Callable[..., Watched]
 Start = Callable[..., Daemon]
@@ -77,7 +79,7 @@ def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
 @pytest.fixture(scope="package")
 def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
     """One that asks for a token, for tests that only look."""
-    with Daemon(tmp_path_factory.mktemp("guarded"), location=CHEAP) as one:
+    with Daemon(tmp_path_factory.mktemp("guarded"), location=CHEAP, idle_slowness=SELDOM) as one:
         yield Guarded(one.url, {role: one.add_token(role, role) for role in ("viewer", "operator")})
 
 

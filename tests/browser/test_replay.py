@@ -183,7 +183,7 @@ def test_addresses_of_the_earlier_pages_lead_to_the_room(
     page.mouse.down()
     page.evaluate(DRAWN_ANEW)  # as by any change that the daemon tells of
     page.mouse.up()
-    until(page, "address => location.hash === address", f"#replay/{capture}/75")
+    until(page, "address => location.hash === address", f"#replay/{capture}/60")
 
 
 def test_a_slow_link_makes_the_playhead_wait_and_say_so(
