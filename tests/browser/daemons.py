@@ -92,6 +92,13 @@ class Daemon:
             assert time.monotonic() < until_s, "a capture does not end"
             time.sleep(LOOK_EVERY_S)
 
+    def wait_until_recorded(self, fields: int) -> None:
+        """Until the newest capture has that many."""
+        until_s = time.monotonic() + PATIENCE_S
+        while self.ask("/captures?limit=1")["captures"][0]["fields"] < fields:
+            assert time.monotonic() < until_s, "the capture gets no fields"
+            time.sleep(LOOK_EVERY_S)
+
     def wait_until_sealed(self, capture_id: str) -> Any:
         """Waits for the end of a capture and returns its document."""
         until_s = time.monotonic() + PATIENCE_S

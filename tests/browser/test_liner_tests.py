@@ -55,6 +55,7 @@ def test_a_liner_is_chosen_captured_by_one_press_evaluated_and_judged(
     expect(page.locator("[data-condition='measures']")).to_have_attribute("data-level", "good")
     page.get_by_role("button", name="Start").click()
     expect(page.get_by_role("progressbar", name="Capturing")).to_be_visible()
+    daemon.wait_until_recorded(10)
     page.get_by_role("button", name="Stop").click()
     capture = daemon.ask("/captures?limit=1")["captures"][0]
     assert (capture["labels"], capture["bits"]) == ({"test": "reference", "liner": "pressed"}, 8)
