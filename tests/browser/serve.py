@@ -29,7 +29,7 @@ from running import PatientClock  # noqa: E402 - a helper of the service's tests
 
 # A page shows a few fields a second, and drawing and measuring all fifty took most of these tests' processor
 # time. Busy computers are slower than this, so nothing here may depend on it.
-IDLE_SLOWNESS = 5
+IDLE_SLOWNESS = 12
 # What somebody waits for anyway need not take the camera's time: none is lost, since the grabber waits.
 CAPTURE_SLOWNESS = 0.3
 

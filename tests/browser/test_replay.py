@@ -217,7 +217,7 @@ def test_a_slow_link_makes_the_playhead_wait_and_say_so(
 
 
 def test_a_lost_field_a_broken_part_and_a_damaged_capture_are_told(lossy: Daemon, open_page: Open) -> None:
-    one = lossy.capture(fields=200)
+    one = lossy.capture(fields=120)
     lost = lossy.ask(f"/captures/{one}")["ledger"]["entries"][0]["first_n"]
     watched = open_page(f"{lossy.url}/#replay/{one}/{lost}")
     watched.expect_errors("410")
