@@ -63,6 +63,19 @@ def test_a_sealed_capture_is_opened_once(kept: KeptReaders, capture: Path) -> No
     assert reader_of(kept, capture) is reader_of(kept, capture)
 
 
+def test_a_capture_that_has_been_sealed_since_its_path_was_looked_up_is_found(
+    kept: KeptReaders, capture: Path
+) -> None:
+    unsealed = capture.with_name(f"{capture.name}.part")
+    assert reader_of(kept, unsealed).path == capture
+    assert reader_of(kept, unsealed) is reader_of(kept, capture)
+
+
+def test_a_capture_that_is_not_there_is_refused(kept: KeptReaders, tmp_path: Path) -> None:
+    with pytest.raises(CaptureFileError, match="no capture file"), kept.opened(tmp_path / "gone.grab.part"):
+        pass
+
+
 def test_two_who_read_at_a_time_have_a_reader_each(kept: KeptReaders, capture: Path) -> None:
     with kept.opened(capture) as one, kept.opened(capture) as other:
         assert one is not other

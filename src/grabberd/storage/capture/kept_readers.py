@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from grabberd.storage.capture.meta import SEALED
 from grabberd.storage.capture.reader import CaptureReader
-from grabberd.storage.capture.schema import reading_errors
+from grabberd.storage.capture.schema import named_now, reading_errors
 from grabberd.storage.guarded_database import read_header
 
 MOST = 4
@@ -67,7 +67,7 @@ class KeptReaders:
             CaptureFileError, StorageError, ReadingGivenUp: As `CaptureReader` does.
         """
         with reading_errors(path):
-            reader, identity = self._taken(path)
+            reader, identity = self._found(path)
         try:
             yield reader
         except BaseException:  # it may be in the middle of a statement
@@ -82,6 +82,16 @@ class KeptReaders:
     def close(self) -> None:
         """Closes all that is kept."""
         self._close_until(float("inf"))
+
+    def _found(self, path: Path) -> tuple[CaptureReader, _Identity]:
+        """Takes a reader; of a capture that has been sealed since its path was looked up, by its name now."""
+        try:
+            return self._taken(path)
+        except FileNotFoundError:
+            sealed = named_now(path)
+            if sealed == path:
+                raise
+            return self._taken(sealed)
 
     def _taken(self, path: Path) -> tuple[CaptureReader, _Identity]:
         with self._lock:
