@@ -59,9 +59,8 @@ export function createForm(context, { changed, labelled }) {
   function typed(name, given) {
     const before = wish.labels;
     stored = false;
-    const of = running() ?? wish.of;
-    if (of !== wish.of) labelling.send(); // to the capture that it was typed for
-    wish.of = of;
+    if (running() && running() !== wish.of) labelling.send(); // to the capture that it was typed for
+    wish.of = running() ?? wish.of;
     set(name, given);
     if (name !== "labels") return labelling.changed(null);
     relabel(before);
