@@ -49,7 +49,7 @@ def live(daemon: Daemon, open_page: Open, **options: object) -> Any:
 
 
 def shows_targets(page: Any) -> None:
-    """Waits for a picture with targets in it."""
+    """Waits for a picture with targets in it, which make at least three hundred of its pixels white."""
     expect(page.locator(".picture-canvas")).to_be_visible()
     until(page, f"() => ({WHITE})() > 250")
 

@@ -23,16 +23,18 @@ export function createLabelling(context, wish, told) {
   async function send() {
     clearTimeout(timer);
     if (!typed.size || !wish.of) return;
+    const { of } = wish;
     const sending = [...typed];
     typed.clear();
     const labels = Object.fromEntries(sending.filter((name) => name !== NOTE).map((name) => [name, (wish.labels[name] ?? "").trim() || null]));
     const body = { labels, ...(sending.includes(NOTE) ? { note: wish.note.trim() } : {}) };
     try {
-      const capture = await api.patch(`/captures/${encodeURIComponent(wish.of)}`, { body });
+      const capture = await api.patch(`/captures/${encodeURIComponent(of)}`, { body });
       const others = capture.group ? (await api.get(`/capture-groups/${encodeURIComponent(capture.group.id)}`)).captures.filter(({ id }) => id !== capture.id) : [];
       for (const { id } of others) await api.patch(`/captures/${encodeURIComponent(id)}`, { body });
       if (!typed.size) told.sent();
     } catch (problem) {
+      if (wish.of !== of) return context.refused(problem); // another capture is typed for by now: it must not get these
       if (statusOf(problem) === NOT_FOUND) return told.gone();
       for (const name of sending) typed.add(name); // sent again when the daemon is back, or with the next letter
       context.refused(problem);
