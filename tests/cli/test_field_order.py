@@ -103,7 +103,7 @@ def test_the_simulated_grabber_is_right_stamp_and_all(tmp_path):
 
 def test_a_reversed_order_is_said_with_what_to_write(recording, tmp_path):
     result = check(replayed(tmp_path, recording, field_order="bottom_first"))
-    assert result.exit_code == 1
+    assert result.exit_code == 3
     assert "the field order is reversed" in result.output
     assert "'field_order: top_first'" in result.output
 
@@ -113,7 +113,7 @@ def test_a_grabber_that_throws_a_field_away_is_found_out(fields, tmp_path):
     folder.mkdir()
     lied = woven(folder, ((top, (top // 2 + np.roll(top, -1, 0) // 2)) for top in fields[::2]))
     result = check(replayed(tmp_path, lied))
-    assert result.exit_code == 1
+    assert result.exit_code == 3
     assert "discards one field" in result.output
     assert "use another" in result.output
 
@@ -122,7 +122,7 @@ def test_where_nothing_moves_there_is_no_verdict(fields, tmp_path):
     folder = tmp_path / "frames"
     folder.mkdir()
     result = check(replayed(tmp_path, woven(folder, [(fields[0], fields[1])] * 40)))
-    assert result.exit_code == 1
+    assert result.exit_code == 3
     assert "nothing moved" in result.output
     assert "try again" in result.output
 

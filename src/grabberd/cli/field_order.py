@@ -24,10 +24,12 @@ PATIENCE = 3
 """Consecutive silences after which the check gives up."""
 EDGE_ROWS = 16
 """Rows at top and bottom left out: half lines, teletext and stamped numbers do not move."""
+NOT_RIGHT = 3
+"""Exit code if the order is not found right, distinct from 1 (failure) and 2 (invalid command line)."""
 
 
 def check(config: Config, file: Path | None, name: str | None, json: bool) -> int:
-    """Watch a device and print its field order; returns 0 if it is right, else 1.
+    """Watch a device and print its field order; returns the exit code, 0 if it is right.
 
     Raises:
         DeviceError: the device cannot be opened, is in use, or delivers nothing.
@@ -41,7 +43,7 @@ def check(config: Config, file: Path | None, name: str | None, json: bool) -> in
     document = {"device": name, **_document(finding), "advice": advice}
     words = f"{name}: {_WORDS[finding.order]}\n  {finding.evidence}\n  {advice}"
     print_result(document, words, as_json=json)
-    return 0 if finding.order is Order.RIGHT else 1
+    return 0 if finding.order is Order.RIGHT else NOT_RIGHT
 
 
 def _document(finding: "FieldOrderFinding") -> dict[str, Any]:
