@@ -19,6 +19,18 @@ def is_in_state(page: Page, state: str) -> None:
     expect(page.locator(".state")).to_have_attribute("data-state", state)
 
 
+def start(page: Page, daemon: Daemon) -> str:
+    """Presses Start, and returns the id of the capture once that is over and the page shows how it ended."""
+    with page.expect_response(lambda answer: answer.request.method == "POST") as started:
+        page.get_by_role("button", name="Start").click()
+    capture_id: str = started.value.json()["id"]
+    fields = daemon.wait_until_sealed(capture_id)["fields"]
+    expect(page.locator(".last")).to_contain_text(f"{fields} fields")
+    expect(page.locator(".last")).to_contain_text("Complete")
+    is_in_state(page, "ready")
+    return capture_id
+
+
 def test_the_state_is_a_word_with_a_symbol_and_since_when(daemon: Daemon, open_page: Open) -> None:
     page = open_page(daemon.url).page
     is_in_state(page, "ready")
@@ -45,10 +57,11 @@ def test_a_double_tap_starts_one_capture(daemon: Daemon, open_page: Open) -> Non
     page = open_page(daemon.url).page
     before = len(daemon.ask("/captures")["captures"])
     length(page, "Fields")
-    page.get_by_label("How many").fill("26")  # as no capture before it had
-    page.get_by_role("button", name="Start").dblclick()
+    page.get_by_label("How many").fill("26")
+    with page.expect_response(lambda answer: answer.request.method == "POST"):
+        page.get_by_role("button", name="Start").dblclick()
+    daemon.wait_until_none_runs()
     expect(page.locator(".last")).to_contain_text("26 fields")
-    expect(page.locator(".last")).to_contain_text("Complete")
     assert len(daemon.ask("/captures")["captures"]) == before + 1
     expect(page.locator(".toast.bad")).to_have_count(0)
 
@@ -121,10 +134,8 @@ def test_what_is_typed_while_a_capture_runs_labels_that_capture(daemon: Daemon, 
 def test_the_page_says_when_what_was_typed_is_stored(daemon: Daemon, open_page: Open) -> None:
     page = open_page(daemon.url).page
     length(page, "Fields")
-    page.get_by_label("How many").fill("27")  # as no capture before it had
-    page.get_by_role("button", name="Start").click()
-    expect(page.locator(".last")).to_contain_text("27 fields")
-    expect(page.locator(".last")).to_contain_text("Complete")
+    page.get_by_label("How many").fill("27")
+    start(page, daemon)
     stored = page.get_by_role("status").filter(has_text="Stored with the capture.")
     page.get_by_label("Note").fill("slipped")
     expect(stored).to_be_visible()
@@ -145,10 +156,12 @@ def test_the_page_says_when_what_was_typed_is_stored(daemon: Daemon, open_page: 
     expect(stored).to_be_visible()
 
 
-def test_what_is_typed_before_start_is_answered_is_not_lost(daemon: Daemon, open_page: Open) -> None:
+def test_what_is_typed_before_start_is_answered_is_of_the_new_capture(daemon: Daemon, open_page: Open) -> None:
     page = open_page(daemon.url).page
     length(page, "Fields")
-    page.get_by_label("How many").fill("28")  # as no capture before it had
+    page.get_by_label("How many").fill("28")
+    page.get_by_label("Cow").fill("33")
+    last = start(page, daemon)
     held: list[Route] = []
 
     def hold(route: Route) -> None:
@@ -156,13 +169,15 @@ def test_what_is_typed_before_start_is_answered_is_not_lost(daemon: Daemon, open
 
     page.route("**/api/v1/captures", hold)
     with page.expect_request(lambda request: request.method == "POST"):
-        page.get_by_role("button", name="Start").click()
+        page.get_by_role("button", name="Same cow again").click()
     page.get_by_label("Cow").fill("34")
     page.get_by_label("Note").fill("restless")
+    page.wait_for_timeout(1000)  # longer than a pause in typing, after which it is sent
     held[0].continue_()
     expect(page.get_by_role("status").filter(has_text="Stored with the capture.")).to_be_visible()
-    newest = daemon.ask("/captures?limit=1")["captures"][0]
+    newest, before = daemon.ask("/captures?limit=2")["captures"]
     assert (newest["labels"], newest["note"]) == ({"cow": "34"}, "restless")
+    assert (before["id"], before["labels"], before["note"]) == (last, {"cow": "33"}, "")
 
 
 def test_the_next_cow_does_not_get_the_number_of_the_last_one(daemon: Daemon, open_page: Open) -> None:
@@ -216,10 +231,8 @@ def test_what_was_typed_for_a_capture_goes_to_it_or_to_none_though_the_next_one_
     page.clock.install()
     length(page, "Fields")
     page.get_by_label("How many").fill("31")
-    page.get_by_role("button", name="Start").click()
-    expect(page.locator(".last")).to_contain_text("31 fields")
-    expect(page.locator(".last")).to_contain_text("Complete")
-    own = daemon.ask("/captures?limit=1")["captures"][0]["id"]
+    own = start(page, daemon)
+    daemon.wait_until_it_streams()
     page.clock.pause_at(time.time() + 3600)  # so that the typing does not pause, however long this takes
     page.get_by_label("Cow").fill("417")
     other = daemon.ask("/captures", body={"labels": {"cow": "900"}})["id"]

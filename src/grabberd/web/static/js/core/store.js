@@ -56,6 +56,11 @@ export function deviceOf(known) {
 
 const NOMINAL_HZ = 50;
 
+/** True if there is more than one grabber. @param {Known} known */
+export function isSeveral(known) {
+  return Object.keys(known.state?.devices ?? {}).length > 1;
+}
+
 /** Fields a second of a device's stream; PAL's as long as there is none. @param {Device | null} device */
 export function rateOf(device) {
   const rate_hz = device?.stream?.rate_hz;

@@ -1,14 +1,13 @@
 // The settings of the next capture: length, fields before the start, labels. Remembered on this tablet.
 import { el, setText } from "../core/dom.js";
 import { keep, kept } from "../core/kept.js";
-import { deviceOf, rateOf } from "../core/store.js";
+import { deviceOf, isSeveral, rateOf } from "../core/store.js";
 import { KINDS, USUAL, isSound, lengthOf, namesSubject, nextOf, requestOf, wishFrom } from "./wish.js";
 import { createLabelling } from "./labelling.js";
 import { createLabels } from "./labels.js";
 import { createRate } from "./rate.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { Known } from "../core/store.js" */
 /** @import { Change, Wish } from "./wish.js" */
 
 const LATEST_MS = 3000; // a capture of a few fields may end before any state shows that it ran
@@ -75,6 +74,12 @@ export function createForm(context, { changed, labelled }) {
     stored = true;
     show();
     labelled();
+  }
+
+  /** Requests the capture, or one of each device, and returns it, or the first. @param {string} key Idempotency-Key */
+  async function request(key) {
+    if (isForAll()) return (await context.api.post("/capture-groups", { body: requestOf(wish, { devices: "all" }, rate()), key })).captures[0];
+    return context.api.post("/captures", { body: requestOf(wish, { device: context.device()?.name }, rate()), key });
   }
 
   /** Takes note that a capture runs, or has come and gone. @param {string | null} id */
@@ -151,13 +156,15 @@ export function createForm(context, { changed, labelled }) {
   const follow = store.subscribe((known) => known.session?.role, () => (element.hidden = !context.may("operator")));
   return {
     element,
-    /** Requests the capture, or one of each device; what is labelled is that one from now on. @param {string} key Idempotency-Key */
+    /** Requests the capture; what is labelled is that one from now on. @param {string} key Idempotency-Key */
     async submit(key) {
       await labelling.send();
-      const { labels: before, note } = wish; // what is typed until the answer is there is not in the request
-      const begun = isForAll()
-        ? (await context.api.post("/capture-groups", { body: requestOf(wish, { devices: "all" }, rate()), key })).captures[0]
-        : await context.api.post("/captures", { body: requestOf(wish, { device: context.device()?.name }, rate()), key });
+      const { of, labels: before, note } = wish; // what is typed until the answer is there is not in the request
+      wish.of = ""; // nor is it for the last capture
+      const begun = await request(key).catch((problem) => {
+        if (wish.labels === before && wish.note === note) wish.of = of;
+        throw problem;
+      });
       requested = begun.id;
       setTimeout(() => began(begun.id), LATEST_MS);
       take({ of: begun.id });
@@ -177,19 +184,9 @@ export function createForm(context, { changed, labelled }) {
     isSound: () => isSound(wish, rate()),
     waits: () => wish.wait,
     unmount() {
-      stop();
-      runs();
-      count();
-      follow();
-      perMinute.unmount();
-      labelling.unmount();
+      for (const end of [stop, runs, count, follow, perMinute.unmount, labelling.unmount]) end();
     },
   };
-}
-
-/** True if there is more than one grabber. @param {Known} known */
-function isSeveral(known) {
-  return Object.keys(known.state?.devices ?? {}).length > 1;
 }
 
 /** @param {string} id @param {(n: number) => void} given */
