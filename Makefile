@@ -60,7 +60,7 @@ pytest: $(READY) browser mosquitto ffmpeg promtool  ## the tests alone, on all p
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 test-browser: $(READY) browser  ## the operator's page in a real browser, before a real daemon
-	$(BIN)/python -m pytest tests/browser -rs --numprocesses auto --dist loadfile --no-loadscope-reorder
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest tests/browser -rs --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 screenshots: $(READY) browser  ## pictures of every panel of the page, into docs/images/page
 	PYTHONPATH=tests:tests/service $(BIN)/python -m browser.screenshots docs/images/page $(NAMES)

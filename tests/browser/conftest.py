@@ -2,6 +2,7 @@
 
 import os
 import shutil
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -19,8 +20,6 @@ PHONE = {"width": 390, "height": 844}
 
 # The locator that takes least of the processor: the page shows alike whatever any of them has found.
 CHEAP = "centroid"
-SELDOM = 20
-"""Slowness of daemons that stay until the last test, and are looked at by a few."""
 
 Open = Callable[..., Watched]
 Start = Callable[..., Daemon]
@@ -34,13 +33,20 @@ class Guarded(NamedTuple):
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Without a browser the tests that need one say so."""
+    """Without a browser the tests that need one say so.
+
+    Workers get the long files first, so that they end at about the same time.
+    """
     missing = _missing()
-    for item in items:
-        if HERE in item.path.parents:
-            item.add_marker(pytest.mark.timeout(600))
-        if missing and HERE in item.path.parents and "browser" in getattr(item, "fixturenames", ()):
+    own = [item for item in items if HERE in item.path.parents]
+    tests = Counter(item.path for item in own)
+    slow = Counter(item.path for item in own if item.get_closest_marker("slow"))
+    for item in own:
+        item.add_marker(pytest.mark.timeout(600))
+        if missing and "browser" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.skip(reason=missing))
+    ordered = iter(sorted(own, key=lambda item: (slow[item.path], tests[item.path]), reverse=True))
+    items[:] = [next(ordered) if HERE in item.path.parents else item for item in items]
 
 
 def _missing() -> str:
@@ -79,7 +85,7 @@ def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
 @pytest.fixture(scope="package")
 def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
     """One that asks for a token, for tests that only look."""
-    with Daemon(tmp_path_factory.mktemp("guarded"), location=CHEAP, idle_slowness=SELDOM) as one:
+    with Daemon(tmp_path_factory.mktemp("guarded"), location=CHEAP) as one:
         yield Guarded(one.url, {role: one.add_token(role, role) for role in ("viewer", "operator")})
 
 

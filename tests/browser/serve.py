@@ -29,9 +29,13 @@ from running import PatientClock  # noqa: E402 - a helper of the service's tests
 
 # A page shows a few fields a second, and drawing and measuring all fifty took most of these tests' processor
 # time. Busy computers are slower than this, so nothing here may depend on it.
-IDLE_SLOWNESS = 12
+IDLE_SLOWNESS = 20
+# The first fields come quickly: until there are some, the daemon has no verdict on its grabber.
+WARM_UP_S = 2.0
 # What somebody waits for anyway need not take the camera's time: none is lost, since the grabber waits.
 CAPTURE_SLOWNESS = 0.3
+# How long the clock goes on as slowly as it did once that has changed.
+HEED_S = 0.05
 
 
 class VaryingClock(PatientClock):
@@ -44,9 +48,20 @@ class VaryingClock(PatientClock):
     def __init__(self) -> None:
         super().__init__()
         self.slowness: Callable[[], float] = lambda: 1.0
+        self._warm_ns = self._now_ns + int(WARM_UP_S * 1e9)
+
+    @property
+    def is_warm(self) -> bool:
+        """True once the first fields have been taken."""
+        return self._now_ns >= self._warm_ns
 
     def sleep_until_ns(self, time_ns: int) -> None:
-        time.sleep(max(time_ns - self._now_ns, 0) * self.slowness() / 1e9)
+        left_s = (time_ns - self._now_ns) / 1e9
+        while left_s > 0:
+            slowness = self.slowness()
+            slept_s = min(left_s * slowness, HEED_S)
+            time.sleep(slept_s)
+            left_s -= slept_s / slowness
         self._now_ns = max(self._now_ns, time_ns)
 
 
@@ -85,7 +100,7 @@ def service_of(options: dict[str, Any]) -> Service:
     }
     folder, site = Path(os.environ["STATE_DIRECTORY"]), dict(config.site)
     service = Service(setups, folder, site=site, loggers=loggers, clock=clock)
-    clock.slowness = lambda: slowness(service, idle, capture)
+    clock.slowness = lambda: slowness(service, idle if clock.is_warm else min(idle, capture), capture)
     return service
 
 

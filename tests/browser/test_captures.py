@@ -27,10 +27,10 @@ def test_from_start_to_a_downloaded_csv(daemon: Daemon, open_page: Open) -> None
     page = open_page(daemon.url).page
     page.get_by_role("radio", name="Fields").check()
     page.get_by_label("How many").fill("25")
-    page.get_by_label("Cow").fill("417")
+    page.get_by_label("Cow").fill("5417")
     page.get_by_role("button", name="Start").click()
     page.get_by_role("link", name="Captures").click()
-    page.locator(".capture-row", has_text="Cow 417").click()
+    page.locator(".capture-row", has_text="Cow 5417").click()
     verdict(page, "complete")
     with page.expect_download() as download:
         page.get_by_role("link", name="Points as CSV").click(timeout=PATIENCE_MS)
@@ -66,6 +66,7 @@ def test_a_running_capture_is_shown_as_it_grows_and_cannot_be_deleted(
     row(page, running).click()
     expect(page.get_by_role("button", name="Delete")).to_be_disabled()
     expect(page.locator("#delete-why")).to_contain_text("still being recorded")
+    daemon.wait_until_recorded(1)
     page.get_by_role("button", name="Stop").click()
     verdict(page, "complete")
     expect(page.get_by_role("button", name="Delete")).to_be_enabled()

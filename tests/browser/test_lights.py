@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from browser.axe import serious
-from browser.conftest import Open
+from browser.conftest import CHEAP, Open
 from browser.daemons import Daemon
 
 ALL = [
@@ -62,30 +62,10 @@ def test_a_grabber_that_is_pulled_out_is_noticed_with_reasons_and_advice(
 
 
 @pytest.fixture(scope="module")
-def frozen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
-    """A daemon that the computer stops for two seconds, again and again: a light tells of the last minute."""
-    faults = [{"kind": "freeze", "at_s": at_s, "duration_s": 2.0} for at_s in range(3, 600, 20)]
-    with Daemon(tmp_path_factory.mktemp("frozen"), faults=faults, idle_slowness=1) as one:
-        yield one
-
-
-@pytest.mark.parametrize(("language", "words"), [("en", "fields were lost"), ("nb", "delbilder gikk tapt")])
-def test_a_program_that_took_no_fields_in_time_has_a_light(
-    frozen: Daemon, open_page: Open, language: str, words: str
-) -> None:
-    page = open_page(frozen.url, language=language).page
-    has_level(page, "computer", "warn")
-    light = page.locator('[data-light="computer"]')
-    light.locator("summary").click()
-    expect(light).to_contain_text(words)
-    assert serious(page) == []
-
-
-@pytest.fixture(scope="module")
 def busy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
     """A daemon whose grabber another program has."""
     faults = [{"kind": "refuse", "at_s": 0.0, "duration_s": 600.0, "why": "busy"}]
-    with Daemon(tmp_path_factory.mktemp("busy"), faults=faults) as one:
+    with Daemon(tmp_path_factory.mktemp("busy"), location=CHEAP, faults=faults) as one:
         yield one
 
 
@@ -104,11 +84,28 @@ def test_what_the_daemon_finds_wrong_is_said_in_the_language_of_the_page(
     expect(light).not_to_contain_text("simulated")
 
 
+def test_numbers_of_a_grabber_that_is_gone_are_not_shown_as_if_they_were_current(
+    unplugged: Daemon, open_page: Open
+) -> None:
+    page = open_page(unplugged.url).page
+    has_level(page, "device", "bad")
+    expect(page.locator(".viewfinder")).to_contain_text("Nothing is being measured", timeout=NOTICED_MS)
+    expect(page.locator(".viewfinder")).not_to_contain_text("residual")
+
+
+def test_a_tablet_with_a_wrong_clock_is_told(daemon: Daemon, open_page: Open) -> None:
+    watched = open_page(daemon.url)
+    watched.page.clock.install(time="2030-01-01T00:00:00Z")
+    watched.page.reload()
+    has_level(watched.page, "clock", "warn")
+    expect(watched.page.locator('[data-light="clock"]')).to_contain_text("behind this tablet")
+
+
 @pytest.fixture(scope="module")
 def lossy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
     """A daemon whose grabber loses four fields of five."""
     faults = [{"kind": "lose", "at_field": 10 + 50 * second, "count": 40} for second in range(600)]
-    with Daemon(tmp_path_factory.mktemp("lossy"), faults=faults) as one:
+    with Daemon(tmp_path_factory.mktemp("lossy"), location=CHEAP, faults=faults) as one:
         yield one
 
 
@@ -128,18 +125,24 @@ def test_a_grabber_that_loses_most_fields_is_not_called_ready(
     assert serious(page) == []
 
 
-def test_numbers_of_a_grabber_that_is_gone_are_not_shown_as_if_they_were_current(
-    unplugged: Daemon, open_page: Open
+@pytest.fixture(scope="module")
+def frozen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    """A daemon that the computer stops for two seconds, again and again: a light tells of the last minute.
+
+    It keeps the camera's pace until the module ends, so its tests are the last ones.
+    """
+    faults = [{"kind": "freeze", "at_s": at_s, "duration_s": 2.0} for at_s in range(3, 600, 20)]
+    with Daemon(tmp_path_factory.mktemp("frozen"), location=CHEAP, faults=faults, idle_slowness=1) as one:
+        yield one
+
+
+@pytest.mark.parametrize(("language", "words"), [("en", "fields were lost"), ("nb", "delbilder gikk tapt")])
+def test_a_program_that_took_no_fields_in_time_has_a_light(
+    frozen: Daemon, open_page: Open, language: str, words: str
 ) -> None:
-    page = open_page(unplugged.url).page
-    has_level(page, "device", "bad")
-    expect(page.locator(".viewfinder")).to_contain_text("Nothing is being measured", timeout=NOTICED_MS)
-    expect(page.locator(".viewfinder")).not_to_contain_text("residual")
-
-
-def test_a_tablet_with_a_wrong_clock_is_told(daemon: Daemon, open_page: Open) -> None:
-    watched = open_page(daemon.url)
-    watched.page.clock.install(time="2030-01-01T00:00:00Z")
-    watched.page.reload()
-    has_level(watched.page, "clock", "warn")
-    expect(watched.page.locator('[data-light="clock"]')).to_contain_text("behind this tablet")
+    page = open_page(frozen.url, language=language).page
+    has_level(page, "computer", "warn")
+    light = page.locator('[data-light="computer"]')
+    light.locator("summary").click()
+    expect(light).to_contain_text(words)
+    assert serious(page) == []

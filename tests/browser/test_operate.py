@@ -156,7 +156,9 @@ def test_the_page_says_when_what_was_typed_is_stored(daemon: Daemon, open_page: 
     expect(stored).to_be_visible()
 
 
-def test_what_is_typed_before_start_is_answered_is_of_the_new_capture(daemon: Daemon, open_page: Open) -> None:
+def test_what_is_typed_before_start_is_answered_is_of_the_new_capture(
+    daemon: Daemon, open_page: Open
+) -> None:
     page = open_page(daemon.url).page
     length(page, "Fields")
     page.get_by_label("How many").fill("28")
