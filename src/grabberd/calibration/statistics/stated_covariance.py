@@ -3,7 +3,12 @@
 from dataclasses import replace
 
 from grabberd.calibration.adjustment.adjustment import Adjustment, adjust
+from grabberd.calibration.adjustment.levenberg_marquardt import AdjustmentSettings
 from grabberd.calibration.adjustment.unknowns import Unknowns
+
+# After local fields σ0 is about .1, and the sum of squares has rounding errors of up to half of the change by which
+# `AdjustmentSettings` tells the minimum. A hundred times as much does not alter a covariance.
+_SETTLED = AdjustmentSettings(settled=1e-8)
 
 
 def with_stated_covariance(adjusted: Adjustment, unknowns: Unknowns) -> Adjustment:
@@ -20,7 +25,7 @@ def with_stated_covariance(adjusted: Adjustment, unknowns: Unknowns) -> Adjustme
     Raises:
         MeasurementError: As `adjust`.
     """
-    whole = adjust(adjusted.network.starting_from(adjusted.views), unknowns)
+    whole = adjust(adjusted.network.starting_from(adjusted.views), unknowns, _SETTLED)
     trusted = min(whole.sigma0, 1.0) ** 2
     return replace(
         whole,
