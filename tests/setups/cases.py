@@ -13,7 +13,7 @@ from grabberd.processes.calibration.acceptance.verdict import AcceptanceInputs, 
 from grabberd.processes.calibration.calibrate import calibrate
 from grabberd.processes.calibration.calibration_result import CalibrateSettings
 from grabberd.reconstruction import ObjectModel
-from setups.pictures import covered, dimmed, exchanged, fields, frame, mirrored, moving, picture, picture_of
+from setups.pictures import covered, dimmed, fields, frame, mirrored, moving, picture, picture_of, swapped
 
 NOMINAL = NominalRig(720, 576, (0, 360), (360, 720), 240.0, 128.0, 30.0, 8.0, 0.0086, 0.0083)
 STATED = replace(NOMINAL, handedness=(1, 1))
@@ -125,7 +125,7 @@ def _none() -> None:
 
 
 SETUPS = (
-    Setup("halves of the picture exchanged", "the views are swapped", lambda: fields(exchanged(picture()))),
+    Setup("halves of the picture swapped", "the views are swapped", lambda: fields(swapped(picture()))),
     Setup("whole picture mirrored", "mirrored as a whole", lambda: fields(picture()[:, ::-1])),
     Setup(
         "left half mirrored",
@@ -176,9 +176,9 @@ SETUPS = (
         lambda: fields(covered(picture_of(_first_rows_differ().xyz_mm), 150, 426)),
         model=_first_rows_differ,
     ),
-    Setup("two targets of the file exchanged", "targets 41 and 42 are exchanged", model=placed(_exchange)),
+    Setup("two targets of the file swapped", "targets 41 and 42 are swapped", model=placed(_exchange)),
     Setup(
-        "depths of two targets of the file exchanged",
+        "depths of two targets of the file swapped",
         "each has the z of the other",
         model=placed(_exchange_z),
     ),

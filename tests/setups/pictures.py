@@ -46,7 +46,7 @@ def mirrored(shown: np.ndarray, left: bool = True, right: bool = True) -> np.nda
     return np.hstack([first[:, ::-1] if left else first, second[:, ::-1] if right else second])
 
 
-def exchanged(shown: np.ndarray) -> np.ndarray:
+def swapped(shown: np.ndarray) -> np.ndarray:
     return np.hstack(halves(shown)[::-1])
 
 

@@ -11,7 +11,7 @@ from grabberd.calibration.acceptance.check_length import CheckLength, MeasuredLe
 from grabberd.calibration.acceptance.displaced_targets import (
     DisplacedTarget,
     displaced_targets,
-    exchanged_axes,
+    swapped_axes,
 )
 from grabberd.calibration.acceptance.frame_symmetry import Symmetry, symmetries, target_to_add, undecided
 from grabberd.calibration.acceptance.grid_order import GridOrder, grid_order
@@ -110,7 +110,6 @@ __all__ = [
     "displaced_targets",
     "distance_mm",
     "eliminate",
-    "exchanged_axes",
     "f_tests",
     "frame_poses",
     "grid_order",
@@ -131,6 +130,7 @@ __all__ = [
     "residual_patterns",
     "spatial_blocks",
     "stillness",
+    "swapped_axes",
     "symmetries",
     "target_to_add",
     "try_local_fields",

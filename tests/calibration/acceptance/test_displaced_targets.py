@@ -7,7 +7,7 @@ import pytest
 
 from calibration.networks import TRUE
 from calibration.sights import FRAME
-from grabberd.calibration import displaced_targets, exchanged_axes
+from grabberd.calibration import displaced_targets, swapped_axes
 from grabberd.geometry import project
 from grabberd.reconstruction import ObjectModel
 
@@ -37,9 +37,9 @@ def test_two_that_have_each_others_depth_are_told_apart_from_two_that_moved():
     places = FRAME.xyz_mm.copy()
     places[[40, 41], 2] = places[[41, 40], 2]
     file = file_with(places)
-    assert exchanged_axes(*found(file, [40, 41]), file) == "z"
+    assert swapped_axes(*found(file, [40, 41]), file) == "z"
     places[40, 0] += 1.0
-    assert exchanged_axes(*found(file_with(places), [40, 41]), file_with(places)) == ""
+    assert swapped_axes(*found(file_with(places), [40, 41]), file_with(places)) == ""
 
 
 def test_nothing_is_said_of_a_covered_target():

@@ -12,10 +12,10 @@ def test_a_regular_frame_is_in_order():
     assert grid_order(FRAME) == GridOrder()
 
 
-def test_two_exchanged_targets_are_named_as_a_pair():
+def test_two_swapped_targets_are_named_as_a_pair():
     places = FRAME.xyz_mm.copy()
     places[[40, 41]] = places[[41, 40]]
-    assert grid_order(replace(FRAME, xyz_mm=places)) == GridOrder(exchanged=((40, 41),))
+    assert grid_order(replace(FRAME, xyz_mm=places)) == GridOrder(swapped=((40, 41),))
 
 
 def test_a_target_in_nobodys_place_is_astray():

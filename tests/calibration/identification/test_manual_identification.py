@@ -69,7 +69,7 @@ def test_two_marks_with_each_others_id_are_named_as_a_pair(pair):
     one, other = (marks[index] for index in pair)
     marks[pair[0]], marks[pair[1]] = replace(one, target=other.target), replace(other, target=one.target)
     low, high = sorted((one.target, other.target))
-    with pytest.raises(InputError, match=f"marks of targets {low} and {high} in the left view are exchanged"):
+    with pytest.raises(InputError, match=f"marks of targets {low} and {high} in the left view are swapped"):
         identify(sights, marks)
 
 

@@ -63,8 +63,8 @@ def displaced_targets(
     return tuple(DisplacedTarget(int(missing[i]), shift[i, j]) for i, j in zip(rows, columns, strict=True))
 
 
-def exchanged_axes(one: DisplacedTarget, other: DisplacedTarget, frame: ObjectModel) -> str:
-    """Axes whose values two targets have exchanged in the file, such as "z"; empty if they have not."""
+def swapped_axes(one: DisplacedTarget, other: DisplacedTarget, frame: ObjectModel) -> str:
+    """Axes whose values two targets have swapped in the file, such as "z"; empty if they have not."""
     apart = frame.xyz_mm[other.target] - frame.xyz_mm[one.target]
     opposite = np.abs(one.shift_mm + other.shift_mm) < _SAME_MM
     moved = np.abs(one.shift_mm) >= _SAME_MM

@@ -15,11 +15,11 @@ class GridOrder:
     """Targets, by their indices, that stand more than half a pitch from where row and column put them.
 
     Attributes:
-        exchanged: Pairs of which each stands where row and column put the other.
+        swapped: Pairs of which each stands where row and column put the other.
         astray: All others.
     """
 
-    exchanged: tuple[tuple[int, int], ...] = ()
+    swapped: tuple[tuple[int, int], ...] = ()
     astray: tuple[int, ...] = ()
 
 

@@ -110,7 +110,7 @@ def identify_frame(
         raise
     except MeasurementError as error:
         # Tried only now, because it is another whole search.
-        other_way = _exchanged(nominal, frame, (left_px, right_px), settings)
+        other_way = _with_swapped_cameras(nominal, frame, (left_px, right_px), settings)
         if other_way is not None:
             raise _swapped(other_way, nominal) from None
         if (hint := _scale_hint(nominal, frame, left_px)) is not None:
@@ -128,10 +128,10 @@ def _found(
     return Identification(left, right)
 
 
-def _exchanged(
+def _with_swapped_cameras(
     nominal: NominalRig, frame: ObjectModel, blobs_px: tuple[Array, Array], settings: IdentificationSettings
 ) -> Identification | None:
-    """The identification with the two cameras exchanged; None if it fails, too."""
+    """The identification with the two cameras swapped; None if it fails, too."""
     try:
         return _found(replace(nominal, base_mm=-nominal.base_mm), frame, blobs_px, settings)
     except MeasurementError:
@@ -139,17 +139,17 @@ def _exchanged(
 
 
 def _swapped(found: Identification, nominal: NominalRig) -> MeasurementError:
-    """Refusal of exchanged halves, or of a picture that is mirrored as a whole."""
+    """Refusal of swapped halves, or of a picture that is mirrored as a whole."""
     if found.handedness == (-1, -1) and -1 not in nominal.handedness:
         return MeasurementError(
             "the picture is mirrored as a whole: the views are swapped, and each is seen mirrored",
             "switch off the mirroring of camera or grabber; if an odd number of mirrors stands before each "
-            "view, exchange the columns of the views in the rig's configuration instead",
+            "view, swap the columns of the views in the rig's configuration instead",
         )
     return MeasurementError(
         "the views are swapped: the left one sees the calibration frame from the right, the right one from "
         "the left",
-        "exchange the columns of the left and the right view in the rig's configuration",
+        "swap the columns of the left and the right view in the rig's configuration",
     )
 
 

@@ -30,7 +30,7 @@ LEAST_MARKS = 4
 """Marks needed in each view, of targets that are not all on one line."""
 _STEPS = 15
 _SUSPECTS = 6
-"""Number of the worst marks among which an exchanged pair is sought."""
+"""Number of the worst marks among which a swapped pair is sought."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,12 +157,12 @@ def _check_marks(explainer: Explainer, view: View, frame: ObjectModel, least_sha
     if away[worst] <= 2 * explainer.gate_px:
         return
     suspects = [list(explainer.given)[index] for index in (-away).argsort()[:_SUSPECTS]]
-    if pair := _exchanged(explainer, frame, suspects, least_share):
+    if pair := _swapped(explainer, frame, suspects, least_share):
         first, second = sorted(frame.target[list(pair)].tolist())
         raise InputError(
-            f"the marks of targets {first} and {second} in the {view.name} view are exchanged: with each in "
+            f"the marks of targets {first} and {second} in the {view.name} view are swapped: with each in "
             "place of the other all marks agree",
-            "exchange these two ids, and identify again",
+            "swap these two ids, and identify again",
         )
     blob, target = list(explainer.given.items())[worst]
     x, y = explainer.half.xy_px[blob]
@@ -181,10 +181,10 @@ def _away(explainer: Explainer, view: View) -> Array:
     return finite
 
 
-def _exchanged(
+def _swapped(
     explainer: Explainer, frame: ObjectModel, suspects: Sequence[int], least_share: float
 ) -> tuple[int, int] | None:
-    """The two targets whose exchange makes all marks agree; None unless there is one such pair.
+    """The two targets whose swap makes all marks agree; None unless there is one such pair.
 
     Sought among the targets of the suspected blobs.
     """

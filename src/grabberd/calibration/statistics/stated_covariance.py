@@ -6,8 +6,8 @@ from grabberd.calibration.adjustment.adjustment import Adjustment, adjust
 from grabberd.calibration.adjustment.levenberg_marquardt import AdjustmentSettings
 from grabberd.calibration.adjustment.unknowns import Unknowns
 
-# After local fields σ0 is about .1, and the sum of squares has rounding errors of up to half of the change by which
-# `AdjustmentSettings` tells the minimum. A hundred times as much does not alter a covariance.
+# After local fields σ0 is about .1, and the sum of squares has rounding errors of up to half of the change by
+# which `AdjustmentSettings` tells the minimum. A hundred times as much does not alter a covariance.
 _SETTLED = AdjustmentSettings(settled=1e-8)
 
 

@@ -9,8 +9,8 @@ from grabberd.calibration import (
     DisplacedTarget,
     Symmetry,
     displaced_targets,
-    exchanged_axes,
     grid_order,
+    swapped_axes,
 )
 from grabberd.processes.calibration.acceptance.reason import REMARK, Limits, Reason, graded
 from grabberd.processes.calibration.calibration_result import CalibrateResult
@@ -59,14 +59,14 @@ def _alike(result: CalibrateResult, alike: Sequence[Symmetry]) -> Iterator[Reaso
 def _grid(result: CalibrateResult) -> Iterator[Reason]:
     frame = result.frame
     order = grid_order(frame)
-    for pair in order.exchanged:
+    for pair in order.swapped:
         first, second = frame.target[list(pair)].tolist()
         yield Reason(
-            "exchanged",
+            "swapped",
             REMARK,
-            f"targets {first} and {second} are exchanged in the calibration frame's file: each is where "
+            f"targets {first} and {second} are swapped in the calibration frame's file: each is where "
             "the row and column of the other belong",
-            f"give target {first} the id of {second} and vice versa, or exchange their rows and "
+            f"give target {first} the id of {second} and vice versa, or swap their rows and "
             "columns if the ids are right; the calibration, which uses positions, is not affected",
             {"first": first, "second": second, "what": "id"},
         )
@@ -83,15 +83,15 @@ def _grid(result: CalibrateResult) -> Iterator[Reason]:
 
 def _displaced(frame: ObjectModel, displaced: Sequence[DisplacedTarget]) -> Iterator[Reason]:
     for one, other in combinations(displaced, 2):
-        if axes := ", ".join(exchanged_axes(one, other, frame)):
+        if axes := ", ".join(swapped_axes(one, other, frame)):
             first, second = int(frame.target[one.target]), int(frame.target[other.target])
             displaced = [each for each in displaced if each not in (one, other)]
             yield Reason(
-                "exchanged",
+                "swapped",
                 REMARK,
-                f"targets {first} and {second} are exchanged in the calibration frame's file: each has the "
+                f"targets {first} and {second} are swapped in the calibration frame's file: each has the "
                 f"{axes} of the other",
-                f"exchange their {axes} in the file, and calibrate again",
+                f"swap their {axes} in the file, and calibrate again",
                 {"first": first, "second": second, "what": axes},
             )
     said = "; ".join(
