@@ -98,6 +98,22 @@ def test_a_viewer_may_look_and_is_offered_nothing_to_do(guarded: Guarded, open_p
     expect(page.get_by_role("link", name="Next")).to_have_count(0)
 
 
+def test_what_both_views_show_comes_with_the_picture(at_the_frame: Daemon, open_page: Open) -> None:
+    page = open_page(f"{at_the_frame.url}/#calibration").page
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(f"{at_the_frame.url}/#calibration/place")
+    expect(page.locator(".badge[data-view=right]")).to_have_text("Right view: 108 of 108")
+    expect(page.get_by_text("Both views show the calibration frame well.")).to_be_visible()
+    assert not [url for url in asked if url.endswith("/light")]
+
+
+def test_without_a_grabber_there_is_no_picture_to_place_it_by(unplugged: Daemon, open_page: Open) -> None:
+    page = open_page(f"{unplugged.url}/#calibration/place").page
+    expect(page.get_by_text("No picture from the camera.")).to_be_visible()
+    expect(page.locator(".badge[data-view]")).to_have_count(0)
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_the_ten_second_check_says_whether_the_calibration_fits_and_can_be_cancelled(

@@ -10,14 +10,13 @@ import { addressOf, note, way } from "./steps.js";
 /** @import { Context } from "../core/context.js" */
 /** @import { CalibrationFrame, Device, Illumination, ViewIllumination } from "types/documents" */
 
-const EVERY_MS = 1000;
 const SOON = new Set(["opening", "ready", "capturing"]);
 
 /** @param {Context} context */
 export function createPlace(context) {
-  const { t, tl, store, api, may } = context;
-  const picture = createPicture(context);
-  const counts = el("div", { class: "view-counts", "aria-live": "polite" });
+  const { t, tl, store, may } = context;
+  const picture = createPicture(context, { lit: show });
+  const counts = el("div", { class: "view-counts" });
   const words = el("div", { class: "stack", role: "status" });
   const choice = el("div");
   const pose = el("div");
@@ -25,8 +24,6 @@ export function createPlace(context) {
     el("section", { class: "card stack" }, el("h2", {}, t("calibration.place.title")), el("ol", { class: "todo" }, tl("calibration.place.todo").map((one) => el("li", {}, one))), pose, choice, words,
       may("operator") ? el("div", { class: "row end" }, way(addressOf("take"), t("calibration.next"), "primary")) : note("idle", t("calibration.viewer"))),
     el("section", { class: "card stack" }, el("h2", {}, t("live.picture")), picture.element, counts));
-  let timer = 0;
-  let ended = false;
   /** @type {CalibrationFrame | null} */
   let frame = null;
 
@@ -35,44 +32,26 @@ export function createPlace(context) {
     frame = chosenFrame(frames);
     fill(pose, poseHint(context));
     if (frames.length > 1) fill(choice, createFrameChoice(context, frames, (one) => (frame = one)).element);
-    look();
   }
 
-  async function look() {
-    const device = deviceOf(store.get());
-    if (!delivers(device)) showNone(device);
-    else if (store.get().connection.online && document.visibilityState === "visible") await ask(device);
-    if (!ended) timer = setTimeout(look, EVERY_MS);
+  /** @param {string} state of a device that gives no picture */
+  function showNone(state) {
+    say(counts, []);
+    say(words, [SOON.has(state) ? note("busy", t("calibration.advice.soon")) : note("bad", t("calibration.advice.away"))]);
   }
 
-  /** @param {Device} device */
-  async function ask(device) {
-    const light = await api.get(`/devices/${encodeURIComponent(device.name)}/light`).catch(() => null);
-    if (ended) return;
-    if (light) show(light);
-    else showNone(null);
-  }
-
-  /** @param {Device | null} device */
-  function showNone(device) {
-    fill(counts);
-    say([device && SOON.has(device.state) ? note("busy", t("calibration.advice.soon")) : note("bad", t("calibration.advice.away"))]);
-  }
-
-  /** @param {Illumination} light */
+  /** Of the fields that are shown, several times a second. @param {Illumination} light */
   function show(light) {
-    const of = frame?.targets ?? 0;
-    fill(counts, ...Object.entries(light.views).map(([view, shown]) => count(view, shown, of)));
+    if (!frame) return;
+    const of = frame.targets;
+    say(counts, Object.entries(light.views).map(([view, shown]) => count(view, shown, of)));
     const advice = adviceFor(light, of);
-    say(advice.length ? advice.map(({ key, view }) => note("warn", el("strong", {}, t(`live.view.${view}`)), " – ", t(`calibration.advice.${key}`))) : [note("good", t("calibration.advice.good"))]);
+    say(words, advice.length ? advice.map(({ key, view }) => note("warn", el("strong", {}, t(`live.view.${view}`)), " – ", t(`calibration.advice.${key}`))) : [note("good", t("calibration.advice.good"))]);
   }
 
-  /** Shows notes; unchanged ones are left alone, because a screen reader would read them again. @param {HTMLElement[]} notes */
-  function say(notes) {
-    const said = notes.map((one) => one.textContent).join();
-    if (said === words.dataset.said) return;
-    words.dataset.said = said;
-    fill(words, ...notes);
+  /** Shows what is new; the unchanged is left alone, because a screen reader would read it again. @param {HTMLElement} place @param {HTMLElement[]} said */
+  function say(place, said) {
+    if (said.map((one) => one.outerHTML).join("") !== place.innerHTML) fill(place, ...said);
   }
 
   /** @param {string} view @param {ViewIllumination} shown @param {number} of */
@@ -82,12 +61,18 @@ export function createPlace(context) {
   }
 
   open().catch(context.refused);
+  const follow = store.subscribe((known) => silent(deviceOf(known)), (state) => state !== null && showNone(state));
   return {
     element,
     unmount() {
-      ended = true;
-      clearTimeout(timer);
+      follow();
       picture.unmount();
     },
   };
+}
+
+/** The state of a device that gives no picture, "" if there is none; null if it gives one. @param {Device | null} device */
+function silent(device) {
+  const state = device?.state ?? "";
+  return delivers(device) ? null : state;
 }
