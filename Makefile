@@ -56,6 +56,7 @@ check-page: npm  ## the page's modules against the types of the API
 types: npm  ## the page's types, from docs/reference/openapi.json
 	@! command -v npm >/dev/null || { $(MAKE) --no-print-directory $(NODE) && npm run --silent types; }
 
+# Where the environment forbids bytecode, each of the many daemons in the tests would compile all modules anew.
 pytest: $(READY) browser mosquitto ffmpeg promtool  ## the tests alone, on all processors
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
 

@@ -11,8 +11,9 @@ from grabberd.cli.app import app
 MADE = "<!-- made by `make docs`; do not edit -->\n"
 COMMANDS_BEFORE = """\
 The output of `grabberd COMMAND --help`. Exit codes: 0 success; 1 failure, explained by the message; 2 invalid
-command line; 70 internal error of grabberd; 74 the daemon cannot write to its disk, or a command cannot write
-its output; 78 invalid configuration. Some commands have further ones."""
+command line; 3 a bad verdict, from the commands that give one; 70 internal error of grabberd; 74 the daemon
+cannot write to its disk, or a command cannot write its output; 78 invalid configuration. Some commands have
+further ones."""
 
 
 def page() -> str:
@@ -29,10 +30,16 @@ def _commands() -> Iterator[str]:
             yield from _command(one)
 
 
+def _one_paragraph(example: str) -> str:
+    if "\n\n" in example.strip():
+        raise ValueError(f"examples come last in a command's help, but text follows this one: {example}")
+    return " ".join(example.split())
+
+
 def _command(command: Any) -> Iterator[str]:
     words, *examples = re.split(r"Example: ", command.help or "")
     yield words.strip() + "\n"
-    yield from (f"    {' '.join(example.split())}" for example in examples)
+    yield from (f"    {_one_paragraph(example)}" for example in examples)
     yield "\n| | |\n|---|---|"
     for one in command.params:
         if one.name != "help":

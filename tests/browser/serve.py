@@ -34,7 +34,7 @@ IDLE_SLOWNESS = 20
 WARM_UP_S = 2.0
 # What somebody waits for anyway need not take the camera's time: none is lost, since the grabber waits.
 CAPTURE_SLOWNESS = 0.3
-# How long the clock goes on as slowly as it did once that has changed.
+# Longest time that the clock keeps a pace after another one is due.
 HEED_S = 0.05
 
 

@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from browser.axe import serious
-from browser.conftest import PHONE, Guarded, Open
+from browser.conftest import PHONE, Guarded, Open, Start
 from browser.daemons import Daemon
 
 LONG_MS = 600_000
@@ -106,6 +106,26 @@ def test_what_both_views_show_comes_with_the_picture(at_the_frame: Daemon, open_
     expect(page.locator(".badge[data-view=right]")).to_have_text("Right view: 108 of 108")
     expect(page.get_by_text("Both views show the calibration frame well.")).to_be_visible()
     assert not [url for url in asked if url.endswith("/light")]
+
+
+def test_without_a_signal_nobody_is_sent_to_the_lamp(start_daemon: Start, open_page: Open) -> None:
+    daemon = start_daemon(faults=[{"kind": "no_signal", "at_s": 0.2, "duration_s": 6000.0}])
+    page = open_page(f"{daemon.url}/#calibration").page
+    lights: list[str] = []
+
+    def hear(message: str | bytes) -> None:
+        if isinstance(message, str):
+            lights.append(message)
+
+    page.on("websocket", lambda socket: socket.on("framereceived", hear))
+    page.goto(f"{daemon.url}/#calibration/place")
+    for _ in range(200):
+        if len(lights) > 1:
+            break
+        page.wait_for_timeout(50)
+    assert lights
+    expect(page.locator(".note")).to_have_text("No picture from the camera.")
+    expect(page.locator(".badge[data-view]")).to_have_count(0)
 
 
 def test_without_a_grabber_there_is_no_picture_to_place_it_by(unplugged: Daemon, open_page: Open) -> None:

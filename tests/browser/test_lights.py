@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Locator, Page, expect
 
 from browser.axe import serious
 from browser.conftest import CHEAP, Open
@@ -29,6 +29,14 @@ NOTICED_MS = 120_000
 
 def has_level(page: Page, light: str, level: str) -> None:
     expect(page.locator(f'[data-light="{light}"]')).to_have_attribute("data-level", level, timeout=NOTICED_MS)
+
+
+def opened(page: Page, light: str, level: str) -> Locator:
+    """The light, with what it says, once it has that level."""
+    has_level(page, light, level)
+    found = page.locator(f'[data-light="{light}"]')
+    found.locator("summary").click()
+    return found
 
 
 def test_every_light_has_a_word_and_what_is_well_is_green(daemon: Daemon, open_page: Open) -> None:
@@ -77,9 +85,7 @@ def test_what_the_daemon_finds_wrong_is_said_in_the_language_of_the_page(
     busy: Daemon, open_page: Open, language: str, what: str
 ) -> None:
     page = open_page(busy.url, language=language).page
-    has_level(page, "device", "bad")
-    light = page.locator('[data-light="device"]')
-    light.locator("summary").click()
+    light = opened(page, "device", "bad")
     expect(light).to_contain_text(what)
     expect(light).not_to_contain_text("simulated")
 
@@ -141,8 +147,5 @@ def test_a_program_that_took_no_fields_in_time_has_a_light(
     frozen: Daemon, open_page: Open, language: str, words: str
 ) -> None:
     page = open_page(frozen.url, language=language).page
-    has_level(page, "computer", "warn")
-    light = page.locator('[data-light="computer"]')
-    light.locator("summary").click()
-    expect(light).to_contain_text(words)
+    expect(opened(page, "computer", "warn")).to_contain_text(words)
     assert serious(page) == []

@@ -160,6 +160,7 @@ def test_what_is_typed_before_start_is_answered_is_of_the_new_capture(
     daemon: Daemon, open_page: Open
 ) -> None:
     page = open_page(daemon.url).page
+    page.clock.install()
     length(page, "Fields")
     page.get_by_label("How many").fill("28")
     page.get_by_label("Cow").fill("33")
@@ -174,12 +175,15 @@ def test_what_is_typed_before_start_is_answered_is_of_the_new_capture(
         page.get_by_role("button", name="Same cow again").click()
     page.get_by_label("Cow").fill("34")
     page.get_by_label("Note").fill("restless")
-    page.wait_for_timeout(1000)  # longer than a pause in typing, after which it is sent
-    held[0].continue_()
+    page.clock.run_for(1000)  # longer than a pause in typing, after which it is sent
+    with page.expect_response(lambda answer: answer.request.method == "POST") as started:
+        held[0].continue_()
     expect(page.get_by_role("status").filter(has_text="Stored with the capture.")).to_be_visible()
-    newest, before = daemon.ask("/captures?limit=2")["captures"]
-    assert (newest["labels"], newest["note"]) == ({"cow": "34"}, "restless")
-    assert (before["id"], before["labels"], before["note"]) == (last, {"cow": "33"}, "")
+    said = [daemon.ask(f"/captures/{one}") for one in (last, started.value.json()["id"])]
+    assert [(one["labels"], one["note"]) for one in said] == [
+        ({"cow": "33"}, ""),
+        ({"cow": "34"}, "restless"),
+    ]
 
 
 def test_the_next_cow_does_not_get_the_number_of_the_last_one(daemon: Daemon, open_page: Open) -> None:

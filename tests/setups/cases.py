@@ -108,11 +108,11 @@ def _half_turn() -> ObjectModel:
     return replace(frame(), xyz_mm=np.column_stack([frame().xyz_mm[:, :2], depth]))
 
 
-def _exchange(xyz: np.ndarray) -> None:
+def _swap(xyz: np.ndarray) -> None:
     xyz[[40, 41]] = xyz[[41, 40]]
 
 
-def _exchange_z(xyz: np.ndarray) -> None:
+def _swap_z(xyz: np.ndarray) -> None:
     xyz[[40, 41], 2] = xyz[[41, 40], 2]
 
 
@@ -176,11 +176,11 @@ SETUPS = (
         lambda: fields(covered(picture_of(_first_rows_differ().xyz_mm), 150, 426)),
         model=_first_rows_differ,
     ),
-    Setup("two targets of the file swapped", "targets 41 and 42 are swapped", model=placed(_exchange)),
+    Setup("two targets of the file swapped", "targets 41 and 42 are swapped", model=placed(_swap)),
     Setup(
         "depths of two targets of the file swapped",
         "each has the z of the other",
-        model=placed(_exchange_z),
+        model=placed(_swap_z),
     ),
     Setup("a target displaced by .4 mm", "41 by 0.4", model=placed(lambda xyz: _displace(xyz, 0.4))),
     Setup("a target displaced by 3 mm", "41 by 3.0", model=placed(lambda xyz: _displace(xyz, 3.0))),

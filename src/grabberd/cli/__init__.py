@@ -1,7 +1,8 @@
 """The command line: one file per command; the work is done in the rooms below.
 
-Exit codes: 0 success; 1 failure, explained by the message; 2 invalid command line; 70 an error of grabberd
-itself; 74 the daemon cannot write to its disk, or a command its output; 78 invalid configuration.
+Exit codes: 0 success; 1 failure, explained by the message; 2 invalid command line; 3 a bad verdict; 70 an
+error of grabberd itself; 74 the daemon cannot write to its disk, or a command its output; 78 invalid
+configuration.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
     from grabberd.errors import GrabberdError
 
+EX_BAD_VERDICT = 3
+"""Exit code of a command that judges, if what it judges is bad or cannot be judged."""
 # From sysexits.h. The systemd unit does not restart on 78: restarting cannot fix a bad configuration.
 EX_SOFTWARE = 70
 EX_IOERR = 74

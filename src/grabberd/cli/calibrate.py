@@ -8,6 +8,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from grabberd.cli import EX_BAD_VERDICT
 from grabberd.cli.options import (
     ConfigOption,
     JsonOption,
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
     from grabberd.service.jobs.calibration import CalibrationOutput
 
 
-FAILED = 3
-"""Exit code if the acceptance failed, distinct from 1 (failure) and 2 (invalid command line)."""
 VERDICTS = {
     "passed": "[green]passed[/green]",
     "passed_with_remarks": "[yellow]passed with remarks[/yellow]",
@@ -126,7 +125,7 @@ def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
     else:
         _show(out, report, made.report)
     if made.report.acceptance.verdict == "failed":
-        raise typer.Exit(FAILED)
+        raise typer.Exit(EX_BAD_VERDICT)
 
 
 def _rig(config: Path, device: str | None) -> "RigConfig":

@@ -8,12 +8,11 @@ from urllib.parse import quote
 import typer
 from rich.table import Table
 
+from grabberd.cli import EX_BAD_VERDICT
 from grabberd.cli.options import DEFAULT_URL, JsonOption, TokenFileOption, UrlOption, follow_link, print_json
 from grabberd.cli.terminal import console, progress_bar
 from grabberd.errors import GrabberdError, InputError
 
-NOT_FITTING = 3
-"""Exit code if the verdict is not 'fits', distinct from 1 (failure) and 2 (invalid command line)."""
 POLL_S = 0.2
 
 
@@ -59,7 +58,7 @@ def check(
     else:
         _show(found)
     if found["verdict"] != "fits":
-        raise typer.Exit(NOT_FITTING)
+        raise typer.Exit(EX_BAD_VERDICT)
 
 
 def _frame(path: Path | None) -> dict[str, Any] | None:

@@ -25,11 +25,11 @@ def devices(
 ) -> None:
     """List grabbers and loggers, found and configured, or check a device's field order.
 
+    Exit code of the check 0: the field order is right; 3: it is not, or cannot be told.
+
     Example: grabberd devices
 
     Example: grabberd devices --check-field-order grabber --config /etc/grabberd/grabberd.yaml
-
-    Exit code of the check 0: the field order is right; 3: it is not, or could not be told.
     """
     settings = load(config)
     if check_field_order:

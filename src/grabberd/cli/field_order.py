@@ -6,6 +6,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from grabberd.cli import EX_BAD_VERDICT
 from grabberd.cli.options import print_result, with_device
 from grabberd.cli.terminal import progress_console
 from grabberd.config import Config, DeviceConfig
@@ -24,8 +25,6 @@ PATIENCE = 3
 """Consecutive silences after which the check gives up."""
 EDGE_ROWS = 16
 """Rows at top and bottom left out: half lines, teletext and stamped numbers do not move."""
-NOT_RIGHT = 3
-"""Exit code if the order is not found right, distinct from 1 (failure) and 2 (invalid command line)."""
 
 
 def check(config: Config, file: Path | None, name: str | None, json: bool) -> int:
@@ -43,7 +42,7 @@ def check(config: Config, file: Path | None, name: str | None, json: bool) -> in
     document = {"device": name, **_document(finding), "advice": advice}
     words = f"{name}: {_WORDS[finding.order]}\n  {finding.evidence}\n  {advice}"
     print_result(document, words, as_json=json)
-    return 0 if finding.order is Order.RIGHT else NOT_RIGHT
+    return 0 if finding.order is Order.RIGHT else EX_BAD_VERDICT
 
 
 def _document(finding: "FieldOrderFinding") -> dict[str, Any]:

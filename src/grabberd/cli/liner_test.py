@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
+from grabberd.cli import EX_BAD_VERDICT
 from grabberd.cli.options import (
     ConfigOption,
     JsonOption,
@@ -29,9 +30,6 @@ if TYPE_CHECKING:
     from grabberd.processes.liner_tests.recipes import Recipe
     from grabberd.service.jobs.analysis import AnalysisOutput
     from grabberd.service.profiles.profiles import FoundProfiles
-
-FAILED = 3
-"""Exit code if a check failed, distinct from 1 (failure) and 2 (invalid command line)."""
 
 
 def liner_test(  # noqa: PLR0913, PLR0917 - options of a command
@@ -114,7 +112,7 @@ def liner_test(  # noqa: PLR0913, PLR0917 - options of a command
     if accept:
         _accept(profiles, document)
     if document.verdict == "failed":
-        raise typer.Exit(FAILED)
+        raise typer.Exit(EX_BAD_VERDICT)
 
 
 def _stated(inputs: Path | None, vacuum_log: Path | None) -> tuple[dict[str, Any], dict[str, str]]:

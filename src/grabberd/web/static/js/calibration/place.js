@@ -42,7 +42,7 @@ export function createPlace(context) {
 
   /** Of the fields that are shown, several times a second. @param {Illumination} light */
   function show(light) {
-    if (!frame) return;
+    if (!frame || silent(deviceOf(store.get())) !== null) return; // without a signal the grabber's own picture is no dark frame
     const of = frame.targets;
     say(counts, Object.entries(light.views).map(([view, shown]) => count(view, shown, of)));
     const advice = adviceFor(light, of);
@@ -71,8 +71,8 @@ export function createPlace(context) {
   };
 }
 
-/** The state of a device that gives no picture, "" if there is none; null if it gives one. @param {Device | null} device */
+/** The state of a device that gives no picture of the camera, "" if there is none; null if it gives one. @param {Device | null} device */
 function silent(device) {
   const state = device?.state ?? "";
-  return delivers(device) ? null : state;
+  return delivers(device) && state !== "no_signal" ? null : state;
 }

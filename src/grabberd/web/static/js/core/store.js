@@ -54,12 +54,12 @@ export function deviceOf(known) {
   return devices[known.device ?? ""] ?? Object.values(devices)[0] ?? null;
 }
 
-const NOMINAL_HZ = 50;
-
 /** True if there is more than one grabber. @param {Known} known */
 export function isSeveral(known) {
   return Object.keys(known.state?.devices ?? {}).length > 1;
 }
+
+const NOMINAL_HZ = 50;
 
 /** Fields a second of a device's stream; PAL's as long as there is none. @param {Device | null} device */
 export function rateOf(device) {
