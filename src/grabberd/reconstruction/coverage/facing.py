@@ -16,6 +16,10 @@ Mask = NDArray[np.bool_]
 MOST_OBLIQUE_DEG = 60.0
 """Angle between normal and line of sight up to which a disc is expected to be seen: at a larger one its image
 has less than half of its width, and the grid's normal is not certain enough to tell what is hidden."""
+CERTAIN_SIGMA = 2.0
+"""Number of standard deviations by which a predicted normal may be wrong: a target that may be turned away
+is not expected. A corner that was never seen is predicted from one side, and its normal is ten to twenty
+degrees wrong while the wall closes."""
 _LEAST_COSINE = math.cos(math.radians(MOST_OBLIQUE_DEG))
 
 
@@ -29,12 +33,25 @@ class Facing:
         toward, _ = self._toward(model.xyz_mm)
         self._side = -1.0 if np.sign(toward).sum() < 0 else 1.0
 
-    def both(self, xyz_mm: Array) -> Mask:
-        """(M,) True for targets at these positions (M, 3) that face both views, or may do so."""
+    def both(self, xyz_mm: Array, sigma_mm: Array | None = None) -> Mask:
+        """(M,) True for targets at these positions (M, 3) that face both views, or may do so.
+
+        Args:
+            xyz_mm: Positions.
+            sigma_mm: (M,) their standard deviations, by which normals may be turned; None: there are none.
+        """
         toward, length = self._toward(xyz_mm)
+        least = _LEAST_COSINE if sigma_mm is None else self._least_cosine(xyz_mm, sigma_mm)
         # A row or a column alone has no normal: both are 0, and its targets may face anywhere.
-        facing: Mask = np.logical_and.reduce(toward >= _LEAST_COSINE * length, axis=0)
+        facing: Mask = np.logical_and.reduce(toward >= least * length, axis=0)
         return facing
+
+    def _least_cosine(self, xyz_mm: Array, sigma_mm: Array) -> Array:
+        """(M,) cosines of the largest angles at which targets face a view for certain."""
+        turned2 = sum(slope.turned2(xyz_mm, sigma_mm) for slope in (self._along, self._across))
+        largest = np.maximum(math.radians(MOST_OBLIQUE_DEG) - CERTAIN_SIGMA * np.sqrt(turned2), 0.0)
+        cosine: Array = np.cos(largest)
+        return cosine
 
     def _toward(self, xyz_mm: Array) -> tuple[Array, Array]:
         """(V, M) products of the normals and the lines of sight, and of the lengths of both."""
@@ -72,6 +89,15 @@ class _Slope(NamedTuple):
         """(M, 3) of targets at these positions."""
         differences: Array = (xyz_mm[self.target] * self.weight[:, :, np.newaxis]).sum(axis=0)
         return differences
+
+    def turned2(self, xyz_mm: Array, sigma_mm: Array) -> Array:
+        """(M,) variances of the slope's direction in rad²; 0 without a neighbour."""
+        square_mm2 = (self.at(xyz_mm) ** 2).sum(axis=1)
+        variance_mm2 = ((self.weight * sigma_mm[self.target]) ** 2).sum(axis=0)
+        turned2: Array = np.divide(
+            variance_mm2, square_mm2, out=np.zeros_like(square_mm2), where=square_mm2 > 0.0
+        )
+        return turned2
 
 
 def _weighted(

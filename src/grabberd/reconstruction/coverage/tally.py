@@ -155,7 +155,9 @@ class CoverageTally:
     def _seen(self, track: Track, sighting: Sighting) -> Mask:
         """(M,) True for targets that both views see now, found or not."""
         assert sighting.predicted_px is not None
-        seen: Mask = self._facing.both(track.xyz_mm) & self._within(sighting.predicted_px, 0.0)
+        sigma_mm = sighting.expected.sigma_mm.copy()
+        sigma_mm[sighting.target] = 0.0
+        seen: Mask = self._facing.both(track.xyz_mm, sigma_mm) & self._within(sighting.predicted_px, 0.0)
         return seen
 
     def _refine(self, misses: Counts, sighting: Sighting, correspondence: Correspondence) -> None:
