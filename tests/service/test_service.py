@@ -2,6 +2,7 @@
 
 import sqlite3
 from pathlib import Path
+from threading import Event
 
 import pytest
 from capturing import capture
@@ -10,6 +11,7 @@ from running import PATIENCE_S, configuration, running, sealed
 from grabberd.config import default_config_file
 from grabberd.errors import CaptureRunning, Conflict, NotFound
 from grabberd.service.capture.capture_request import CaptureRequest
+from grabberd.service.capture.recording import Recording
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage import CaptureReader
@@ -37,6 +39,33 @@ def test_a_second_start_is_refused_with_the_id_of_the_running_one(tmp_path: Path
         sealed(service)
         with pytest.raises(Conflict):
             service.capture_control.stop(capture_id)
+
+
+def test_the_state_says_while_a_capture_that_is_over_keeps_the_next_one_from_starting(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measured, seal = Event(), Recording._seal
+    monkeypatch.setattr(Recording, "_seal", lambda one: (measured.wait(PATIENCE_S), seal(one)))
+    with running(tmp_path) as service:
+        device, recording = service.instrument(None), started(service, fields=5)
+        while device.running:
+            recording.sealed.wait(0.005)
+        said = service.state().devices["simulated"]
+        assert (said.capture_id, said.sealing_capture_id) == (None, recording.id)
+        with pytest.raises(CaptureRunning):
+            started(service, fields=5)
+        measured.set()
+        sealed(service)
+        assert service.state().devices["simulated"].sealing_capture_id is None
+        started(service, fields=5)
+
+
+def started(service: Service, **request: int) -> Recording:
+    """A capture that was just started."""
+    service.capture_control.start(None, CaptureRequest(**request))
+    recording = service.instrument(None).recording
+    assert recording is not None
+    return recording
 
 
 def test_without_a_compiled_kernel_the_daemon_says_at_its_start_what_is_slower(

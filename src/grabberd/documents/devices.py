@@ -156,6 +156,10 @@ class DeviceDocument(Document):
     warnings: list[str] = Field(description="Warnings for people, in sentences.")
     capture_id: str | None = Field(description="The capture that is being recorded.")
     armed_capture_id: str | None = Field(description="The capture that is waiting for its trigger.")
+    sealing_capture_id: str | None = Field(
+        None,
+        description="The capture that is over, but still measured and stored; no other can start meanwhile.",
+    )
     group_id: str | None = Field(description="The group of that capture.")
     rig: RigDocument | None = Field(description="Null before the first second of measuring.")
     field_order: FieldOrderDocument | None = Field(

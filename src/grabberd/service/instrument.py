@@ -115,6 +115,11 @@ class Instrument:
         return self.captures.running
 
     @property
+    def sealing(self) -> Recording | None:
+        """The capture that is recorded, and still being measured and stored, or None."""
+        return self.captures.sealing
+
+    @property
     def armed_capture(self) -> ArmedCapture | None:
         """The capture that waits for its trigger, or None."""
         return self.captures.armed

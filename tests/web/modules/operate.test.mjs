@@ -2,6 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { progressOf } from "../../../src/grabberd/web/static/js/operate/progress.js";
+import { situationOf } from "../../../src/grabberd/web/static/js/operate/situation.js";
 import { namesSubject, nextOf, requestOf, USUAL, wishFrom } from "../../../src/grabberd/web/static/js/operate/wish.js";
 
 test("a wish that was kept is taken over", () => {
@@ -42,4 +43,12 @@ test("a capture is never more than whole, nor less than begun", () => {
   const capture = { trigger_utc: null, created_utc: "2026-03-01T09:30:00.000Z", pre_trigger_fields: 0, length_fields: 50 };
   assert.equal(progressOf(capture, Date.parse("2026-03-01T09:31:00.000Z"), 50).share, 1);
   assert.equal(progressOf(capture, Date.parse("2026-03-01T09:29:00.000Z"), 50).done_s, 0);
+});
+
+test("while the last capture is being stored, Start says so in place of a refusal", () => {
+  const device = { name: "barn", state: "ready", capture_id: null, armed_capture_id: null, sealing_capture_id: null, health: { start: "allowed", parts: {} } };
+  const known = (/** @type {object} */ changes) => ({ connection: { online: true, since: 0 }, device: null, state: { devices: { barn: { ...device, ...changes } }, faults: [], storage: {} } });
+  assert.equal(situationOf(known({}), true).why, null);
+  assert.equal(situationOf(known({ sealing_capture_id: "c1" }), true).why, "sealing");
+  assert.equal(situationOf(known({ sealing_capture_id: "c1", state: "absent" }), true).why, "absent");
 });

@@ -71,6 +71,14 @@ class DeviceCaptures:
         return recording if recording is not None and recording.recorder.recording else None
 
     @property
+    def sealing(self) -> Recording | None:
+        """The capture that is recorded, and still being measured and stored, or None."""
+        recording = self.recording
+        if recording is None or recording.recorder.recording or recording.sealed.is_set():
+            return None
+        return recording
+
+    @property
     def is_recording(self) -> bool:
         """True if a capture is recording."""
         return self.running is not None

@@ -33,7 +33,8 @@ def device_document(
     health = device_health(instrument, around)
     status, rate_hz = instrument.board.now, instrument.board.rate_hz
     # Read once: a capture may end, or begin, while the document is built.
-    running, armed = instrument.running, instrument.armed_capture
+    # The one being sealed last: so a capture that ends meanwhile is told as one of the two.
+    running, armed, sealing = instrument.running, instrument.armed_capture, instrument.sealing
     capture = running or armed
     views = instrument.setup.config.rig.views
     return DeviceDocument(
@@ -67,6 +68,7 @@ def device_document(
         warnings=[*status.warnings, *active.warnings(instrument), *_warnings(instrument.worker)],
         capture_id=running.id if running else None,
         armed_capture_id=armed.id if armed else None,
+        sealing_capture_id=sealing.id if sealing else None,
         group_id=capture.group.id if capture is not None and capture.group is not None else None,
         rig=instrument.worker.rig.document,
         field_order=instrument.worker.field_order.document,

@@ -17,11 +17,11 @@ def revision_of(instruments: Iterable[Instrument], faults: Iterable[FaultDocumen
 
 def _of_device(instrument: Instrument) -> Hashable:
     status, worker, documents = instrument.board.now, instrument.worker, instrument.setup.documents
-    running, armed = instrument.running, instrument.armed_capture
+    captures = instrument.running, instrument.armed_capture, instrument.sealing
     return (
         (status.state, status.since_utc, status.cause, status.openings, status.last_failure_utc),
         (status.signal, status.refusals),
-        (running.id if running else None, armed.id if armed else None),
+        tuple(one.id if one else None for one in captures),
         ((documents.get("calibration") or {}).get("id"), instrument.misfit),
         (worker.live is None, worker.rig.warnings, worker.field_order.warnings),
     )

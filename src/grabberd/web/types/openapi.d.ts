@@ -3867,6 +3867,11 @@ export interface components {
              */
             armed_capture_id: string | null;
             /**
+             * Sealing Capture Id
+             * @description The capture that is over, but still measured and stored; no other can start meanwhile.
+             */
+            sealing_capture_id?: string | null;
+            /**
              * Group Id
              * @description The group of that capture.
              */

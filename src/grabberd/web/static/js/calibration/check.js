@@ -59,7 +59,7 @@ export function createCheck(context) {
 
   function enable() {
     const device = deviceOf(store.get());
-    const reason = !device?.calibration ? "none" : !isBusy && (device.capture_id || device.armed_capture_id) ? "capturing" : "";
+    const reason = !device?.calibration ? "none" : isBusy ? "" : device.capture_id || device.armed_capture_id ? "capturing" : device.sealing_capture_id ? "sealing" : "";
     start.disabled = isBusy || reason !== "";
     setText(why, may("operator") && reason ? t(`calibration.check.why.${reason}`) : "");
     why.hidden = why.textContent === "";

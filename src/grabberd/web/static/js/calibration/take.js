@@ -71,6 +71,7 @@ function createRequest(context) {
   function reasonOf(device) {
     if (!device || !store.get().connection.online) return "away";
     if (device.capture_id || device.armed_capture_id) return "capturing";
+    if (device.sealing_capture_id) return "sealing";
     return device.state === "ready" ? "" : "notReady";
   }
 

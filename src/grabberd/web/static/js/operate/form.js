@@ -6,11 +6,11 @@ import { KINDS, USUAL, isSound, lengthOf, namesSubject, nextOf, requestOf, wishF
 import { createLabelling } from "./labelling.js";
 import { createLabels } from "./labels.js";
 import { createRate } from "./rate.js";
+import { createRequested } from "./requested.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { Change, Wish } from "./wish.js" */
 
-const LATEST_MS = 3000; // a capture of a few fields may end before any state shows that it ran
 const STEPS = { seconds: 5, cycles: 5, fields: 50 };
 
 /**
@@ -40,8 +40,7 @@ export function createForm(context, { changed, labelled }) {
   const isForAll = () => wish.all && isSeveral(store.get());
   const labels = createLabels(context, wish, typed);
   const labelling = createLabelling(context, wish, { gone: () => set("of", ""), sent });
-  /** A capture that was requested and is not seen to run yet: it is not over. @type {string | null} */
-  let requested = null;
+  const requested = createRequested(context, changed);
   /** All that was typed is with its capture. */
   let stored = false;
   const running = () => deviceOf(store.get())?.capture_id ?? null;
@@ -80,13 +79,6 @@ export function createForm(context, { changed, labelled }) {
   async function request(key) {
     if (isForAll()) return (await context.api.post("/capture-groups", { body: requestOf(wish, { devices: "all" }, rate()), key })).captures[0];
     return context.api.post("/captures", { body: requestOf(wish, { device: context.device()?.name }, rate()), key });
-  }
-
-  /** Takes note that a capture runs, or has come and gone. @param {string | null} id */
-  function began(id) {
-    if (id === null || id !== requested) return;
-    requested = null;
-    changed();
   }
 
   /** @param {Partial<Wish>} changes */
@@ -151,7 +143,6 @@ export function createForm(context, { changed, labelled }) {
   }
 
   const stop = store.subscribe((known) => `${rateOf(deviceOf(known))} ${deviceOf(known)?.capture_id}`, show);
-  const runs = store.subscribe((known) => deviceOf(known)?.capture_id ?? deviceOf(known)?.armed_capture_id ?? null, began);
   const count = store.subscribe(isSeveral, (several) => (allField.hidden = !several));
   const follow = store.subscribe((known) => known.session?.role, () => (element.hidden = !context.may("operator")));
   return {
@@ -165,14 +156,13 @@ export function createForm(context, { changed, labelled }) {
         if (wish.labels === before && wish.note === note) wish.of = of;
         throw problem;
       });
-      requested = begun.id;
-      setTimeout(() => began(begun.id), LATEST_MS);
+      requested.follow(begun.id);
       take({ of: begun.id });
       relabel(before);
       if (wish.note !== note) labelling.changed(null);
     },
     /** True while a capture that was requested is not seen to run. */
-    isRequested: () => requested !== null,
+    isRequested: requested.isAwaited,
     /** True if the labels are those of a cow whose capture is over. */
     isOver: () => wish.of !== "" && namesSubject(wish),
     /** Empties what says whose the last capture was. */
@@ -184,7 +174,7 @@ export function createForm(context, { changed, labelled }) {
     isSound: () => isSound(wish, rate()),
     waits: () => wish.wait,
     unmount() {
-      for (const end of [stop, runs, count, follow, perMinute.unmount, labelling.unmount]) end();
+      for (const end of [stop, requested.unmount, count, follow, perMinute.unmount, labelling.unmount]) end();
     },
   };
 }

@@ -71,6 +71,6 @@ function whyNot(known, device, mayOperate) {
   if (!known.connection.online) return "away";
   if (!device) return "none";
   if (REFUSING.has(device.state)) return device.state;
-  if (device.health.start !== "refused") return null;
+  if (device.health.start !== "refused") return device.sealing_capture_id ? "sealing" : null;
   return known.state?.storage.minutes_left === 0 ? "full" : "broken";
 }
