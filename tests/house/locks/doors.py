@@ -1,0 +1,105 @@
+"""The only imports of the program's inner modules that locks need: who moves one changes this file."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import typer
+from fastapi import FastAPI
+
+from grabberd.acquisition import Slot
+from grabberd.acquisition.clock import SystemClock
+from grabberd.api import create_app
+from grabberd.api.problems import STATUS
+from grabberd.cli import main
+from grabberd.cli.app import app
+from grabberd.client.lsl.events import DeviceEvents
+from grabberd.client.lsl.points_layout import PointsLayout
+from grabberd.config import default_config_file, load_config
+from grabberd.documents.capture_analyses import DeviceAnalysis
+from grabberd.documents.captures import CaptureDocument
+from grabberd.documents.examples import CAPTURE
+from grabberd.documents.roles import Role
+from grabberd.service.jobs.kinds import KINDS
+from grabberd.service.mqtt.home_assistant import discovery
+from grabberd.service.mqtt.messages import TOPICS, Topics, capture_summary, device_analysis, device_state
+from grabberd.service.service import Service
+from grabberd.service.setup import set_up
+from grabberd.storage import CaptureReader, CaptureWriter
+from grabberd.storage.state.outbox import Outbox
+
+__all__ = [
+    "CAPTURE",
+    "KINDS",
+    "STATUS",
+    "TOPICS",
+    "CaptureDocument",
+    "CaptureReader",
+    "CaptureWriter",
+    "DeviceAnalysis",
+    "DeviceEvents",
+    "FastAPI",
+    "Outbox",
+    "PointsLayout",
+    "Role",
+    "Service",
+    "Slot",
+    "Topics",
+    "app",
+    "capture_summary",
+    "click_commands",
+    "create_app",
+    "device_analysis",
+    "device_state",
+    "discovery",
+    "main",
+    "openapi",
+    "opened",
+    "service_in",
+]
+
+
+class FixedClock(SystemClock):
+    """Shows one time of day for ever."""
+
+    def __init__(self, utc: str) -> None:
+        self._utc = datetime.fromisoformat(utc)
+
+    def utc_now(self) -> datetime:
+        """That time."""
+        return self._utc
+
+
+def service_in(folder: Path, now_utc: str | None = None) -> Service:
+    """A service on the simulated grabber, by default by the computer's own clock."""
+    file = default_config_file()
+    clock = None if now_utc is None else FixedClock(now_utc)
+    return Service(set_up(load_config(file), file), folder, clock=clock)
+
+
+@contextmanager
+def opened(folder: Path, now_utc: str) -> Iterator[Service]:
+    """A service that has read its state directory; nothing of it runs."""
+    service = service_in(folder, now_utc)
+    service.open()
+    try:
+        service.archive.open()
+        service.open_stores()
+        yield service
+    finally:
+        service.processes.end()
+        service.archive.close()
+        service.state_keeper.close()
+
+
+def openapi() -> dict[str, Any]:
+    """Description of the HTTP API."""
+    return create_app(service_in(Path("nowhere"))).openapi()
+
+
+def click_commands() -> Mapping[str, Any]:
+    """Commands and groups of commands, by name."""
+    found: Mapping[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    return found
