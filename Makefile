@@ -17,10 +17,10 @@ DEB := dist/deb
 # One more than there are processors: tests of whole daemons and of the page wait for half of their time.
 WORKERS ?= $(shell expr $$(nproc) + 1)
 NODE := node_modules/ready
-PAGE_TYPES := src/grabberd/web/types/openapi.d.ts
-PAGE_SOURCES = $(shell find src/grabberd/web/static/js src/grabberd/web/types tests/web/types -type d -o -name '*.js' -o -name '*.ts')
-SITE := src/grabberd/web/site/index.html
-SITE_SOURCES = README.md CHANGELOG.md $(shell find docs src/grabberd/public -name '*.md' -o -name '*.ipynb' -o -name '*.py' -o -name '*.png' -o -name '*.svg')
+PAGE_TYPES := src/grabberd/server/web/types/openapi.d.ts
+PAGE_SOURCES = $(shell find src/grabberd/server/web/static/js src/grabberd/server/web/types tests/server/web/types -type d -o -name '*.js' -o -name '*.ts')
+SITE := src/grabberd/server/web/site/index.html
+SITE_SOURCES = README.md CHANGELOG.md $(shell find docs src/grabberd/library -name '*.md' -o -name '*.ipynb' -o -name '*.py' -o -name '*.png' -o -name '*.svg')
 # Tests of the virtual machine that need the package; all others need none.
 OF_PACKAGE := test_deb.py test_first_day.py
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
@@ -64,7 +64,7 @@ test-browser: $(READY) browser  ## the operator's page in a real browser, before
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest tests/browser -rs --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 screenshots: $(READY) browser  ## pictures of every panel of the page, into docs/images/page
-	PYTHONPATH=tests:tests/service $(BIN)/python -m browser.screenshots docs/images/page $(NAMES)
+	PYTHONPATH=tests:tests/support $(BIN)/python -m browser.screenshots docs/images/page $(NAMES)
 
 browser:
 	@command -v chromium >/dev/null || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
@@ -97,10 +97,10 @@ npm:
 	  || echo "*** npm is missing, so the page's types are NOT checked: sudo apt-get install npm ***"
 
 test-vm: $(READY)  ## driver and service under a real kernel and systemd, in a virtual machine (WRITE=1: results into docs/)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/vm $(addprefix --ignore=tests/vm/,$(OF_PACKAGE)) $(if $(WRITE),--write-tables)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/proofs/vm $(addprefix --ignore=tests/proofs/vm/,$(OF_PACKAGE)) $(if $(WRITE),--write-tables)
 
 test-vm-deb: deb  ## the Debian package in the same machine: installed, captures, purged; a new user's first day with it (WRITE=1: into docs/)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(addprefix tests/vm/,$(OF_PACKAGE)) $(if $(WRITE),--write-tables)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(addprefix tests/proofs/vm/,$(OF_PACKAGE)) $(if $(WRITE),--write-tables)
 
 test-wheel: wheel sdist  ## install wheel and source archive, with a compiler and without, into an empty environment; capture there
 	@! ls $(WHEELS)/grabberd-*abi3*.whl >/dev/null 2>&1 || $(BIN)/abi3audit --strict $(WHEELS)/grabberd-*.whl
@@ -160,40 +160,40 @@ $(SITE): mkdocs.yml $(SITE_SOURCES) | $(READY)
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 bench: $(READY) $(PEERS)/ready  ## beside OpenCV, OpenPTV, scipy, scikit-image and trackpy, into docs/benchmarks.md (four minutes)
-	$(ONE_THREAD) $(BIN)/python -m tests.bench.peers --write
+	$(ONE_THREAD) $(BIN)/python -m tests.proofs.bench.peers --write
 
 profile: $(READY)  ## where a field's time goes: stages and functions
-	$(ONE_THREAD) $(BIN)/python -m tests.bench.hot_path
+	$(ONE_THREAD) $(BIN)/python -m tests.proofs.bench.hot_path
 
 measured: $(READY)  ## accuracy and cost of every part of the work, into docs/measured.md (many minutes)
-	OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m tests.bench all --seconds $(or $(DURATION),60) --write docs/measured.md
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m tests.proofs.bench all --seconds $(or $(DURATION),60) --write docs/measured.md
 
 soak: $(READY)  ## ten minutes (or DURATION=… seconds) at 50 Hz, clients coming and going; LOAD=4: beside busy loops (DEVICES=4); FAULTS=1: twenty, a fault every few seconds; fails where a promise is broken
 	@$(MAKE) --no-print-directory $(if $(FAULTS),soak-faults,$(if $(LOAD),soak-load,soak-clients))
 
 soak-clients: $(READY)
-	OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m tests.bench soak --seconds $(or $(DURATION),600) $(if $(SEED),--seed $(SEED)) --write docs/measured.md
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m tests.proofs.bench soak --seconds $(or $(DURATION),600) $(if $(SEED),--seed $(SEED)) --write docs/measured.md
 
 soak-load: $(READY)
-	OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m tests.bench loaded --seconds $(or $(DURATION),600) --load $(LOAD) --devices $(or $(DEVICES),1) --write docs/measured.md
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m tests.proofs.bench loaded --seconds $(or $(DURATION),600) --load $(LOAD) --devices $(or $(DEVICES),1) --write docs/measured.md
 
 soak-faults: $(READY)
-	$(BIN)/python -m tests.months run --minutes $(or $(MINUTES),20) $(if $(SEED),--seed $(SEED)) --write docs/reference/months.md
+	$(BIN)/python -m tests.proofs.months run --minutes $(or $(MINUTES),20) $(if $(SEED),--seed $(SEED)) --write docs/reference/months.md
 
 armour: $(READY)  ## attacks on the HTTP front (DURATION=… seconds each): quiet, beside busy loops, with few descriptors
-	OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m tests.bench armour --seconds $(or $(DURATION),10) --write docs/measured.md
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m tests.proofs.bench armour --seconds $(or $(DURATION),10) --write docs/measured.md
 
 faults: $(READY)  ## every fault of grabber, disk, clock and clients, done to the whole daemon, into docs/reference/faults.md
-	$(BIN)/python -m tests.faults --write docs/reference/faults.md
+	$(BIN)/python -m tests.proofs.faults --write docs/reference/faults.md
 
 fuzz: $(READY)  ## hostile files, requests and arrays against everything that reads them (FUZZ_MINUTES=10, SEED=…, ONLY='png requests')
-	$(ONE_THREAD) PYTHONPATH=tests:tests/service $(BIN)/python -m fuzz --minutes $(or $(FUZZ_MINUTES),10) $(if $(SEED),--seed $(SEED)) $(if $(ONLY),--only $(ONLY))
+	$(ONE_THREAD) PYTHONPATH=tests:tests/support $(BIN)/python -m fuzz --minutes $(or $(FUZZ_MINUTES),10) $(if $(SEED),--seed $(SEED)) $(if $(ONLY),--only $(ONLY))
 
 setups: $(READY)  ## every wrong set-up of a calibration, and what the user is told, into docs/reference/wrong-setups.md
 	$(ONE_THREAD) PYTHONPATH=tests $(BIN)/python -m setups --write docs/reference/wrong-setups.md
 
 audit: $(READY)  ## the account of fields in a thousand (or SEEDS=…) runs and a daemon, both with everything going wrong, into docs/reference/audit.md
-	$(ONE_THREAD) PYTHONPATH=tests:tests/service $(BIN)/python -m tests.audit --seeds $(or $(SEEDS),1000) --real-time --write docs/reference/audit.md
+	$(ONE_THREAD) PYTHONPATH=tests:tests/support $(BIN)/python -m tests.proofs.audit --seeds $(or $(SEEDS),1000) --real-time --write docs/reference/audit.md
 
 walls: $(READY)  ## the simulated liner's walls, solved anew (about an hour on two processors; NAMES='thin-round …')
 	$(ONE_THREAD) nice $(BIN)/python -m tools.liner_wall drivers/grabberd_fake/walls $(NAMES)
@@ -216,7 +216,7 @@ lock: $(READY)  ## write down the versions that the tests passed with
 clean:  ## remove what make made, but no captures
 	rm -rf $(VENV) $(PEERS) node_modules build dist .mypy_cache .ruff_cache .pytest_cache
 
-INSTALLED_FROM := pyproject.toml constraints.txt hatch_build.py $(wildcard src/grabberd/kernel/*.[ch])
+INSTALLED_FROM := pyproject.toml constraints.txt hatch_build.py $(wildcard src/grabberd/core/kernel/*.[ch])
 
 # What running needs; the tests need more than twice as much.
 $(RUNS): $(INSTALLED_FROM) | $(VENV)/made
@@ -235,9 +235,9 @@ $(VENV)/made:
 	@$(PYTHON) -m venv $(VENV)
 	@touch $@
 
-$(PEERS)/ready: tests/bench/peers/peers.txt
+$(PEERS)/ready: tests/proofs/bench/peers/peers.txt
 	$(PYTHON) -m venv $(PEERS)
-	$(PEERS)/bin/python -m pip install --quiet --requirement tests/bench/peers/peers.txt
+	$(PEERS)/bin/python -m pip install --quiet --requirement tests/proofs/bench/peers/peers.txt
 	touch $@
 
 $(NODE): package.json package-lock.json .npmrc

@@ -32,7 +32,7 @@ class KernelHook(BuildHookInterface):  # type: ignore[type-arg]
         wanted = os.environ.get("GRABBERD_KERNEL", "")
         if wanted == "no":
             return
-        sources = Path(self.root, "src/grabberd/kernel")
+        sources = Path(self.root, "src/grabberd/core/kernel")
         # Removed with this hook, once the wheel is packed.
         self._folder = tempfile.TemporaryDirectory(prefix="grabberd-kernel-")
         made = Path(self._folder.name, NAME)
@@ -51,7 +51,7 @@ class KernelHook(BuildHookInterface):  # type: ignore[type-arg]
             shutil.copy(made, beside)
             beside.replace(sources / NAME)
         else:
-            build_data["force_include"][str(made)] = f"grabberd/kernel/{NAME}"
+            build_data["force_include"][str(made)] = f"grabberd/core/kernel/{NAME}"
 
 
 def build(sources: Path, target: Path) -> str:

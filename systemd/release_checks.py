@@ -21,11 +21,11 @@ import time
 from pathlib import Path
 
 IMPORTED = (
-    "grabberd.api",
+    "grabberd.server.api",
     "grabberd.cli.app",
-    "grabberd.service.service",
-    "grabberd.service.jobs.analysis",
-    "grabberd.processes.analysis.analyse",
+    "grabberd.server.daemon.service",
+    "grabberd_liner.analyses.job",
+    "grabberd_liner.chain.analysis.analyse",
     "grabberd_fake",
     "grabberd_replay",
     "grabberd_v4l2",
@@ -48,7 +48,7 @@ def state_directory(config: str) -> None:
 
 def state(file: str) -> None:
     """Opens and migrates a copy, which a daemon may be writing meanwhile."""
-    from grabberd.storage.state.state_database import StateDatabase  # noqa: PLC0415
+    from grabberd.archive.state.state_database import StateDatabase  # noqa: PLC0415
 
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "state.sqlite"

@@ -26,7 +26,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 LONGEST = ("browser", "faults")
 """Rooms whose few tests take longest; begun last, they would keep a single processor at work at the end."""
 
-SERVED = ("api", "cli", "service")
+SERVED = ("archive", "cli", "instrument", "library", "liner", "server", "work")
 """Rooms of whole services and their captures."""
 SUBJECT = ("cli/test_field_order.py", "cli/test_reversed_fields.py")
 """Files in them whose subject is what moves from picture to picture."""

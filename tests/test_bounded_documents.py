@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 import yaml
 
+from grabberd.archive.input_files import read_identifications, read_truth
 from grabberd.bounded_documents import csv_records, csv_rows, parse_yaml, read_bounded, read_text
 from grabberd.config.reading import load_config
 from grabberd.errors import ConfigError, InputError
-from grabberd.service.setup import read_documents, read_yaml
-from grabberd.storage.input_files import read_identifications, read_truth
+from grabberd.files.documents import read_documents, read_yaml
 
 LAUGHS = "a0: &a0 [ha, ha, ha, ha, ha, ha, ha, ha, ha]\n" + "".join(
     f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 9)

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 import yaml
 
+from grabberd.archive.calibrations.calibration_frames import calibration_frame_model
+from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.requests import CertifiedLength
 from grabberd.errors import InputError
-from grabberd.reconstruction import ObjectModel
-from grabberd.service.calibrations.calibration_frames import calibration_frame_model
 
 ROOT = Path(__file__).parents[1]
 GENERATED = runpy.run_path(str(ROOT / "docs" / "reference" / "generate.py"))["documents"]()

@@ -11,7 +11,7 @@ import pytest
 from running import PATIENCE_S
 
 import grabberd
-from api.daemons import Daemon, serving
+from server.api.daemons import Daemon, serving
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "howto" / "first-steps.md").read_text(encoding="utf-8")

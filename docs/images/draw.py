@@ -19,23 +19,24 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import grabberd
-from grabberd.analysis import Grid, Surface, TimedPoints
 from grabberd.config import default_config_file, load_config, shipped_configs
-from grabberd.field import Field, NumberedField, PackedField, double_lines, quantise
-from grabberd.processes.analysis.analyse import analyse
-from grabberd.processes.analysis.analysis_document import analysis_document
-from grabberd.processes.analysis.field_points import FieldPoints
-from grabberd.processes.analysis.inputs import read_inputs
-from grabberd.processes.analysis.tables import tables
-from grabberd.processes.measure import MeasuredField, MeasureSetup, measure_fields
-from grabberd.render import synthetic_view
-from grabberd.render.model_pictures import Gallery, Modelling
-from grabberd.render.viewpoint import SIDES
-from grabberd.render.wire_model import Look
+from grabberd.core.chain.measure import MeasuredField, MeasureSetup, measure_fields
+from grabberd.core.field import Field, NumberedField, PackedField, double_lines, quantise
+from grabberd.files.documents import read_yaml
+from grabberd.instrument.setup import set_up
 from grabberd.reports.columns import Columns
 from grabberd.reports.figures import model_svg, states_of, time_svg
-from grabberd.service.setup import read_yaml, set_up
 from grabberd_fake import FakeGrabber, JumpingClock
+from grabberd_liner.analysis import Grid, Surface, TimedPoints
+from grabberd_liner.chain.analysis.analyse import analyse
+from grabberd_liner.chain.analysis.analysis_document import analysis_document
+from grabberd_liner.chain.analysis.field_points import FieldPoints
+from grabberd_liner.chain.analysis.inputs import read_inputs
+from grabberd_liner.chain.analysis.tables import tables
+from grabberd_liner.render import synthetic_view
+from grabberd_liner.render.model_pictures import Gallery, Modelling
+from grabberd_liner.render.viewpoint import SIDES
+from grabberd_liner.render.wire_model import Look
 
 THRESHOLD = 60
 SCALE = 2

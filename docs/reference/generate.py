@@ -10,28 +10,28 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from grabberd.api import create_app
-from grabberd.config import Config, default_config_file, load_config
-from grabberd.documents.profiles import CowProfile, CupProfile, LinerProfile, PulsatorProfile
-from grabberd.documents.requests import CertifiedLength
-from grabberd.processes.analysis.columns import TABLES
-from grabberd.processes.columns import LABELS, WORD, Column, TableSpec
-from grabberd.processes.study.columns import TABLES as STUDY_TABLES
-from grabberd.processes.study.columns import captures_spec
-from grabberd.reconstruction.object_model import KEYS, TARGET_KEYS, FileKey
-from grabberd.schemas import SCHEMAS, schema_of
-from grabberd.service.calibrations.calibration_frames import CALIBRATION_FRAME_KEYS
-from grabberd.service.service import Service
-from grabberd.service.setup import set_up
-from grabberd.storage.export.channel_columns import CHANNEL_COLUMNS
-from grabberd.storage.export.ply_file import PLY_NAMES, PLY_TYPES
-from grabberd.storage.export.points_columns import (
+from grabberd.archive.calibrations.calibration_frames import CALIBRATION_FRAME_KEYS
+from grabberd.archive.export.channel_columns import CHANNEL_COLUMNS
+from grabberd.archive.export.ply_file import PLY_NAMES, PLY_TYPES
+from grabberd.archive.export.points_columns import (
     CLOUD_COLUMNS,
     DATASET_COLUMNS,
     GRID_ARRAYS,
     GRID_COLUMNS,
     POINT_COLUMNS,
 )
+from grabberd.config import Config, default_config_file, load_config
+from grabberd.core.chain.columns import LABELS, WORD, Column, TableSpec
+from grabberd.core.reconstruction.object_model import KEYS, TARGET_KEYS, FileKey
+from grabberd.documents.requests import CertifiedLength
+from grabberd.instrument.setup import set_up
+from grabberd.schemas import SCHEMAS, schema_of
+from grabberd.server.api import create_app
+from grabberd.server.daemon.service import Service
+from grabberd_liner.chain.analysis.columns import TABLES
+from grabberd_liner.chain.study.columns import TABLES as STUDY_TABLES
+from grabberd_liner.chain.study.columns import captures_spec
+from grabberd_liner.profiles.documents import CowProfile, CupProfile, LinerProfile, PulsatorProfile
 
 HERE = Path(__file__).parent
 TYPES = {

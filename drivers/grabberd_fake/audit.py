@@ -12,9 +12,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from grabberd.archive import CaptureReader
+from grabberd.core.field import unpack
 from grabberd.errors import CaptureFileError
-from grabberd.field import unpack
-from grabberd.storage import CaptureReader
 from grabberd_fake.faults import PERIOD_NS
 from grabberd_fake.stamp import read_stamp
 

@@ -10,8 +10,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal, StreamInfo
+from grabberd.core.field import FieldOrder
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
+from grabberd.instrument.acquisition.device import GrabbedField, Signal, StreamInfo
 from grabberd_fake.drawn_ahead import DrawnAhead
 from grabberd_fake.faults import (
     Busy,

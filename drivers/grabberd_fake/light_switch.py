@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from grabberd.acquisition.channels import Anomaly, Dating, LoggerInfo, Readings
+from grabberd.core.channels import Anomaly, Dating, LoggerInfo, Readings
 from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused
 from grabberd_fake.grabber import Clock, RealClock
 from grabberd_fake.light_options import LightOptions, lit

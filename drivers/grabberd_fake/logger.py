@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.acquisition.channels import (
+from grabberd.core.channels import (
     Anomaly,
     ArrivalDating,
     ClockRelation,

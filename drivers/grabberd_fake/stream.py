@@ -6,8 +6,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.acquisition.device import GrabbedField
-from grabberd.field import Field
+from grabberd.core.field import Field
+from grabberd.instrument.acquisition.device import GrabbedField
 from grabberd_fake.faults import (
     Bunch,
     ClockStep,

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import Field
 
-from grabberd.acquisition.clock import Clock, SystemClock
+from grabberd.clock import Clock, SystemClock
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.line_logger import LineLogger, Opened, Received
 from grabberd_loggers.options import LineOptions, read_options

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from grabberd.acquisition.discovery import FoundDevice, Verdict
+from grabberd.instrument.acquisition.discovery import FoundDevice, Verdict
 from grabberd_loggers.iio.tree import SYSTEM, IioDevice, Roots, iio_devices
 
 _PORT = re.compile(r"^tty(USB|ACM|AMA|S|XRUSB|O|mxc)\d+$")

@@ -2,8 +2,8 @@
 
 from typing import NamedTuple, Protocol
 
-from grabberd.acquisition.channels import Anomaly, Dating, LoggerInfo, Readings
-from grabberd.acquisition.clock import Clock, SystemClock
+from grabberd.clock import Clock, SystemClock
+from grabberd.core.channels import Anomaly, Dating, LoggerInfo, Readings
 from grabberd.errors import DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.line_buffer import LineBuffer
 from grabberd_loggers.line_readings import LineReadings

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from grabberd.acquisition.channels import (
+from grabberd.core.channels import (
     Anomaly,
     ArrivalDating,
     ClockRelation,
@@ -13,7 +13,7 @@ from grabberd.acquisition.channels import (
     MissingReadings,
     Readings,
 )
-from grabberd.acquisition.channels.missing_readings import MISSING
+from grabberd.core.channels.missing_readings import MISSING
 from grabberd.errors import StreamFailed
 from grabberd_loggers.line_format import Line, LineFormat
 

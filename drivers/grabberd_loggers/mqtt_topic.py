@@ -10,7 +10,7 @@ from typing import Any, Self
 
 from pydantic import Field, model_validator
 
-from grabberd.acquisition.clock import Clock
+from grabberd.clock import Clock
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.line_buffer import LONGEST
 from grabberd_loggers.line_format import IGNORED, Column

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from pydantic import field_validator
 
-from grabberd.acquisition.clock import Clock
+from grabberd.clock import Clock
 from grabberd.errors import DeviceLost, StreamFailed
 from grabberd_loggers.line_logger import LineLogger, Opened, Received
 from grabberd_loggers.options import LineOptions, read_options

@@ -4,10 +4,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from grabberd.acquisition import FieldOrder, GrabbedField, Outcome
+from grabberd.archive import CaptureReader, RecordedField
+from grabberd.core.field import FieldOrder, unpack
+from grabberd.core.ledger import Outcome
 from grabberd.errors import CaptureFileError, PictureError
-from grabberd.field import unpack
-from grabberd.storage import CaptureReader, RecordedField
+from grabberd.instrument.acquisition import GrabbedField
 from grabberd_replay.recording import Batch, Format, Recording
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from grabberd.errors import DeviceRefused
-from grabberd.storage.held_files import hold
+from grabberd.files.held_files import hold
 
 
 class Container(NamedTuple):

@@ -16,9 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.acquisition import FieldOrder
+from grabberd.core.field import LARGEST_SIDE_PX, FieldOrder
 from grabberd.errors import DeviceRefused, PictureError
-from grabberd.field import LARGEST_SIDE_PX
 from grabberd_replay.ffprobe import INSTALL
 
 Picture = NDArray[np.uint8]

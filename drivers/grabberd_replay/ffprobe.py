@@ -15,7 +15,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from grabberd.acquisition import FieldOrder
+from grabberd.core.field import FieldOrder
 
 INSTALL = "install FFmpeg: sudo apt-get install ffmpeg"
 # Only the containers that the first bytes have been compared with; a playlist names other files.

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from grabberd.acquisition import FieldOrder
+from grabberd.core.field import FieldOrder
 from grabberd.errors import DeviceRefused, PictureError
 from grabberd_replay.levels import Levels
 from grabberd_replay.pictures import Pictures, Splitter, recognise, usual_rate_hz

@@ -5,7 +5,8 @@ from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 
-from grabberd.acquisition import Clock, FieldOrder, GrabbedField, Signal, StreamInfo, SystemClock
+from grabberd.clock import Clock, SystemClock
+from grabberd.core.field import FieldOrder
 from grabberd.errors import (
     CaptureFileError,
     DeviceAbsent,
@@ -14,6 +15,7 @@ from grabberd.errors import (
     GrabberdError,
     StreamEnded,
 )
+from grabberd.instrument.acquisition import GrabbedField, Signal, StreamInfo
 from grabberd_replay.capture import CaptureRecording
 from grabberd_replay.containers import KINDS, container_of
 from grabberd_replay.folder import FolderRecording

@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.acquisition import NTSC_HZ, PAL_HZ, FieldOrder, GrabbedField, Outcome
 from grabberd.bounded_documents import LARGEST_TABLE, csv_records, read_text
+from grabberd.core.field import LARGEST_SIDE_PX, NTSC_HZ, PAL_HZ, PROGRESSIVE, Field, FieldOrder
+from grabberd.core.ledger import Outcome
 from grabberd.errors import DeviceRefused
-from grabberd.field import LARGEST_SIDE_PX, PROGRESSIVE, Field
+from grabberd.instrument.acquisition import GrabbedField
 from grabberd_replay.folder import colours_of
 from grabberd_replay.levels import Levels
 from grabberd_replay.pictures import Pictures

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.acquisition import FieldOrder, GrabbedField, standard_rate_hz
+from grabberd.core.field import BOTTOM, TOP, Field, FieldOrder, split_frame, standard_rate_hz
 from grabberd.errors import DeviceRefused
-from grabberd.field import BOTTOM, TOP, Field, split_frame
+from grabberd.instrument.acquisition import GrabbedField
 from grabberd_replay.recording import Batch, Format
 
 

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.field import LARGEST_SIDE_PX
 from grabberd.errors import PictureError
-from grabberd.field import LARGEST_SIDE_PX
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _GREY, _WITH_ALPHA = (0, 4), (4, 6)

@@ -4,7 +4,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from grabberd.acquisition import FieldOrder, GrabbedField
+from grabberd.core.field import FieldOrder
+from grabberd.instrument.acquisition import GrabbedField
 
 Batch = Sequence[GrabbedField]
 """The fields of one picture, the older first."""

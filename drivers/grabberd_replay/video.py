@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Protocol
 
-from grabberd.acquisition import NTSC_HZ, PAL_HZ, FieldOrder
+from grabberd.core.field import NTSC_HZ, PAL_HZ, FieldOrder
 from grabberd.errors import PictureError
 from grabberd_replay.containers import Container
 from grabberd_replay.decoder import Decoder, Header, Picture

@@ -3,8 +3,9 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from grabberd.acquisition.device import FieldOrder, StreamInfo
-from grabberd.acquisition.discovery import Verdict
+from grabberd.core.field import FieldOrder
+from grabberd.instrument.acquisition.device import StreamInfo
+from grabberd.instrument.acquisition.discovery import Verdict
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.formats import FORMATS
 from grabberd_v4l2.layout import Layout

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from grabberd.acquisition.discovery import FoundDevice, Verdict
+from grabberd.instrument.acquisition.discovery import FoundDevice, Verdict
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.answers import Answers, ask
 from grabberd_v4l2.formats import FORMATS

@@ -6,8 +6,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
-from grabberd.acquisition.device import GrabbedField, Signal, StreamInfo
 from grabberd.errors import Cause, DeviceLost, DeviceRefused, StreamFailed
+from grabberd.instrument.acquisition.device import GrabbedField, Signal, StreamInfo
 from grabberd_v4l2 import abi
 from grabberd_v4l2.describing import remarks_on_place, stream_info, usb_id
 from grabberd_v4l2.failures import opening, restarting

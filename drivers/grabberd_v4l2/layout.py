@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.acquisition import FieldOrder
+from grabberd.core.field import BOTTOM, PROGRESSIVE, TOP, Field, FieldOrder
 from grabberd.errors import DeviceRefused
-from grabberd.field import BOTTOM, PROGRESSIVE, TOP, Field
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.formats import luma
 from grabberd_v4l2.profiles import Profile

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import NamedTuple
 
-from grabberd.field import LARGEST_SIDE_PX
+from grabberd.core.field import LARGEST_SIDE_PX
 from grabberd_v4l2 import abi
 from grabberd_v4l2.node import Node
 

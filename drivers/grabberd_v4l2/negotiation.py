@@ -6,8 +6,8 @@ delivers progressive pictures.
 
 from collections.abc import Sequence
 
-from grabberd.acquisition.discovery import Verdict
 from grabberd.errors import DeviceRefused
+from grabberd.instrument.acquisition.discovery import Verdict
 from grabberd_v4l2 import abi, interlaced, progressive, standards
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.formats import FORMATS, bytes_per_pixel, needed_bytes

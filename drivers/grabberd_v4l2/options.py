@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from grabberd.field import BOTTOM, TOP
+from grabberd.core.field import BOTTOM, TOP
 from grabberd_v4l2 import standards
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.formats import FORMATS

@@ -2,8 +2,7 @@
 
 from typing import NamedTuple
 
-from grabberd.acquisition import NTSC_HZ, PAL_HZ
-from grabberd.field import BOTTOM, PROGRESSIVE, TOP
+from grabberd.core.field import BOTTOM, NTSC_HZ, PAL_HZ, PROGRESSIVE, TOP
 from grabberd_v4l2 import abi
 
 DEFAULT = "PAL"

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from grabberd.acquisition import FieldOrder
+from grabberd.core.field import FieldOrder
 from grabberd.errors import DeviceRefused
 from grabberd_v4l2 import abi
 from grabberd_v4l2.layout import LaidField, Layout

@@ -1,6 +1,6 @@
 """Signal and standard of a streaming card, polled about once a second."""
 
-from grabberd.acquisition.device import Signal
+from grabberd.instrument.acquisition.device import Signal
 from grabberd_v4l2 import abi, standards
 from grabberd_v4l2.node import Node
 from grabberd_v4l2.profiles import SignalSource

@@ -18,17 +18,17 @@ from importlib import import_module
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Analysis": "public.analysis",
-    "Calibration": "public.calibrations",
-    "Capture": "public.capture",
-    "Connection": "public.connection",
-    "GrabberdError": "errors",
-    "PointTable": "public.point_table",
-    "RemoteCapture": "public.connection",
-    "calibrate": "public.calibrations",
-    "connect": "public.connection",
-    "example": "public.examples",
-    "open": "public.capture:open_capture",
+    "Analysis": "grabberd_liner.analyses.library",
+    "Calibration": "grabberd.library.calibrations",
+    "Capture": "grabberd.library.capture",
+    "Connection": "grabberd.library.connection",
+    "GrabberdError": "grabberd.errors",
+    "PointTable": "grabberd.library.point_table",
+    "RemoteCapture": "grabberd.library.connection",
+    "calibrate": "grabberd.library.calibrations",
+    "connect": "grabberd.library.connection",
+    "example": "grabberd.library.examples",
+    "open": "grabberd.library.capture:open_capture",
 }
 """Module of each public name, and its name there where it is another.
 
@@ -56,7 +56,7 @@ def __getattr__(name: str) -> object:
     if name not in _HOMES:
         raise AttributeError(f"module 'grabberd' has no attribute {name!r}")
     module, _, own = _HOMES[name].partition(":")
-    found = globals()[name] = getattr(import_module(f"grabberd.{module}"), own or name)
+    found = globals()[name] = getattr(import_module(module), own or name)
     return found
 
 

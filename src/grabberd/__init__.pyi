@@ -1,14 +1,14 @@
 from grabberd.errors import GrabberdError as GrabberdError
-from grabberd.public.analysis import Analysis as Analysis
-from grabberd.public.calibrations import Calibration as Calibration
-from grabberd.public.calibrations import calibrate as calibrate
-from grabberd.public.capture import Capture as Capture
-from grabberd.public.capture import open_capture as open
-from grabberd.public.connection import Connection as Connection
-from grabberd.public.connection import RemoteCapture as RemoteCapture
-from grabberd.public.connection import connect as connect
-from grabberd.public.examples import example as example
-from grabberd.public.point_table import PointTable as PointTable
+from grabberd.library.calibrations import Calibration as Calibration
+from grabberd.library.calibrations import calibrate as calibrate
+from grabberd.library.capture import Capture as Capture
+from grabberd.library.capture import open_capture as open
+from grabberd.library.connection import Connection as Connection
+from grabberd.library.connection import RemoteCapture as RemoteCapture
+from grabberd.library.connection import connect as connect
+from grabberd.library.examples import example as example
+from grabberd.library.point_table import PointTable as PointTable
+from grabberd_liner.analyses.library import Analysis as Analysis
 
 __version__: str
 __all__ = [

@@ -1,7 +1,7 @@
 """Who imports whom: the static import graph of sources, drivers and tests, read without running any of it.
 
-A name that a package merely re-exports leads to the module that defines it: `from grabberd.geometry import
-View` is an import of `geometry/view.py` alone. Otherwise whoever takes one name from a package would seem to
+A name that a package merely re-exports leads to the module that defines it: `from grabberd.core.geometry import
+View` is an import of `core/geometry/view.py` alone. Otherwise whoever takes one name from a package would seem to
 depend on all of it, and every test on every room.
 """
 
@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-ROOTS = ("src", "drivers", "tests", "tests/service", ".")
+ROOTS = ("src", "drivers", "tests", "tests/support", ".")
 """Directories that imports start from; those of tests are pytest's `pythonpath`."""
 FOLDERS = ("src", "drivers", "tests")
 ANY = "*"

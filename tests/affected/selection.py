@@ -25,8 +25,8 @@ ROOMS = {
     "docs": ("tests/test_docs.py",),
     "README.md": ("tests/test_docs.py",),
     "CONTRIBUTING.md": ("tests/test_docs.py",),
-    "src/grabberd/web": ("tests/web",),
-    "src/grabberd/kernel": ("tests/kernel",),
+    "src/grabberd/server/web": ("tests/web",),
+    "src/grabberd/core/kernel": ("tests/kernel",),
     "systemd": ("tests/systemd",),
 }
 """Where the tests of files live that nobody imports."""

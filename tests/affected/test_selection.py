@@ -7,24 +7,24 @@ from tests.affected.imports import Imports
 from tests.affected.selection import Selection, select
 
 FILES = {
-    "src/grabberd/geometry/__init__.py": "from grabberd.geometry.view import View",
-    "src/grabberd/geometry/view.py": "",
-    "src/grabberd/analysis/wall.py": "from grabberd.geometry import View",
-    "src/grabberd/service/service.py": "from grabberd.analysis.wall import Wall",
+    "src/grabberd/core/geometry/__init__.py": "from grabberd.core.geometry.view import View",
+    "src/grabberd/core/geometry/view.py": "",
+    "src/grabberd/analysis/wall.py": "from grabberd.core.geometry import View",
+    "src/grabberd/server/daemon/service.py": "from grabberd_liner.analysis.wall import Wall",
     "drivers/grabberd_fake/world.py": "",
     "tests/conftest.py": "",
     "tests/geometry/test_rotation.py": "",
-    "tests/analysis/shapes.py": "from grabberd.geometry import View",
+    "tests/analysis/shapes.py": "from grabberd.core.geometry import View",
     "tests/analysis/test_shapes.py": "from analysis.shapes import round",
-    "tests/analysis/test_wall.py": "from grabberd.analysis.wall import Wall",
-    "tests/service/conftest.py": "from grabberd.service.service import Service",
+    "tests/analysis/test_wall.py": "from grabberd_liner.analysis.wall import Wall",
+    "tests/service/conftest.py": "from grabberd.server.daemon.service import Service",
     "tests/service/test_service.py": "",
     "tests/drivers/fake/test_world.py": "",
     "tests/contract/test_driver_contract.py": "",
     "tests/web/modules/test_modules.py": "",
-    "tests/vm/test_usb.py": "from grabberd.geometry.view import View",
+    "tests/proofs/vm/test_usb.py": "from grabberd.core.geometry.view import View",
 }
-VIEW = "src/grabberd/geometry/view.py"
+VIEW = "src/grabberd/core/geometry/view.py"
 NEAREST_FIRST = [
     "tests/geometry/test_rotation.py",
     "tests/analysis/test_shapes.py",
@@ -77,8 +77,8 @@ def test_a_changed_test_runs_whatever_it_takes(imports: Imports) -> None:
     [
         ("tests/analysis/shapes.py", ["tests/analysis/test_shapes.py"]),
         ("tests/service/conftest.py", ["tests/service/test_service.py"]),
-        ("src/grabberd/geometry/__init__.py", NEAREST_FIRST),
-        ("src/grabberd/web/static/js/main.js", ["tests/web/modules/test_modules.py"]),
+        ("src/grabberd/core/geometry/__init__.py", NEAREST_FIRST),
+        ("src/grabberd/server/web/static/js/main.js", ["tests/web/modules/test_modules.py"]),
         (
             "drivers/grabberd_fake/world.py",
             ["tests/contract/test_driver_contract.py", "tests/drivers/fake/test_world.py"],

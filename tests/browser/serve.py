@@ -15,15 +15,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from grabberd.api import create_app, serving, sockets
-from grabberd.api.guard.front import Front
 from grabberd.config import Config, LocationConfig, default_config_file, load_config
-from grabberd.service.logger_setup import set_up_loggers
-from grabberd.service.service import Service
-from grabberd.service.setup import set_up
+from grabberd.instrument.channels.logger_setup import set_up_loggers
+from grabberd.instrument.setup import set_up
+from grabberd.server.api import create_app, serving, sockets
+from grabberd.server.api.guard.front import Front
+from grabberd.server.daemon.service import Service
 from grabberd_fake import FakeGrabber, FakeLogger
 
-sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / "service")]
+sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / "support")]
 
 from running import PatientClock  # noqa: E402 - a helper of the service's tests
 

@@ -6,13 +6,13 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
+from archive.liner_tests import FAILED, PASSED, stored_test
 from browser.axe import serious
 from browser.conftest import Guarded, Open
 from browser.daemons import Daemon
 from browser.test_sign_in import sign_in
-from grabberd.storage.state.liner_test_store import LinerTestStore
-from processes.analysis.profiling import LINER, changed
-from storage.liner_tests import FAILED, PASSED, stored_test
+from grabberd_liner.guided_tests.store import LinerTestStore
+from liner.chain.analysis.profiling import LINER, changed
 
 PATIENCE_MS = 200_000
 RAMP = "Ramp without a teat"

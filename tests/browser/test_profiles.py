@@ -10,7 +10,7 @@ from browser.axe import serious
 from browser.conftest import Guarded, Open
 from browser.daemons import Daemon
 from browser.test_sign_in import sign_in
-from processes.analysis.profiling import COW, LINER, changed
+from liner.chain.analysis.profiling import COW, LINER, changed
 
 PROFILES = "/api/v1/profiles"
 

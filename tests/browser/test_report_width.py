@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser
 
-from grabberd.reports import analysis_html, calibration_html
+from grabberd.reports import calibration_html
+from grabberd_liner.analyses.report import analysis_html
 from reports import analysis_documents, documents
 
 TOO_WIDE = """() => [...document.querySelectorAll('table, svg, .equations')].flatMap((one) => {

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
+from grabberd.archive import CaptureReader
 from grabberd.cli.app import app
 from grabberd.config import shipped_configs
 from grabberd.errors import InputError, NotReady
-from grabberd.storage import CaptureReader
 from grabberd_fake import FakeOptions, truth_at
 
 CALIBRATION = shipped_configs() / "fake.calibration.json"

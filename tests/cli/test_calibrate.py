@@ -8,12 +8,12 @@ import pytest
 import yaml
 from typer.testing import CliRunner, Result
 
+from grabberd.archive import CaptureReader
 from grabberd.cli.app import app
 from grabberd.config import shipped_configs
+from grabberd.core.geometry import Calibration, project, rotation_matrix
+from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import GrabberdError
-from grabberd.geometry import Calibration, project, rotation_matrix
-from grabberd.reconstruction import ObjectModel
-from grabberd.storage import CaptureReader
 from grabberd_fake import FakeOptions
 from grabberd_fake.documents import calibration_document
 from grabberd_fake.truth import capture_truth

@@ -14,13 +14,13 @@ from typing import NamedTuple
 import pytest
 from typer.testing import CliRunner, Result
 
+from archive.captures import regrouped
+from grabberd.archive import CaptureReader
 from grabberd.cli import main
 from grabberd.cli.app import app
 from grabberd.config import shipped_configs
 from grabberd.errors import CaptureFileError
-from grabberd.storage import CaptureReader
-from grabberd.storage.capture.directory_lock import DirectoryLock
-from storage.captures import regrouped
+from grabberd.files.directory_lock import DirectoryLock
 
 FAST = """
 devices:
@@ -356,9 +356,7 @@ def test_two_daemons_do_not_share_a_folder_of_captures(tmp_path: Path) -> None:
 
 def test_importing_the_server_stays_light() -> None:
     heavy = "scipy.optimize", "pyarrow", "matplotlib"
-    code = (
-        f"import grabberd.api, grabberd.service.service, sys; print([m for m in {heavy} if m in sys.modules])"
-    )
+    code = f"import grabberd.server.api, grabberd.server.daemon.service, sys; print([m for m in {heavy} if m in sys.modules])"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
 

@@ -8,16 +8,16 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from drivers.v4l2.computer import Computer
-from grabberd.acquisition import GRABBERS
-from grabberd.acquisition.discovery import FoundDevice, Verdict
 from grabberd.cli.app import app
 from grabberd.cli.devices_listing import print_listing, yaml_of
 from grabberd.config import load_config
+from grabberd.instrument.acquisition import GRABBERS
+from grabberd.instrument.acquisition.discovery import FoundDevice, Verdict
 from grabberd_v4l2.answers import Answers
 from grabberd_v4l2.discovery import discover
 
 BARN = """
-from grabberd.acquisition.discovery import FoundDevice, Verdict
+from grabberd.instrument.acquisition.discovery import FoundDevice, Verdict
 
 CARD = FoundDevice(
     "barn",
@@ -153,7 +153,7 @@ def found_loggers(tmp_path, monkeypatch):
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: ports\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[grabberd.logger_discovery]\nports = found_ports:look\n")
     (tmp_path / "found_ports.py").write_text(
-        "from grabberd.acquisition.discovery import FoundDevice, Verdict\n"
+        "from grabberd.instrument.acquisition.discovery import FoundDevice, Verdict\n"
         "def look():\n"
         "    return [FoundDevice('serial', 'usb-FTDI [bold]', {'port': '/dev/ttyUSB7'}, Verdict.USABLE)]\n"
     )

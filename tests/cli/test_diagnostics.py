@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from api.daemons import Daemon, serving
 from grabberd.cli.app import app
 from grabberd.errors import GrabberdError
+from server.api.daemons import Daemon, serving
 
 
 @pytest.fixture(scope="module")

@@ -12,25 +12,25 @@ import yaml
 from several import service_of, wait_until_they_accept
 from typer.testing import CliRunner, Result
 
-from api.daemons import Daemon, served, serving
+from archive.captures import meta, slots, write
+from archive.milkings import milking
 from cli.examples import Example, commands, examples
+from core.chain.milking import still
 from grabberd import example
+from grabberd.archive import CaptureWriter
 from grabberd.cli.app import app
 from grabberd.client.daemon import Daemon as Client
 from grabberd.config import shipped_configs
 from grabberd.documents.roles import Role
-from grabberd.service.jobs.measurement import MeasurementJob
-from grabberd.storage import CaptureWriter
-from processes.milking import still
-from service.studies.results import COMPRESSION, report
-from storage.captures import meta, slots, write
-from storage.milkings import milking
+from grabberd.library.jobs.measurement import MeasurementJob
+from liner.studies.results import COMPRESSION, report
+from server.api.daemons import Daemon, served, serving
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 EXAMPLES = examples()
 PARSED_ONLY = {
-    "serve": "runs until it is ended; tests/api and tests/faults start daemons",
+    "serve": "runs until it is ended; tests/api and tests/proofs/faults start daemons",
     "outlet lsl": "runs until it is ended; tests/client/lsl receives what it streams",
     "check": "watches the calibration frame for ten seconds, which no daemon has before its camera here",
     "reprocess 'archive/**/2026-03-*.grab'": "needs a cluster",

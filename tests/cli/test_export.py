@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from archive.captures import slots, write
 from grabberd.cli.app import app
 from grabberd.errors import CaptureFileError, NotFound
-from storage.captures import slots, write
 
 
 @pytest.fixture

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from grabberd.acquisition import GRABBERS
 from grabberd.cli.app import app
+from grabberd.core.field import BOTTOM, TOP
 from grabberd.errors import DeviceRefused, StreamFailed
-from grabberd.field import BOTTOM, TOP
+from grabberd.instrument.acquisition import GRABBERS
 
 MOVING = {"scene": "ellipse", "pace": "free", "picture": {"stamp": False}}
 FIELDS = 150
 
 DRIVER = """
 import contextlib
-from grabberd.acquisition import FieldOrder, StreamInfo
+from grabberd.instrument.acquisition import FieldOrder, StreamInfo
 from grabberd.errors import DeviceRefused
 
 class Grabber:

@@ -8,11 +8,11 @@ import pytest
 import yaml
 from typer.testing import CliRunner, Result
 
+from grabberd.archive.calibrations.calibration_frames import calibration_frame_model
 from grabberd.cli.app import app
+from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import GrabberdError, InputError, StorageError
-from grabberd.reconstruction import ObjectModel
-from grabberd.service.calibrations.calibration_frames import calibration_frame_model
-from grabberd.service.setup import read_yaml
+from grabberd.files.documents import read_yaml
 
 SIZE = ("--rows", 12, "--columns", 9, "--pitch-mm", 6.5)
 

@@ -37,7 +37,7 @@ def test_its_help_shows_an_example(name: str) -> None:
 def test_the_version_says_what_is_slower_without_a_compiled_kernel(
     kernel: object, lines: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grabberd.kernel.KERNEL", kernel)
+    monkeypatch.setattr("grabberd.core.kernel.KERNEL", kernel)
     said = CliRunner().invoke(app, ["--version"]).stdout.splitlines()
     assert len(said) == lines
     assert said[0].startswith(f"grabberd {__version__} (")

@@ -10,12 +10,12 @@ import pytest
 import yaml
 from typer.testing import CliRunner, Result
 
+from core.chain.drawn_footage import footage
 from drivers.replay.videos import by_ffmpeg, needs_ffmpeg
 from drivers.v4l2.bench import Bench, camera
+from grabberd.archive import CaptureReader
 from grabberd.cli.app import app
-from grabberd.field import unpack
-from grabberd.storage import CaptureReader
-from processes.drawn_footage import footage
+from grabberd.core.field import unpack
 
 VGA = {"columns": 640, "lines": 480, "split": 300, "diameter_px": 5.0, "pitch_px": 24.0}
 

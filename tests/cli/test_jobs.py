@@ -6,12 +6,12 @@ from collections.abc import Iterator
 import pytest
 from typer.testing import CliRunner, Result
 
-from api.daemons import Daemon, serving
 from grabberd.cli.app import app
 from grabberd.documents.results import MeasurementResult
 from grabberd.documents.states import JobState
 from grabberd.errors import GrabberdError
-from grabberd.service.jobs.measurement import MeasurementJob
+from grabberd.library.jobs.measurement import MeasurementJob
+from server.api.daemons import Daemon, serving
 
 
 @pytest.fixture(scope="module")

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from core.chain.sized_pictures import Picture
+from grabberd.archive import CaptureReader
 from grabberd.cli.app import app
+from grabberd.core.field import PROGRESSIVE
+from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.job_problem import JobProblem
-from grabberd.field import PROGRESSIVE
-from grabberd.reconstruction import ObjectModel
-from grabberd.service.jobs.identification import identify_file
-from grabberd.service.setup import read_yaml
-from grabberd.storage import CaptureReader
-from processes.sized_pictures import Picture
+from grabberd.files.documents import read_yaml
+from grabberd.library.jobs.identification import identify_file
 
 CAMERAS = {"1920x1080": Picture(1920, 1080, 0.0031), "640x480": Picture(640, 480, 0.0160)}
 """Targets of 1.5 mm are 15.6 and 3 pixels wide."""

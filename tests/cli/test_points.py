@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import pytest
 from typer.testing import CliRunner
 
-from api.daemons import Daemon, serving
 from grabberd.cli.app import app
+from server.api.daemons import Daemon, serving
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from typer.testing import CliRunner, Result
 
 from grabberd.cli.app import app
 from grabberd.config import default_config_file
-from grabberd.reconstruction import ObjectModel
+from grabberd.core.reconstruction import ObjectModel
 
 CONFIGS = default_config_file().parent
 CALIBRATION, OBJECT = CONFIGS / "fake.calibration.json", CONFIGS / "objects" / "liner.yaml"

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from core.chain.sized_pictures import Picture
+from grabberd.archive import CaptureReader
+from grabberd.archive.catalogue.capture_documents import describe
 from grabberd.cli.app import app
+from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.captures import CaptureDocument
-from grabberd.reconstruction import ObjectModel
-from grabberd.service.capture.capture_documents import describe
-from grabberd.service.setup import read_yaml
-from grabberd.storage import CaptureReader
-from processes.sized_pictures import Picture
+from grabberd.files.documents import read_yaml
 
 CAMERA = Picture(640, 480, 0.0160)
 SECONDS, STROKE_MM, SWINGS_HZ = 0.5, 2.5, 2.0

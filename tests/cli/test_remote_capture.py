@@ -11,10 +11,10 @@ import pytest
 from running import PATIENCE_S
 from typer.testing import CliRunner, Result
 
-from api.daemons import Daemon, serving
+from grabberd.archive import CaptureReader
 from grabberd.cli.app import app
 from grabberd.errors import Conflict, GrabberdError
-from grabberd.storage import CaptureReader
+from server.api.daemons import Daemon, serving
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,11 @@ import pytest
 from several import sealed_all, service_of, wait_until_they_accept
 from typer.testing import CliRunner, Result
 
-from api.daemons import Daemon, served
+from grabberd.archive import CaptureReader
 from grabberd.cli.app import app
 from grabberd.errors import Conflict, GrabberdError, StorageError
-from grabberd.service.capture.capture_request import CaptureRequest
-from grabberd.storage import CaptureReader
+from grabberd.instrument.capture.capture_request import CaptureRequest
+from server.api.daemons import Daemon, served
 
 PACED = {"left": {"pace": "real"}, "right": {"pace": "real", "seed": 2}}
 

@@ -12,7 +12,7 @@ from typer.testing import CliRunner, Result
 
 from grabberd.cli.app import app
 from grabberd.errors import InputError
-from service.reprocessing import CALIBRATION, OBJECT, archive, files, only_finished, table
+from support.reprocessing import CALIBRATION, OBJECT, archive, files, only_finished, table
 
 HOW = ("--calibration", str(CALIBRATION), "--object", str(OBJECT))
 

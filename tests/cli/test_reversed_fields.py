@@ -9,9 +9,9 @@ import pytest
 import yaml
 from typer.testing import CliRunner, Result
 
-from grabberd.acquisition import GRABBERS
 from grabberd.cli.app import app
 from grabberd.config import default_config_file
+from grabberd.instrument.acquisition import GRABBERS
 from grabberd_fake.documents import calibration_document, object_document
 from grabberd_fake.options import FakeOptions
 

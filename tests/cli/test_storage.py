@@ -11,17 +11,17 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from archive.captures import meta, slots, write
+from archive.first_format import write_first_format
+from grabberd.archive import CaptureWriter
+from grabberd.archive.capture.captures_folder import CapturesFolder
+from grabberd.archive.state.annotation_store import Annotation, AnnotationStore
+from grabberd.archive.state.state_backups import CAPTURES_FOLDER, StateBackups, origin_of
+from grabberd.archive.state.state_store import StateStore
 from grabberd.cli.app import app
 from grabberd.cli.status import disk_words, fault_words
 from grabberd.errors import StorageError
-from grabberd.storage import CaptureWriter
-from grabberd.storage.capture.captures_folder import CapturesFolder
-from grabberd.storage.capture.directory_lock import DirectoryLock
-from grabberd.storage.state.annotation_store import Annotation, AnnotationStore
-from grabberd.storage.state.state_backups import CAPTURES_FOLDER, StateBackups, origin_of
-from grabberd.storage.state.state_store import StateStore
-from storage.captures import meta, slots, write
-from storage.first_format import write_first_format
+from grabberd.files.directory_lock import DirectoryLock
 
 
 @pytest.fixture

@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from grabberd.archive.access import Access, Identity
 from grabberd.cli.app import app
 from grabberd.client.daemon import Daemon
 from grabberd.documents.roles import Role
 from grabberd.errors import GrabberdError, InputError
-from grabberd.service.access import Access, Identity
 
 
 @pytest.fixture

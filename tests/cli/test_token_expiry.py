@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from grabberd.archive.access import Access
 from grabberd.cli.app import app
 from grabberd.documents.roles import Role
-from grabberd.service.access import Access
 
 
 @pytest.fixture(autouse=True)

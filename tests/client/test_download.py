@@ -7,10 +7,10 @@ from threading import Thread
 
 import pytest
 
+from archive.captures import META, ledger_of, slots, write
 from grabberd.cli.daemon_captures import _fetch
 from grabberd.client.daemon import Daemon
 from grabberd.errors import CaptureFileError, NotReady, StorageError
-from storage.captures import META, ledger_of, slots, write
 
 BROKEN_OFF = b"half of a file"
 

@@ -3,16 +3,16 @@
 from pathlib import Path
 from typing import Any
 
+from archive.captures import slots, write
 from drivers.replay.pictures import frames
 from drivers.replay.videos import avi
 from drivers.v4l2.bench import Bench, camera, card_with, pci_card
 from drivers.v4l2.fake_kernel.card import NTSC
-from grabberd.acquisition import NTSC_HZ
-from grabberd.acquisition.device import Grabber
+from grabberd.core.field import NTSC_HZ
+from grabberd.instrument.acquisition.device import Grabber
 from grabberd.testing import FIELDS, GrabberBench, ManualClock
 from grabberd_fake import FakeGrabber
 from grabberd_replay import ReplayGrabber
-from storage.captures import slots, write
 
 
 def fake(_: Path) -> Grabber:

@@ -6,7 +6,7 @@ from pathlib import Path
 from drivers.loggers.iio_tree import IioTree
 from drivers.loggers.light_lines import GpioChip, ModemLines
 from drivers.loggers.ports import Port
-from grabberd.acquisition.channels import Logger
+from grabberd.core.channels import Logger
 from grabberd.testing import COUNT, ManualClock
 from grabberd_fake import FakeLight, FakeLogger
 from grabberd_loggers.csv_file import CsvLogger

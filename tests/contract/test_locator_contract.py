@@ -9,17 +9,17 @@ from importlib import import_module
 import numpy as np
 import pytest
 
+from grabberd.core.field import quantise
+from grabberd.core.measurement import LocationSettings, measure
+from grabberd.core.measurement.locators import Located, Locator, Seen
+from grabberd.core.measurement.settings import LOCATORS
 from grabberd.errors import MeasurementError
-from grabberd.field import quantise
-from grabberd.measurement import LocationSettings, measure
-from grabberd.measurement.locators import Located, Locator, Seen
-from grabberd.measurement.settings import LOCATORS
 from grabberd.testing import LocatorContract, draw_discs
 
 
 def own(method: str) -> Locator:
     module, function = LOCATORS[method].split(":")
-    locator: Locator = getattr(import_module(f"grabberd.measurement.{module}"), function)
+    locator: Locator = getattr(import_module(f"grabberd.core.measurement.{module}"), function)
     return locator
 
 

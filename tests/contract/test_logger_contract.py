@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from contract.loggers import BENCHES
-from grabberd.acquisition import LOGGERS
+from grabberd.instrument.acquisition import LOGGERS
 from grabberd.testing import LoggerBench, LoggerContract
 
 

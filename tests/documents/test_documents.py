@@ -11,12 +11,12 @@ from pydantic import BaseModel, ValidationError
 
 import grabberd.documents
 from grabberd.config import shipped_configs
+from grabberd.core.reconstruction.coverage.words import finding_in_words
 from grabberd.documents.calibrations import CalibrationDocument
 from grabberd.documents.captures import CaptureDocument, MadeWith
 from grabberd.documents.document import Document
 from grabberd.documents.examples import CAPTURE
 from grabberd.documents.requests import NewCapture
-from grabberd.reconstruction.coverage.words import finding_in_words
 
 for module in pkgutil.iter_modules(grabberd.documents.__path__):
     importlib.import_module(f"grabberd.documents.{module.name}")
@@ -94,8 +94,8 @@ def test_a_capture_has_one_length(wrong: dict[str, object]) -> None:
 def test_they_load_neither_the_service_nor_the_server() -> None:
     code = (
         "import grabberd.documents.mqtt, grabberd.documents.requests, grabberd.documents.problems, sys\n"
-        "found = {name for name in sys.modules if name.startswith(('grabberd.service', 'grabberd.api', "
-        "'grabberd.storage', 'fastapi', 'starlette'))}\n"
+        "found = {name for name in sys.modules if name.startswith(('grabberd.server.daemon', 'grabberd.server.api', "
+        "'grabberd.archive', 'fastapi', 'starlette'))}\n"
         "assert not found, found"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

@@ -19,10 +19,10 @@ from typing import Any
 from fastapi.testclient import TestClient
 
 import grabberd
-from grabberd.api import create_app
 from grabberd.config import default_config_file, load_config
-from grabberd.service.service import Service
-from grabberd.service.setup import set_up
+from grabberd.instrument.setup import set_up
+from grabberd.server.api import create_app
+from grabberd.server.daemon.service import Service
 
 SOURCE = Path(grabberd.__file__).parent
 FIELDS = 100

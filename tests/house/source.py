@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = (ROOT / "src" / "grabberd", *sorted((ROOT / "drivers").glob("grabberd_*")))
+PACKAGES = (*sorted((ROOT / "src").glob("grabberd*")), *sorted((ROOT / "drivers").glob("grabberd_*")))
 
 
 @cache
@@ -29,7 +29,13 @@ def tree(path: Path) -> ast.Module:
 
 def relative(path: Path) -> str:
     """A file as the docs name it."""
-    return path.relative_to(ROOT).as_posix().removeprefix("src/grabberd/").removeprefix("drivers/")
+    return (
+        path.relative_to(ROOT)
+        .as_posix()
+        .removeprefix("src/grabberd/")
+        .removeprefix("src/")
+        .removeprefix("drivers/")
+    )
 
 
 def names(path: Path) -> Iterator[tuple[int, str]]:

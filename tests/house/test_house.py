@@ -20,9 +20,9 @@ def test_a_word_is_found_in_any_form_of_a_name() -> None:
 
 def test_the_glossary_bans_synonyms_everywhere_and_reserved_words_outside_their_files() -> None:
     assert bans()["intake"] == Ban("intake", "field pipeline")
-    assert not bans()["intake"].allows("service/device/field_pipeline.py")
-    assert bans()["session"].allows("service/access.py")
-    assert not bans()["session"].allows("service/capture/recording.py")
+    assert not bans()["intake"].allows("instrument/device/field_pipeline.py")
+    assert bans()["session"].allows("archive/access.py")
+    assert not bans()["session"].allows("instrument/capture/recording.py")
 
 
 def test_every_docstring_opens_with_a_verb_or_a_noun_phrase() -> None:
@@ -60,5 +60,5 @@ def test_every_thread_of_the_daemon_is_in_the_drawing() -> None:
     drawn = set(re.findall(r"^\| (`[^|]*|[^|]*`[^|]*)\|", ARCHITECTURE.read_text(encoding="utf-8"), re.M))
     # The job process watches its parent by a thread of its own, which is not the daemon's.
     for name, module in threads():
-        if not module.startswith("grabberd.service.reprocess"):
+        if not module.startswith("grabberd.library.reprocess"):
             assert any(name in row for row in drawn), f"{module} starts the thread {name}"

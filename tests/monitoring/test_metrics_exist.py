@@ -11,11 +11,11 @@ from fastapi.testclient import TestClient
 from prometheus_client.parser import text_string_to_metric_families
 from running import configuration, wait_until_it_accepts
 
-from grabberd.api import create_app
 from grabberd.config import MqttConfig, default_config_file
-from grabberd.service.logger_setup import set_up_loggers
-from grabberd.service.service import Service
-from grabberd.service.setup import set_up
+from grabberd.instrument.channels.logger_setup import set_up_loggers
+from grabberd.instrument.setup import set_up
+from grabberd.server.api import create_app
+from grabberd.server.daemon.service import Service
 from monitoring.promtool import DASHBOARD, check_queries, needs_promtool, rules
 
 _SELECTOR = re.compile(r"\b(up|(?:grabberd|process)_\w+)(?:\{([^}]*)\})?")

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from grabberd.geometry import PARAMETERS, project_all
+from grabberd.core.geometry import PARAMETERS, project_all
 from reports import simulated
 from reports.simulated import BLUNDER, DROPPED, SIGMA_PX, Adjustment, Network, ObjectModel
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import yaml
 
-from geometry.rigs import aimed
-from grabberd.calibration import Adjustment, Network, Unknowns, adjust
-from grabberd.geometry import Rig, View, distortion, project_all, rotation_matrix
-from grabberd.reconstruction import ImageNoise, ObjectModel, Points, ViewBlobs, intersect
+from core.geometry.rigs import aimed
+from grabberd.core.calibration import Adjustment, Network, Unknowns, adjust
+from grabberd.core.geometry import Rig, View, distortion, project_all, rotation_matrix
+from grabberd.core.reconstruction import ImageNoise, ObjectModel, Points, ViewBlobs, intersect
 
 FRAME = Path(__file__).parents[2] / "configs" / "calibration-frames" / "paper-108.yaml"
 SIGMA_PX = np.array([0.045, 0.035])

@@ -17,18 +17,18 @@ from pydantic import TypeAdapter, ValidationError
 from typer.testing import CliRunner
 
 import grabberd
-from grabberd.analysis.wall.material_document import read_parts
+from grabberd.archive.calibrations.calibration_frames import calibration_frame_model
 from grabberd.cli.app import app
 from grabberd.config import load_config
-from grabberd.documents.profiles import ProfileContent
+from grabberd.core.geometry import Calibration, Reading
+from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.requests import CertifiedLength
 from grabberd.errors import ConfigError, GrabberdError, InputError, NotFound
-from grabberd.geometry import Calibration, Reading
-from grabberd.processes.analysis.inputs import input_problems
-from grabberd.processes.analysis.vacuum_inputs import read_constant, read_lag, read_offset, read_wave
-from grabberd.reconstruction import ObjectModel
 from grabberd.schemas import SCHEMAS, schema_of
-from grabberd.service.calibrations.calibration_frames import calibration_frame_model
+from grabberd_liner.analysis.wall.material_document import read_parts
+from grabberd_liner.chain.analysis.inputs import input_problems
+from grabberd_liner.chain.analysis.vacuum_inputs import read_constant, read_lag, read_offset, read_wave
+from grabberd_liner.profiles.documents import ProfileContent
 from schemas.generated import changed, drawn_from
 
 ROOT = Path(__file__).parents[2]

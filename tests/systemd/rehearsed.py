@@ -30,7 +30,7 @@ case $1 in
         [ ! -e "$MACHINE/does-not-start-$version" ] || exit 1
         "$current/bin/python" -c 'if True:
             import sys
-            from grabberd.storage.state.state_database import StateDatabase
+            from grabberd.archive.state.state_database import StateDatabase
             StateDatabase(sys.argv[1]).open()' "$DESTDIR/var/lib/grabberd/state.sqlite" || exit 1
         echo "$version" >"$MACHINE/running"
         [ "${FILL_AT:-}" != start ] || fill ;;

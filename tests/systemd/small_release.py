@@ -54,7 +54,7 @@ def write_wheel(folder: Path, version: str, schema: int, without: str | None = N
         "grabberd": f"__version__ = {version!r}",
         "grabberd.cli": _CLI,
         "grabberd.config": _CONFIG,
-        "grabberd.storage.state.state_database": f"KNOWN = {schema}\n"
+        "grabberd.archive.state.state_database": f"KNOWN = {schema}\n"
         + _STATE.replace("{{", "{").replace("}}", "}"),
     }
     files = {_path(name, modules): text for name, text in modules.items() if name != without}

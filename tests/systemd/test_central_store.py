@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import pytest
 
-from api.daemons import serving
-from storage.captures import slots, write
+from archive.captures import slots, write
+from server.api.daemons import serving
 
 ROOT = Path(__file__).parents[2]
 HERE = ROOT / "systemd" / "central-store"

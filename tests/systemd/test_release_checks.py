@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from grabberd.storage.state.state_database import MIGRATIONS, StateDatabase
+from grabberd.archive.state.state_database import MIGRATIONS, StateDatabase
 
 from .small_release import SYSTEMD
 

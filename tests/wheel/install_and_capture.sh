@@ -17,7 +17,7 @@ unset PYTHONPATH
 "$work/venv/bin/grabberd" logger fake: --seconds 1 --json >logger.json
 "$work/venv/bin/python" -c '
 import json
-from grabberd.acquisition import LOGGERS
+from grabberd.instrument.acquisition import LOGGERS
 assert {"csv", "fake", "iio", "mqtt", "serial"} <= set(LOGGERS.available()), "a driver has been forgotten"
 assert json.load(open("logger.json"))["readings"] > 100, "the simulated logger says too little"
 '
@@ -25,7 +25,7 @@ assert json.load(open("logger.json"))["readings"] > 100, "the simulated logger s
 points=$(($(wc -l <exported/points.csv) - 1))
 test "$points" -gt 3000 || { echo "wheel: only $points points in 64 fields"; exit 1; }
 "$work/venv/bin/python" -c '
-from grabberd.web import Files, render
+from grabberd.server.web import Files, render
 edition = Files().edition
 assert "js/main.js" in edition.files and "symbols.svg" in edition.files, "the page has been forgotten"
 assert edition.version in render(edition, "en", {})
@@ -36,7 +36,7 @@ for name in ("calibration", "analysis"):
 complete() { # the site and the examples are in it
     "$work/venv/bin/python" -c '
 import grabberd
-from grabberd.web.site import Site
+from grabberd.server.web.site import Site
 assert Site().is_built, "the documentation has been forgotten"
 assert Site().find("tutorials/first_look.ipynb"), "the notebooks have been forgotten"
 for name in ("frame.grab", "liner.grab", "object.grab"):

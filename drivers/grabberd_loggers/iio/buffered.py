@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from grabberd.acquisition.channels import Anomaly, Dating, MissingReadings, Readings
-from grabberd.acquisition.clock import Clock
+from grabberd.clock import Clock
+from grabberd.core.channels import Anomaly, Dating, MissingReadings, Readings
 from grabberd.errors import DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.iio.scan import TIMESTAMP, Element, ScanFormat
 from grabberd_loggers.iio.tree import IioChannel, IioDevice, number, text

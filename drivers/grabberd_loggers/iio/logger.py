@@ -5,8 +5,8 @@ from typing import Any
 
 from pydantic import Field
 
-from grabberd.acquisition.channels import LoggerInfo, Readings
-from grabberd.acquisition.clock import Clock, SystemClock
+from grabberd.clock import Clock, SystemClock
+from grabberd.core.channels import LoggerInfo, Readings
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused
 from grabberd_loggers.iio.buffered import BufferedChannels
 from grabberd_loggers.iio.polled import PolledChannels

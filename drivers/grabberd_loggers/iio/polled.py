@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from grabberd.acquisition.channels import Anomaly, Dating, Readings
-from grabberd.acquisition.clock import Clock
+from grabberd.clock import Clock
+from grabberd.core.channels import Anomaly, Dating, Readings
 from grabberd.errors import DeviceLost
 from grabberd_loggers.iio.tree import IioChannel
 

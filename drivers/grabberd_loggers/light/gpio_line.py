@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import Field
 
-from grabberd.acquisition.clock import Clock
+from grabberd.clock import Clock
 from grabberd.errors import Cause, DeviceAbsent, DeviceError, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.light.gpio_abi import USED, ChipInfo, GpioKernel
 from grabberd_loggers.light.switched_light import Found, SwitchedLight

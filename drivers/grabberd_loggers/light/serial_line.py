@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
-from grabberd.acquisition.clock import Clock
+from grabberd.clock import Clock
 from grabberd.errors import DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.light.switched_light import Found, SwitchedLight
 from grabberd_loggers.options import Options, read_options

@@ -11,8 +11,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from grabberd.acquisition.channels import Anomaly, Dating, LoggerInfo, Readings
-from grabberd.acquisition.clock import Clock, SystemClock
+from grabberd.clock import Clock, SystemClock
+from grabberd.core.channels import Anomaly, Dating, LoggerInfo, Readings
 from grabberd.errors import DeviceLost, DeviceRefused
 
 BIT_NS = 92_361_000

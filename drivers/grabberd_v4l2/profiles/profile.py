@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from grabberd.acquisition.discovery import Verdict
 from grabberd.bounded_documents import parse_yaml, read_text
-from grabberd.field import BOTTOM, TOP
+from grabberd.core.field import BOTTOM, TOP
+from grabberd.instrument.acquisition.discovery import Verdict
 from grabberd_v4l2.abi import Arrangement
 
 DIRECTORY = Path("/etc/grabberd/profiles.d")

@@ -1,71 +1,80 @@
-"""Calibration: the rig's parameters from pictures of known targets (paper 3.6).
+"""The documented path of calibration."""
 
-A `Network` states which blob is which target in which view, and their σ; `Unknowns` which of the views'
-parameters are free, held, shared or tied; `adjust` estimates them, for any number of views and targets.
-`mean_images` averages the pictures beforehand and `identification` names the targets in them; afterwards
-`statistics` and `acceptance` judge the result, `local_field` describes what the model leaves, and
-`glass_transfer` carries a calibration over to a glass plate. `exchange` reads networks of other programs.
-"""
-
-from grabberd.calibration.acceptance.check_length import CheckLength, MeasuredLength, measured_length
-from grabberd.calibration.acceptance.displaced_targets import (
-    DisplacedTarget,
-    displaced_targets,
-    swapped_axes,
-)
-from grabberd.calibration.acceptance.frame_symmetry import Symmetry, symmetries, target_to_add, undecided
-from grabberd.calibration.acceptance.grid_order import GridOrder, grid_order
-from grabberd.calibration.acceptance.residual_pattern import Pattern, residual_patterns
-from grabberd.calibration.acceptance.rig_quantities import (
-    RigQuantity,
-    base_mm,
-    compared_rig,
-    convergence_deg,
-    distance_mm,
-)
-from grabberd.calibration.acceptance.stillness import Stillness, stillness
-from grabberd.calibration.adjustment.adjustment import Adjustment, adjust
-from grabberd.calibration.adjustment.frame_poses import (
-    FramePose,
-    PosedUnknowns,
-    frame_poses,
-    joined,
-    of_first_pose,
-)
-from grabberd.calibration.adjustment.levenberg_marquardt import AdjustmentSettings
-from grabberd.calibration.adjustment.network import Network
-from grabberd.calibration.adjustment.propagation import intersect_network, propagate
-from grabberd.calibration.adjustment.rank import check_depth, check_rank
-from grabberd.calibration.adjustment.resection import resect
-from grabberd.calibration.adjustment.starting_values import POSE, pose, with_starting_values
-from grabberd.calibration.adjustment.unknowns import LENS, Unknowns
-from grabberd.calibration.adjustment.unmodelled import with_unmodelled
-from grabberd.calibration.exchange.photomodeler import (
+from grabberd.core.calibration import (
+    LENS,
+    POSE,
+    Adjustment,
+    AdjustmentSettings,
+    Blunder,
+    CheckLength,
     ControlPoint,
-    read_control_points,
-    read_photomodeler,
-)
-from grabberd.calibration.glass_transfer import with_glass
-from grabberd.calibration.identification.acceptance import IdentificationSettings, handedness_hint
-from grabberd.calibration.identification.frame_identification import (
+    Difference,
+    DisplacedTarget,
+    Elimination,
+    FieldImages,
+    FramePose,
+    GridOrder,
     Identification,
-    ViewIdentification,
-    identify_frame,
-)
-from grabberd.calibration.identification.manual_identification import Mark, identify_by_hand
-from grabberd.calibration.local_field.local_field_trial import (
+    IdentificationSettings,
     LocalFieldSettings,
     LocalFieldTrial,
+    Mark,
+    MeanImages,
+    MeasuredLength,
+    Network,
+    Normality,
+    Pattern,
+    PosedUnknowns,
+    RigQuantity,
+    Stillness,
+    Symmetry,
+    Unknowns,
+    Validation,
+    ViewIdentification,
+    VolumeSigma,
+    adjust,
+    base_mm,
+    check_depth,
+    check_rank,
+    compare,
+    compared_rig,
+    convergence_deg,
+    cross_validate,
+    displaced_targets,
+    distance_mm,
+    eliminate,
+    f_tests,
+    frame_poses,
+    grid_order,
+    handedness_hint,
+    identify_by_hand,
+    identify_frame,
+    intersect_network,
+    joined,
+    mean_images,
+    measured_length,
+    normality,
+    of_first_pose,
+    pose,
+    propagate,
+    read_control_points,
+    read_photomodeler,
+    resect,
+    residual_patterns,
+    spatial_blocks,
+    stillness,
+    swapped_axes,
+    symmetries,
+    target_to_add,
     try_local_fields,
+    undecided,
+    volume_sigma,
+    with_glass,
+    with_starting_values,
+    with_stated_covariance,
+    with_unmodelled,
+    without_blunders,
 )
-from grabberd.calibration.mean_images import FieldImages, MeanImages, mean_images
-from grabberd.calibration.statistics.blunders import Blunder, without_blunders
-from grabberd.calibration.statistics.cross_validation import Validation, cross_validate, spatial_blocks
-from grabberd.calibration.statistics.normality import Normality, normality
-from grabberd.calibration.statistics.significance import Elimination, eliminate, f_tests
-from grabberd.calibration.statistics.stated_covariance import with_stated_covariance
-from grabberd.calibration.statistics.view_comparison import Difference, compare
-from grabberd.calibration.statistics.volume_sigma import VolumeSigma, volume_sigma
 
 __all__ = [
     "LENS",

@@ -13,10 +13,10 @@ from grabberd.cli.terminal import console, progress_console
 from grabberd.errors import NotReady
 
 if TYPE_CHECKING:
-    from grabberd.processes.accuracy import Investigation, InvestigationSettings
-    from grabberd.processes.measure import MeasureSetup
-    from grabberd.reconstruction.accuracy.ground_truth import Truth
-    from grabberd.storage import CaptureReader
+    from grabberd.archive import CaptureReader
+    from grabberd.core.chain.accuracy import Investigation, InvestigationSettings
+    from grabberd.core.chain.measure import MeasureSetup
+    from grabberd.core.reconstruction.accuracy.ground_truth import Truth
 
 
 def accuracy(  # noqa: PLR0913, PLR0917 - options of a command
@@ -57,11 +57,11 @@ def accuracy(  # noqa: PLR0913, PLR0917 - options of a command
 
     Example: grabberd accuracy object.grab --calibration rig.calibration.json --truth truth.csv
     """
+    from grabberd.archive import CaptureReader  # noqa: PLC0415
+    from grabberd.archive.capture.digests import Damage, left_out_in_words  # noqa: PLC0415
+    from grabberd.archive.input_files import read_truth  # noqa: PLC0415
     from grabberd.cli.accuracy_tables import document, show  # noqa: PLC0415
-    from grabberd.processes.accuracy import InvestigationSettings, investigate  # noqa: PLC0415
-    from grabberd.storage import CaptureReader  # noqa: PLC0415
-    from grabberd.storage.capture.digests import Damage, left_out_in_words  # noqa: PLC0415
-    from grabberd.storage.input_files import read_truth  # noqa: PLC0415
+    from grabberd.core.chain.accuracy import InvestigationSettings, investigate  # noqa: PLC0415
 
     known, wanted = read_truth(truth), _bits(bits)
     settings = InvestigationSettings(fit=fit == "rigid", limit_mm=limit)
@@ -90,8 +90,8 @@ def _remeasured(
     settings: "InvestigationSettings",
 ) -> Iterator["Investigation"]:
     """Re-measure the fields as recorded, or once for each requested number of bits."""
-    from grabberd.processes.accuracy import investigate, requantised  # noqa: PLC0415
-    from grabberd.processes.measure import measure_fields  # noqa: PLC0415
+    from grabberd.core.chain.accuracy import investigate, requantised  # noqa: PLC0415
+    from grabberd.core.chain.measure import measure_fields  # noqa: PLC0415
 
     with Progress(console=progress_console, transient=True) as progress:
         for bits in wanted or [settings.bits]:
@@ -111,7 +111,8 @@ def _setup(
     method: str | None,
 ) -> "MeasureSetup":
     """Calibration, object model and settings from the command line, else from the capture."""
-    from grabberd.service.setup import measure_setup, read_documents, settings_of_capture  # noqa: PLC0415
+    from grabberd.archive.measure_setups import measure_setup, settings_of_capture  # noqa: PLC0415
+    from grabberd.files.documents import read_documents  # noqa: PLC0415
 
     stored = reader.runs[-1].made_with if reader.runs else {}
     named = read_documents(calibration, object_model or _configured(reader, stored))

@@ -9,14 +9,10 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from grabberd.processes.accuracy import Compared, Investigation
-from grabberd.reconstruction.accuracy.accuracy import (
-    PAPER_PRECISION,
-    PAPER_RMSE,
-    Axes,
-)
-from grabberd.reconstruction.accuracy.pointing import PAPER_PX, PointingPrecision
-from grabberd.reconstruction.accuracy.rigid_motion import RigidMotion
+from grabberd.core.chain.accuracy import Compared, Investigation
+from grabberd.core.reconstruction.accuracy.accuracy import PAPER_PRECISION, PAPER_RMSE, Axes
+from grabberd.core.reconstruction.accuracy.pointing import PAPER_PX, PointingPrecision
+from grabberd.core.reconstruction.accuracy.rigid_motion import RigidMotion
 
 MUCH_CHI2 = 4.0
 """Above this the errors are more than twice the σ that the points carry."""

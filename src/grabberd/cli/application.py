@@ -7,39 +7,45 @@ from typing import Annotated
 import typer
 
 from grabberd import __version__
-from grabberd.kernel import in_use, what_is_slower
+from grabberd.core.kernel import in_use, what_is_slower
 
 # In the order of a rig's life, which is that of the help; typer lists groups of commands after them.
 COMMANDS: Mapping[str, str] = {
-    "serve": "serve",
-    "status": "status",
-    "points": "points",
-    "capture": "capture",
-    "trigger": "trigger",
-    "inspect": "inspect",
-    "frame": "frame",
-    "calibrate": "calibrate",
-    "measure": "measure",
-    "accuracy": "accuracy",
-    "analyse": "analyse",
-    "study": "study",
-    "test": "liner_test",
-    "check": "check",
-    "plan": "plan",
-    "export": "export",
-    "render": "render",
-    "reprocess": "reprocess",
-    "devices": "devices",
-    "logger": "logger",
-    "diagnostics": "diagnostics",
-    "backup": "backup",
-    "restore": "backup",
-    "check-config": "check_config",
-    "schema": "schema",
-    "new": "new",
+    "serve": "grabberd.cli.serve",
+    "status": "grabberd.cli.status",
+    "points": "grabberd.cli.points",
+    "capture": "grabberd.cli.capture",
+    "trigger": "grabberd.cli.trigger",
+    "inspect": "grabberd.cli.inspect",
+    "frame": "grabberd.cli.frame",
+    "calibrate": "grabberd.cli.calibrate",
+    "measure": "grabberd.cli.measure",
+    "accuracy": "grabberd.cli.accuracy",
+    "analyse": "grabberd_liner.analyses.command",
+    "study": "grabberd_liner.studies.command",
+    "test": "grabberd_liner.guided_tests.command",
+    "check": "grabberd.cli.check",
+    "plan": "grabberd.cli.plan",
+    "export": "grabberd.cli.export",
+    "render": "grabberd_liner.render.command",
+    "reprocess": "grabberd.cli.reprocess",
+    "devices": "grabberd.cli.devices",
+    "logger": "grabberd.cli.logger",
+    "diagnostics": "grabberd.cli.diagnostics",
+    "backup": "grabberd.cli.backup",
+    "restore": "grabberd.cli.backup",
+    "check-config": "grabberd.cli.check_config",
+    "schema": "grabberd.cli.schema",
+    "new": "grabberd.cli.new",
 }
 """Commands, by name, and the modules in which they are."""
-GROUPS = ("jobs", "outlet", "profile", "token", "storage")
+GROUPS: Mapping[str, str] = {
+    "jobs": "grabberd.cli.jobs",
+    "outlet": "grabberd.cli.outlet",
+    "profile": "grabberd_liner.profiles.command",
+    "token": "grabberd.cli.token",
+    "storage": "grabberd.cli.storage",
+}
 """Groups of commands, a module each."""
 
 
@@ -59,10 +65,10 @@ def application(*only: str) -> typer.Typer:
     app.callback()(_options)
     for name, module in COMMANDS.items():
         if not only or name in only:
-            app.command(name)(getattr(import_module(f"grabberd.cli.{module}"), name.replace("-", "_")))
-    for name in GROUPS:
+            app.command(name)(getattr(import_module(module), name.replace("-", "_")))
+    for name, module in GROUPS.items():
         if not only or name in only:
-            app.add_typer(import_module(f"grabberd.cli.{name}").commands, name=name)
+            app.add_typer(import_module(module).commands, name=name)
     return app
 
 

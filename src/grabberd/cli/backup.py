@@ -21,8 +21,8 @@ def backup(
 
     Example: grabberd backup --config /etc/grabberd/grabberd.yaml --out barn-2026-03-01.zip
     """
-    from grabberd.acquisition.clock import iso_utc  # noqa: PLC0415
-    from grabberd.storage.state.backup import back_up  # noqa: PLC0415
+    from grabberd.archive.state.backup import back_up  # noqa: PLC0415
+    from grabberd.clock import iso_utc  # noqa: PLC0415
 
     info = back_up(load(config).state_directory, out, iso_utc(datetime.now(UTC)), __version__)
     words = f"{out}: state and {info.calibrations} calibrations"
@@ -40,7 +40,7 @@ def restore(
 
     Example: grabberd restore --config /etc/grabberd/grabberd.yaml barn-2026-03-01.zip
     """
-    from grabberd.storage.state.backup import restore as put_back  # noqa: PLC0415
+    from grabberd.archive.state.backup import restore as put_back  # noqa: PLC0415
 
     now = f"{datetime.now(UTC):%Y%m%dT%H%M%S%fZ}"
     info, replaced = put_back(load(config).state_directory, file, now)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from grabberd.documents.calibration_acceptance import CalibrationAcceptance
     from grabberd.documents.calibration_reports import CalibrationReport
     from grabberd.documents.requests import CalibrationOptions
-    from grabberd.service.jobs.calibration import CalibrationOutput
+    from grabberd.library.jobs.calibration import CalibrationOutput
 
 
 VERDICTS = {
@@ -179,9 +179,9 @@ def _calibrated(
     identifications: Path | None,
     previous: Path | None,
 ) -> "CalibrationOutput":
-    from grabberd.service.jobs.calibration import calibrate_files  # noqa: PLC0415
-    from grabberd.service.setup import read_documents, read_yaml  # noqa: PLC0415
-    from grabberd.storage.input_files import read_identifications  # noqa: PLC0415
+    from grabberd.archive.input_files import read_identifications  # noqa: PLC0415
+    from grabberd.files.documents import read_documents, read_yaml  # noqa: PLC0415
+    from grabberd.library.jobs.calibration import calibrate_files  # noqa: PLC0415
 
     by_hand = read_identifications(identifications) if identifications else None
     with progress_bar("calibrating") as progress:
@@ -198,8 +198,8 @@ def _calibrated(
 
 
 def _write(path: Path, text: str) -> None:
-    from grabberd.storage.checked_file import write_checked  # noqa: PLC0415
-    from grabberd.storage.text_check import text_check  # noqa: PLC0415
+    from grabberd.files.checked_file import write_checked  # noqa: PLC0415
+    from grabberd.files.text_check import text_check  # noqa: PLC0415
 
     whole = text + "\n"
     write_checked(path, [whole.encode()], text_check(whole))

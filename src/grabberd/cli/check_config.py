@@ -21,8 +21,8 @@ def check_config(
     Example: grabberd check-config /etc/grabberd/grabberd.yaml
     """
     from grabberd.config import load_sound_part  # noqa: PLC0415
-    from grabberd.service.logger_setup import create_logger, set_up_loggers  # noqa: PLC0415
-    from grabberd.service.mqtt.publisher_setup import check_mqtt  # noqa: PLC0415
+    from grabberd.instrument.channels.logger_setup import create_logger, set_up_loggers  # noqa: PLC0415
+    from grabberd.server.mqtt.publisher_setup import check_mqtt  # noqa: PLC0415
 
     config, problems, loose = load_sound_part(file)
     for name, driver in loose.items():
@@ -50,14 +50,14 @@ def _problems(
 
 
 def _check_devices(config: "Config", file: Path) -> None:
-    from grabberd.service.jobs.analysis_inputs import check_analysis_inputs  # noqa: PLC0415
-    from grabberd.service.setup import set_up  # noqa: PLC0415
+    from grabberd.instrument.setup import set_up  # noqa: PLC0415
+    from grabberd_liner.analyses.inputs import check_analysis_inputs  # noqa: PLC0415
 
     check_analysis_inputs(set_up(config, file), file)
 
 
 def _check_tls(config: "Config", file: Path) -> None:
     if config.http.tls is not None:
-        from grabberd.api.serving import tls_context  # noqa: PLC0415
+        from grabberd.server.api.serving import tls_context  # noqa: PLC0415
 
         tls_context(config.http.tls, file)

@@ -7,11 +7,11 @@ from typing import Any
 import typer
 from rich.progress import Progress, SpinnerColumn, TimeElapsedColumn
 
+from grabberd.archive import CaptureReader
 from grabberd.cli.options import check_absent, end_as_ctrl_c_does, group_file, warn
 from grabberd.cli.terminal import progress_console
 from grabberd.client.daemon import Daemon
 from grabberd.errors import CaptureFileError, Conflict
-from grabberd.storage import CaptureReader
 
 POLL_S = 0.2
 GOING_ON = ("armed", "recording", "sealing")

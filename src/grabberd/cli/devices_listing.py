@@ -9,13 +9,13 @@ import yaml
 from rich.table import Table
 from rich.text import Text
 
-from grabberd.acquisition import GRABBERS, discover
-from grabberd.acquisition.discovery import FoundDevice, Verdict
 from grabberd.cli.devices_text import one_line, print_device, print_plain
 from grabberd.cli.loggers_listing import loggers_document, print_loggers
 from grabberd.cli.options import print_json
 from grabberd.cli.terminal import console
 from grabberd.config import Config
+from grabberd.instrument.acquisition import GRABBERS, discover
+from grabberd.instrument.acquisition.discovery import FoundDevice, Verdict
 
 NOTHING_FOUND = (
     "No frame grabber was found. If one is plugged in ('lsusb', 'lspci'), the kernel has no driver for it: "

@@ -6,8 +6,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from grabberd.acquisition.discovery import FoundDevice, Verdict
 from grabberd.cli.terminal import console
+from grabberd.instrument.acquisition.discovery import FoundDevice, Verdict
 
 STYLES = {
     Verdict.RECOMMENDED: "bold green",

@@ -47,8 +47,8 @@ def diagnostics(
     Example: sudo grabberd diagnostics --config /etc/grabberd/grabberd.yaml --out barn.zip
     """
     from grabberd.client.daemon import Daemon  # noqa: PLC0415
-    from grabberd.service.diagnostics import bundle, machine_parts  # noqa: PLC0415
-    from grabberd.storage.disk import storage_errors  # noqa: PLC0415
+    from grabberd.files.disk import storage_errors  # noqa: PLC0415
+    from grabberd.server.daemon.diagnostics import bundle, machine_parts  # noqa: PLC0415
 
     check_absent(out)
     try:
@@ -77,7 +77,7 @@ def _key_of_the_machine(config: Path | None, url: str, *, configured: bool = Fal
         url: Its address.
         configured: True if it comes from the configuration, and so may be any address of this computer.
     """
-    from grabberd.service.machine_key import readable_key  # noqa: PLC0415
+    from grabberd.archive.machine_key import readable_key  # noqa: PLC0415
 
     host = urlsplit(url).hostname
     is_here = host in LOOPBACK or (configured and host is not None and _is_of_this_computer(host))

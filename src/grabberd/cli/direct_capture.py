@@ -8,21 +8,21 @@ from typing import Any
 
 from rich.progress import BarColumn, Progress, TimeElapsedColumn
 
-from grabberd.acquisition.clock import SystemClock
+from grabberd.archive.capture.recording_folder import interrupted_captures, recording_folder
+from grabberd.archive.catalogue.capture_documents import describe
 from grabberd.cli.options import end_as_ctrl_c_does, warn, with_device
 from grabberd.cli.serve import SWITCH_INTERVAL_S
 from grabberd.cli.terminal import progress_console
+from grabberd.clock import SystemClock
 from grabberd.config import Config, default_config_file
 from grabberd.documents.states import DeviceState
 from grabberd.errors import DeviceAbsent
-from grabberd.service.capture.capture_documents import describe
-from grabberd.service.capture.capture_request import CaptureRequest
-from grabberd.service.capture.recording import Recording
-from grabberd.service.channels.loggers import Loggers
-from grabberd.service.instrument import Instrument
-from grabberd.service.logger_setup import set_up_loggers
-from grabberd.service.setup import set_up
-from grabberd.storage.capture.recording_folder import interrupted_captures, recording_folder
+from grabberd.instrument.capture.capture_request import CaptureRequest
+from grabberd.instrument.capture.recording import Recording
+from grabberd.instrument.channels.logger_setup import set_up_loggers
+from grabberd.instrument.channels.loggers import Loggers
+from grabberd.instrument.instrument import Instrument
+from grabberd.instrument.setup import set_up
 
 POLL_S = 0.05
 OPEN_TIMEOUT_S = 10.0

@@ -33,8 +33,8 @@ def export(
 
     Example: grabberd export liner.grab --format ply --field 25 --out open-liner
     """
-    from grabberd import storage  # noqa: PLC0415 - the command line starts without numpy
-    from grabberd.storage.capture.digests import Damage, left_out_in_words  # noqa: PLC0415
+    from grabberd import archive as storage  # noqa: PLC0415 - the command line starts without numpy
+    from grabberd.archive.capture.digests import Damage, left_out_in_words  # noqa: PLC0415
 
     if field is not None and format != "ply":
         raise typer.BadParameter("--field requires --format ply", param_hint="--field")
@@ -61,7 +61,7 @@ def export(
 
 def _warn_of_changes(capture: Path) -> None:
     """Say what the disk has changed beside fields and points; it does not keep them from being exported."""
-    from grabberd import storage  # noqa: PLC0415
+    from grabberd import archive as storage  # noqa: PLC0415
     from grabberd.errors import CaptureFileError  # noqa: PLC0415
 
     with storage.CaptureReader(capture) as reader:

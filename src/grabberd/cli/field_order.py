@@ -13,10 +13,10 @@ from grabberd.config import Config, DeviceConfig
 from grabberd.errors import DeviceRefused, StreamEnded, StreamFailed
 
 if TYPE_CHECKING:
-    from grabberd.acquisition import Grabber, StreamInfo
-    from grabberd.field import Field
-    from grabberd.processes.field_order import FieldOrderFinding
-    from grabberd.reconstruction.accuracy.field_order import Order
+    from grabberd.core.chain.field_order import FieldOrderFinding
+    from grabberd.core.field import Field
+    from grabberd.core.reconstruction.accuracy.field_order import Order
+    from grabberd.instrument.acquisition import Grabber, StreamInfo
 
 WATCHED_S = 4.0
 """200 fields: several times the least that the check needs, with time to move, pause and move again."""
@@ -34,7 +34,7 @@ def check(config: Config, file: Path | None, name: str | None, json: bool) -> in
         DeviceError: the device cannot be opened, is in use, or delivers nothing.
         ConfigError: the device is not clear from the name.
     """
-    from grabberd.reconstruction.accuracy.field_order import Order  # noqa: PLC0415 - loads NumPy
+    from grabberd.core.reconstruction.accuracy.field_order import Order  # noqa: PLC0415 - loads NumPy
 
     ((name, device),) = with_device(config, file, name).devices.items()
     info, finding = _watch(name, device)
@@ -51,8 +51,9 @@ def _document(finding: "FieldOrderFinding") -> dict[str, Any]:
 
 
 def _watch(name: str, device: DeviceConfig) -> "tuple[StreamInfo, FieldOrderFinding]":
-    from grabberd.acquisition import GRABBERS, FieldOrder  # noqa: PLC0415
-    from grabberd.processes.field_order import check as judged  # noqa: PLC0415
+    from grabberd.core.chain.field_order import check as judged  # noqa: PLC0415
+    from grabberd.core.field import FieldOrder  # noqa: PLC0415
+    from grabberd.instrument.acquisition import GRABBERS  # noqa: PLC0415
 
     with closing(GRABBERS.create(device.driver, device.options)) as grabber:
         info = _opened(grabber)
@@ -115,7 +116,7 @@ _WORDS = {
 
 
 def _advice(order: "Order", device: DeviceConfig, info: "StreamInfo") -> str:
-    from grabberd.acquisition import FieldOrder  # noqa: PLC0415
+    from grabberd.core.field import FieldOrder  # noqa: PLC0415
 
     if order == "reversed":
         older = "top" if info.field_order is FieldOrder.BOTTOM_FIRST else "bottom"

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from grabberd import __version__
-from grabberd.kernel import in_use
+from grabberd.core.kernel import in_use
 
 PARTS = {
     "report": ("matplotlib", "figures in reports"),

@@ -9,7 +9,7 @@ import typer
 from grabberd.cli.options import JsonOption, check_absent, check_folder, out_file, print_result, warn
 
 if TYPE_CHECKING:
-    from grabberd.reconstruction import ObjectModel
+    from grabberd.core.reconstruction import ObjectModel
 
 PUBLIC = 0o644
 CERTIFIED_SIGMA_MM, OBJECT_SIGMA_MM = 0.01, 0.3
@@ -54,13 +54,13 @@ def frame(  # noqa: PLR0913, PLR0917 - options of a command
 
     Example: grabberd frame --rows 10 --columns 6 --pitch-mm 6.5 --object --out plate-object.yaml
     """
-    from grabberd.processes.calibration.designed_grid import (  # noqa: PLC0415
+    from grabberd.core.chain.calibration.designed_grid import (  # noqa: PLC0415
         Along,
         GridDesign,
         calibration_frame_remarks,
         designed_grid,
     )
-    from grabberd.storage.disk import storage_errors, write_synced  # noqa: PLC0415
+    from grabberd.files.disk import storage_errors, write_synced  # noqa: PLC0415
 
     check_folder(out)
     check_absent(out)

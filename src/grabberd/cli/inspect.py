@@ -11,9 +11,9 @@ from grabberd.cli.options import DriverOption, JsonOption, driver_options, out_f
 from grabberd.errors import GrabberdError, InputError, StorageError, StreamEnded, StreamFailed
 
 if TYPE_CHECKING:
-    from grabberd.acquisition import Grabber, StreamInfo
-    from grabberd.field import Field
-    from grabberd.processes.inspection import Inspection
+    from grabberd.core.chain.inspection import Inspection
+    from grabberd.core.field import Field
+    from grabberd.instrument.acquisition import Grabber, StreamInfo
 
 MOST_FIELDS = 200
 SILENCE_S = 2.0
@@ -65,10 +65,11 @@ def _inspected(
     driver: str, options: dict[str, Any], rate_hz: float | None
 ) -> "tuple[Inspection, StreamInfo, GrabberdError | None]":
     """The inspection, the stream, and what ended its reading before its end."""
-    from grabberd.acquisition import GRABBERS, FieldOrder  # noqa: PLC0415
-    from grabberd.processes.field_order import check  # noqa: PLC0415
-    from grabberd.processes.inspection import inspect as looked_at  # noqa: PLC0415
-    from grabberd.processes.inspection import inspect_fields  # noqa: PLC0415
+    from grabberd.core.chain.field_order import check  # noqa: PLC0415
+    from grabberd.core.chain.inspection import inspect as looked_at  # noqa: PLC0415
+    from grabberd.core.chain.inspection import inspect_fields  # noqa: PLC0415
+    from grabberd.core.field import FieldOrder  # noqa: PLC0415
+    from grabberd.instrument.acquisition import GRABBERS  # noqa: PLC0415
 
     pictures = driver == "replay" and _has_pictures(Path(options.get("path", "")))
     try:

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from grabberd.acquisition import FieldOrder, StreamInfo, standard_rate_hz
+from grabberd.core.chain.inspection import Inspection, Interlacing, Split, Targets
+from grabberd.core.field import FieldOrder, standard_rate_hz
 from grabberd.errors import GrabberdError
-from grabberd.processes.inspection import Inspection, Interlacing, Split, Targets
+from grabberd.instrument.acquisition import StreamInfo
 
 FEWEST_PX = 3.0
 """Diameter of targets below which a place is uncertain whatever the method."""

@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 from rich.table import Table
 from rich.text import Text
 
-from grabberd.acquisition import LOGGERS, Clock, SystemClock
-from grabberd.acquisition.channels import Anomaly, Dating, Logger, LoggerInfo, Readings
-from grabberd.acquisition.channels.vacuum import Channel, VacuumChannels
 from grabberd.cli.options import print_json
 from grabberd.cli.terminal import console
+from grabberd.clock import Clock, SystemClock
 from grabberd.config import Config, default_config_file
+from grabberd.core.channels import Anomaly, Dating, Logger, LoggerInfo, Readings
+from grabberd.core.channels.vacuum import Channel, VacuumChannels
 from grabberd.errors import ConfigError, DriverMissing, InputError, Problem
-from grabberd.service.logger_setup import set_up_loggers
+from grabberd.instrument.acquisition import LOGGERS
+from grabberd.instrument.channels.logger_setup import set_up_loggers
 
 _WAIT_S = 0.2
 _MAIN_OPTIONS = {

@@ -7,11 +7,11 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from grabberd.acquisition import LOGGERS, discover
-from grabberd.acquisition.discovery import LOGGER_SEARCH, FoundDevice
 from grabberd.cli.devices_text import one_line, print_device, print_plain
 from grabberd.cli.terminal import console
 from grabberd.config import Config
+from grabberd.instrument.acquisition import LOGGERS, discover
+from grabberd.instrument.acquisition.discovery import LOGGER_SEARCH, FoundDevice
 
 
 def loggers_document(settings: Config) -> dict[str, Any]:

@@ -44,9 +44,10 @@ def measure(
     Example: grabberd measure liner.grab --calibration rig.calibration.json --object liner-object.yaml
     --propose-object liner-object-seen.yaml
     """
-    from grabberd.service.jobs.measurement import measure_file  # noqa: PLC0415
-    from grabberd.service.setup import read_documents, settings_of_capture  # noqa: PLC0415
-    from grabberd.storage import CaptureReader  # noqa: PLC0415
+    from grabberd.archive import CaptureReader  # noqa: PLC0415
+    from grabberd.archive.measure_setups import settings_of_capture  # noqa: PLC0415
+    from grabberd.files.documents import read_documents  # noqa: PLC0415
+    from grabberd.library.jobs.measurement import measure_file  # noqa: PLC0415
 
     with CaptureReader(capture) as reader:
         settings = settings_of_capture(reader.meta.config)
@@ -72,7 +73,7 @@ def measure(
 
 def _proposed(capture: Path, made_with: dict[str, Any], out: Path) -> dict[str, Any]:
     """Write the proposed object file, and return what it changes."""
-    from grabberd.service.jobs.object_proposal import propose_object  # noqa: PLC0415
+    from grabberd.library.jobs.object_proposal import propose_object  # noqa: PLC0415
 
     with progress_bar("comparing with the object model") as progress:
         found = propose_object(progress, path=capture, made_with=made_with, out=out)

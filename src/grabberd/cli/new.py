@@ -37,7 +37,7 @@ def new(
 
     Example: grabberd new locator gaussian --out gaussian
     """
-    from grabberd.storage.disk import storage_errors  # noqa: PLC0415
+    from grabberd.files.disk import storage_errors  # noqa: PLC0415
 
     check_name(kind, name)
     words = words_of(name)
@@ -106,8 +106,9 @@ def check_name(kind: Kind, name: str) -> None:
 
 
 def _taken(kind: Kind) -> tuple[str, ...]:
-    from grabberd.acquisition import GRABBERS, INSTALLED_LOCATORS, LOGGERS  # noqa: PLC0415 - loads numpy
-    from grabberd.measurement import METHODS  # noqa: PLC0415
+    from grabberd.archive.measure_setups import INSTALLED_LOCATORS  # noqa: PLC0415 - loads numpy
+    from grabberd.core.measurement import METHODS  # noqa: PLC0415
+    from grabberd.instrument.acquisition import GRABBERS, LOGGERS  # noqa: PLC0415 - loads numpy
 
     if kind == "locator":
         return (*METHODS, *INSTALLED_LOCATORS.available())

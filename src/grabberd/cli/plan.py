@@ -12,9 +12,9 @@ from grabberd.cli.terminal import console
 
 if TYPE_CHECKING:
     from grabberd.config import DeviceConfig, RigConfig
-    from grabberd.geometry import NominalRig, Rig
-    from grabberd.processes.plan import Lines, Plan, PlannedPlace, PlanSettings
-    from grabberd.reconstruction import ObjectModel
+    from grabberd.core.chain.plan import Lines, Plan, PlannedPlace, PlanSettings
+    from grabberd.core.geometry import NominalRig, Rig
+    from grabberd.core.reconstruction import ObjectModel
 
 COLUMNS = ("X", "Y", "Z", "XYZ", "calibration's XYZ")
 USUAL_FRAME = "calibration-frames/paper-108.yaml"
@@ -61,8 +61,8 @@ def plan(  # noqa: PLR0913, PLR0917 - options of a command
     Example: grabberd plan --config configs/fake.yaml --bits 8
     """
     from grabberd.config import default_config_file, only_device, shipped_configs  # noqa: PLC0415
-    from grabberd.geometry import Rig  # noqa: PLC0415
-    from grabberd.processes import plan as planning  # noqa: PLC0415
+    from grabberd.core.chain import plan as planning  # noqa: PLC0415
+    from grabberd.core.geometry import Rig  # noqa: PLC0415
 
     if sigma_px and not min(sigma_px) > 0:
         raise typer.BadParameter("a standard deviation must be greater than 0", param_hint="--sigma-px")
@@ -91,21 +91,21 @@ def plan(  # noqa: PLR0913, PLR0917 - options of a command
 
 
 def _model(file: Path | None) -> "ObjectModel | None":
-    from grabberd.reconstruction import ObjectModel  # noqa: PLC0415
-    from grabberd.service.setup import read_documents  # noqa: PLC0415
+    from grabberd.core.reconstruction import ObjectModel  # noqa: PLC0415
+    from grabberd.files.documents import read_documents  # noqa: PLC0415
 
     return None if file is None else ObjectModel.from_document(read_documents(None, file)["object"])
 
 
 def _calibrated(file: Path) -> "Rig":
-    from grabberd.geometry import Calibration, Rig  # noqa: PLC0415
-    from grabberd.service.setup import read_documents  # noqa: PLC0415
+    from grabberd.core.geometry import Calibration, Rig  # noqa: PLC0415
+    from grabberd.files.documents import read_documents  # noqa: PLC0415
 
     return Rig.of(Calibration.from_document(read_documents(file, None)["calibration"]))
 
 
 def _nominal(rig: "RigConfig") -> "NominalRig":
-    from grabberd.geometry import NominalRig  # noqa: PLC0415
+    from grabberd.core.geometry import NominalRig  # noqa: PLC0415
 
     left, right = ((view.first_column, view.end_column) for view in (rig.views.left, rig.views.right))
     same = ("columns", "lines", "distance_mm", "base_mm", "convergence_deg", "focal_length_mm")
@@ -121,8 +121,8 @@ def _settings(
     noise: float,
     sigma_px: tuple[float, float] | None,
 ) -> "PlanSettings":
-    from grabberd.acquisition.device import VIDEO_LINES  # noqa: PLC0415
-    from grabberd.processes.plan import PlanSettings  # noqa: PLC0415
+    from grabberd.core.chain.plan import PlanSettings  # noqa: PLC0415
+    from grabberd.core.field import VIDEO_LINES  # noqa: PLC0415
 
     wanted = device.ring.bits if bits is None else bits
     usual = device.ring.lines if bits is None else None

@@ -29,19 +29,19 @@ def serve(
 
     Example: grabberd serve --config /etc/grabberd/grabberd.yaml
     """
-    from grabberd.api import create_app, serving, sockets  # noqa: PLC0415
-    from grabberd.api.guard.front import Front  # noqa: PLC0415
     from grabberd.cli.first_words import first_words  # noqa: PLC0415
     from grabberd.config import default_config_file  # noqa: PLC0415
-    from grabberd.service.faults.descriptors import affordable_connections, raise_limit  # noqa: PLC0415
-    from grabberd.service.heartbeat import Heartbeat  # noqa: PLC0415
-    from grabberd.service.journal import set_up_logging  # noqa: PLC0415
-    from grabberd.service.logger_setup import set_up_loggers  # noqa: PLC0415
-    from grabberd.service.memory import freeze_loaded, keep_freed_memory  # noqa: PLC0415
-    from grabberd.service.mqtt.publisher_setup import check_mqtt  # noqa: PLC0415
-    from grabberd.service.notify import Notifier  # noqa: PLC0415
-    from grabberd.service.service import Service  # noqa: PLC0415
-    from grabberd.service.setup import set_up  # noqa: PLC0415
+    from grabberd.instrument.channels.logger_setup import set_up_loggers  # noqa: PLC0415
+    from grabberd.instrument.setup import set_up  # noqa: PLC0415
+    from grabberd.memory import freeze_loaded, keep_freed_memory  # noqa: PLC0415
+    from grabberd.server.api import create_app, serving, sockets  # noqa: PLC0415
+    from grabberd.server.api.guard.front import Front  # noqa: PLC0415
+    from grabberd.server.daemon.descriptors import affordable_connections, raise_limit  # noqa: PLC0415
+    from grabberd.server.daemon.heartbeat import Heartbeat  # noqa: PLC0415
+    from grabberd.server.daemon.journal import set_up_logging  # noqa: PLC0415
+    from grabberd.server.daemon.notify import Notifier  # noqa: PLC0415
+    from grabberd.server.daemon.service import Service  # noqa: PLC0415
+    from grabberd.server.mqtt.publisher_setup import check_mqtt  # noqa: PLC0415
 
     notifier = Notifier.from_environment(os.environ)
     sys.setswitchinterval(SWITCH_INTERVAL_S)

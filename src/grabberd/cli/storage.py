@@ -28,8 +28,8 @@ def index(config: ConfigOption = None, json: JsonOption = False) -> None:
 
     Example: grabberd storage index --config /etc/grabberd/grabberd.yaml
     """
-    from grabberd.service.archive.archive import Archive  # noqa: PLC0415
-    from grabberd.storage.capture.directory_lock import DirectoryLock  # noqa: PLC0415
+    from grabberd.archive.catalogue.archive import Archive  # noqa: PLC0415
+    from grabberd.files.directory_lock import DirectoryLock  # noqa: PLC0415
 
     directory = load(config).state_directory
     lock, archive = DirectoryLock(directory), Archive(directory / "captures", list)
@@ -61,7 +61,7 @@ def verify(
 
     Example: grabberd storage verify --config /etc/grabberd/grabberd.yaml
     """
-    from grabberd.storage.verify_process import verify_files  # noqa: PLC0415
+    from grabberd.archive.verify_process import verify_files  # noqa: PLC0415
 
     captures = captures or _files(load(config).state_directory)
     damaged, documents = 0, []
@@ -101,8 +101,8 @@ def convert(
 
     Example: grabberd storage convert --config /etc/grabberd/grabberd.yaml
     """
+    from grabberd.archive.capture.conversion import convert as convert_file  # noqa: PLC0415
     from grabberd.errors import GrabberdError  # noqa: PLC0415
-    from grabberd.storage.capture.conversion import convert as convert_file  # noqa: PLC0415
 
     captures = captures or _files(load(config).state_directory)
     documents: list[dict[str, object]] = []
@@ -125,7 +125,7 @@ def convert(
 
 
 def _files(state_directory: Path) -> list[Path]:
-    from grabberd.storage.capture.schema import SUFFIX  # noqa: PLC0415
+    from grabberd.archive.capture.schema import SUFFIX  # noqa: PLC0415
 
     return sorted((state_directory / "captures").glob(f"*{SUFFIX}"))
 
@@ -144,11 +144,11 @@ def retention(config: ConfigOption = None, json: JsonOption = False) -> None:
 
     Example: grabberd storage retention --config /etc/grabberd/grabberd.yaml
     """
-    from grabberd.service.archive.retention import Policy, candidates, removals  # noqa: PLC0415
-    from grabberd.service.capture.disk_guard import GB, free_bytes  # noqa: PLC0415
-    from grabberd.storage.disk import storage_errors  # noqa: PLC0415
-    from grabberd.storage.state.annotation_store import AnnotationStore  # noqa: PLC0415
-    from grabberd.storage.state.index_entries import entry_of  # noqa: PLC0415
+    from grabberd.archive.catalogue.disk_guard import GB, free_bytes  # noqa: PLC0415
+    from grabberd.archive.catalogue.retention import Policy, candidates, removals  # noqa: PLC0415
+    from grabberd.archive.state.annotation_store import AnnotationStore  # noqa: PLC0415
+    from grabberd.archive.state.index_entries import entry_of  # noqa: PLC0415
+    from grabberd.files.disk import storage_errors  # noqa: PLC0415
 
     settings = load(config)
     state, folder = settings.state_directory / "state.sqlite", settings.state_directory / "captures"
@@ -180,7 +180,7 @@ def accept(config: ConfigOption = None, json: JsonOption = False) -> None:
 
     Example: grabberd storage accept --config /etc/grabberd/grabberd.yaml
     """
-    from grabberd.storage.state.state_backups import STATE, accept_state  # noqa: PLC0415
+    from grabberd.archive.state.state_backups import STATE, accept_state  # noqa: PLC0415
 
     directory = load(config).state_directory
     accepted = accept_state(directory / STATE, directory / "captures")
@@ -198,8 +198,8 @@ def seal(
 
     Example: grabberd storage seal .grabberd-k3x9/liner.grab.part
     """
-    from grabberd.service.capture.capture_documents import describe  # noqa: PLC0415
-    from grabberd.storage.capture.recording_folder import seal as seal_part  # noqa: PLC0415
+    from grabberd.archive.capture.recording_folder import seal as seal_part  # noqa: PLC0415
+    from grabberd.archive.catalogue.capture_documents import describe  # noqa: PLC0415
 
     path = seal_part(part)
     capture = describe(path)

@@ -12,7 +12,7 @@ from grabberd.cli.terminal import console
 from grabberd.documents.roles import Role
 
 if TYPE_CHECKING:
-    from grabberd.service.access import Access
+    from grabberd.archive.access import Access
 
 commands = typer.Typer(
     help="Create, list and remove access tokens. Run it as the daemon's user.", no_args_is_help=True
@@ -59,7 +59,7 @@ def list_tokens(config: ConfigOption = None, json: JsonOption = False) -> None:
     if json:
         print_json([row._asdict() for row in rows])
         return
-    from grabberd.acquisition.clock import SystemClock, iso_utc  # noqa: PLC0415 - loads numpy
+    from grabberd.clock import SystemClock, iso_utc  # noqa: PLC0415 - loads numpy
 
     now_utc = iso_utc(SystemClock().utc_now())
     table = Table("name", "role", "created", "expires", "sessions")
@@ -92,8 +92,8 @@ def _minute(moment_utc: str) -> str:
 
 
 def _access(config: Path | None) -> "Access":
-    from grabberd.service.access import Access  # noqa: PLC0415
-    from grabberd.storage.state.state_backups import StateBackups  # noqa: PLC0415
+    from grabberd.archive.access import Access  # noqa: PLC0415
+    from grabberd.archive.state.state_backups import StateBackups  # noqa: PLC0415
 
     directory = load(config).state_directory
     StateBackups(directory).check()

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from grabberd.errors import GrabberdError, InputError, NotReady
-from grabberd.storage.disk import scratch_folder, storage_errors
+from grabberd.files.disk import scratch_folder, storage_errors
 
 TIMEOUT_S = 15.0
 _PART_BYTES = 1 << 16

@@ -5,9 +5,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
-from grabberd.acquisition.channels import Quantity
-from grabberd.acquisition.channels.vacuum import Channel, Reference
 from grabberd.config.section import Section
+from grabberd.core.channels import Quantity
+from grabberd.core.channels.vacuum import Channel, Reference
 
 Unit = Literal["kPa", "mbar", "hPa", "Pa", "bar", "mmHg", "Torr", "inHg", "psi", "V", "mV", "mA", "counts"]
 ChannelName = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]{0,31}$")]

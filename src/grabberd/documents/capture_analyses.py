@@ -5,9 +5,9 @@ from typing import Literal
 from pydantic import Field
 from typing_extensions import TypeAliasType
 
-from grabberd.documents.analyses import QuantityDocument
 from grabberd.documents.document import Document
 from grabberd.documents.job_problem import JobProblem
+from grabberd_liner.analyses.documents import QuantityDocument
 
 AnalysisState = TypeAliasType("AnalysisState", Literal["queued", "running", "done", "failed", "cancelled"])
 

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from grabberd.acquisition import LossCause, Outcome, Rebase
+from grabberd.core.ledger import LossCause, Outcome, Rebase
 from grabberd.documents.calibrations import CalibrationDocument
 from grabberd.documents.capture_analyses import CaptureAnalysis
 from grabberd.documents.channels import ChannelsSummary

@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field
 from typing_extensions import TypeAliasType
 
-from grabberd.acquisition.channels import Dating, Quantity
+from grabberd.core.channels import Dating, Quantity
 from grabberd.documents.document import Document
 from grabberd.documents.states import DeviceState
 from grabberd.errors import Cause

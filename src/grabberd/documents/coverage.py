@@ -5,8 +5,8 @@ from typing import Literal
 from pydantic import Field
 from typing_extensions import TypeAliasType
 
+from grabberd.core.reconstruction.coverage.verdict import CoverageVerdict, FindingCode
 from grabberd.documents.document import Document
-from grabberd.reconstruction.coverage.verdict import CoverageVerdict, FindingCode
 
 MissReason = TypeAliasType(
     "MissReason",

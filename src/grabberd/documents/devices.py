@@ -4,18 +4,18 @@ from typing import Literal
 
 from pydantic import Field
 
-from grabberd.acquisition import LossCause, Outcome, Rebase
+from grabberd.core.ledger import LossCause, Outcome, Rebase
+from grabberd.core.reconstruction.accuracy.drift_check import RigVerdict
 from grabberd.documents.calibrations import ActiveCalibration
 from grabberd.documents.capture_analyses import DeviceAnalysis
 from grabberd.documents.document import Document
 from grabberd.documents.faults import FaultDocument
 from grabberd.documents.field_order import FieldOrderDocument
 from grabberd.documents.health import DeviceHealth, HealthPart
-from grabberd.documents.liner_tests import DeviceTest
 from grabberd.documents.named_types import LINES, JsonObject, Latency, ViewCounts
 from grabberd.documents.states import DeviceState, Rung
 from grabberd.errors import Cause
-from grabberd.reconstruction.accuracy.drift_check import RigVerdict
+from grabberd_liner.guided_tests.documents import DeviceTest
 
 
 class RingDocument(Document):

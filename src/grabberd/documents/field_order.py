@@ -4,8 +4,8 @@ import math
 
 from pydantic import Field
 
+from grabberd.core.reconstruction.accuracy.field_order import FieldOrderFit, Order
 from grabberd.documents.document import Document
-from grabberd.reconstruction.accuracy.field_order import FieldOrderFit, Order
 
 _WRONG = {
     Order.REVERSED: (

@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from grabberd.acquisition.channels import Quantity
+from grabberd.core.channels import Quantity
 from grabberd.documents.document import Document
 
 

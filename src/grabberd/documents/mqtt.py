@@ -1,16 +1,16 @@
 """Messages on the MQTT topics; each leaves with `schema` before these keys."""
 
-from grabberd.acquisition import Outcome
+from grabberd.core.ledger import Outcome
+from grabberd.core.reconstruction.accuracy.drift_check import RigVerdict
+from grabberd.core.reconstruction.coverage.verdict import CoverageVerdict
 from grabberd.documents.capture_analyses import AnalysisState
 from grabberd.documents.channels import ChannelsVerdict
 from grabberd.documents.document import Document
 from grabberd.documents.health import HealthLevel, HealthPart
-from grabberd.documents.liner_tests import CheckVerdict, LinerTestKind
 from grabberd.documents.named_types import CaptureState, Verdict
 from grabberd.documents.states import DeviceState
 from grabberd.errors import Cause
-from grabberd.reconstruction.accuracy.drift_check import RigVerdict
-from grabberd.reconstruction.coverage.verdict import CoverageVerdict
+from grabberd_liner.guided_tests.documents import CheckVerdict, LinerTestKind
 
 
 class OnlineMessage(Document):

@@ -6,7 +6,6 @@ from pydantic import Field, StringConstraints, model_validator
 
 from grabberd.config import ThresholdConfig
 from grabberd.documents.document import Document, with_examples
-from grabberd.documents.liner_tests import LinerTestKind
 from grabberd.documents.named_types import (
     AllDevices,
     Bits,
@@ -23,6 +22,7 @@ from grabberd.documents.named_types import (
     OverrunPolicy,
     Weights,
 )
+from grabberd_liner.guided_tests.documents import LinerTestKind
 
 CHECK_S = 10.0
 """Length of a check's capture."""

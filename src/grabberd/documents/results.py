@@ -4,13 +4,13 @@ from typing import Literal
 
 from pydantic import Field
 
-from grabberd.documents.analyses import AnalysisRecord
 from grabberd.documents.calibration_reports import PixelAxes
 from grabberd.documents.coverage import CoverageDocument
 from grabberd.documents.document import Document
 from grabberd.documents.field_order import FieldOrderDocument
 from grabberd.documents.job_problem import JobProblem
-from grabberd.documents.liner_tests import CheckVerdict, LinerTestKind
+from grabberd_liner.analyses.documents import AnalysisRecord
+from grabberd_liner.guided_tests.documents import CheckVerdict, LinerTestKind
 
 
 class AnalysisResult(AnalysisRecord):

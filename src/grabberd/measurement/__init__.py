@@ -1,16 +1,18 @@
-"""Measurement of target images in one field (paper 3.5): threshold, labelling, centre and its σ.
+"""The documented path of measurement."""
 
-A packed field goes in; blobs come out in frame pixels, x in columns and y in frame lines, so that no later
-room knows about rows, parity or bits. Everything works on the packed bits: in a field of targets 96 % of the
-bytes are empty and never touched, and grey values are gathered only where the threshold is exceeded.
-"""
-
-from grabberd.measurement.background import background_of
-from grabberd.measurement.blobs import Blobs
-from grabberd.measurement.location import measure, seen_in
-from grabberd.measurement.settings import METHODS, LocationSettings
-from grabberd.measurement.threshold.threshold import ThresholdRule, choose_threshold, trinder_levels
-from grabberd.measurement.threshold.threshold_map import threshold_map, with_seen_size
+from grabberd.core.measurement import (
+    METHODS,
+    Blobs,
+    LocationSettings,
+    ThresholdRule,
+    background_of,
+    choose_threshold,
+    measure,
+    seen_in,
+    threshold_map,
+    trinder_levels,
+    with_seen_size,
+)
 
 __all__ = [
     "METHODS",

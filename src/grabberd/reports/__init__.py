@@ -7,10 +7,10 @@ text and the order of the chapters stand in `templates/`, one template for each 
 pressures were known to be wrong.
 """
 
-from grabberd.reports.analysis import analysis_html
 from grabberd.reports.calibration import calibration_html
 from grabberd.reports.document import document_json
 from grabberd.reports.outdated import marked_outdated
-from grabberd.reports.study import study_html
+from grabberd_liner.analyses.report import analysis_html
+from grabberd_liner.studies.report import study_html
 
 __all__ = ["analysis_html", "calibration_html", "document_json", "marked_outdated", "study_html"]

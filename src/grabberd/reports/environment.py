@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, pass_environment
 
-from grabberd.documents.pressure_method import OUTDATED_PRESSURE, OUTDATED_TITLE
 from grabberd.reports import figures, names, numbers
+from grabberd_liner.analyses.pressure_method import OUTDATED_PRESSURE, OUTDATED_TITLE
 
 _NUMBER = re.compile(r"(< |[+−])?\d+(\.\d+)?( × 10\S+)?( \(\S+\))?")
 """All that the filters make of numbers: "< 0.001", "+1", "1.2 × 10⁻⁵", "9.123 (0.020)"."""

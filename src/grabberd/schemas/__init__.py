@@ -9,11 +9,11 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from grabberd.schemas.analysis_inputs import analysis_inputs_schema
 from grabberd.schemas.calibration import calibration_schema
 from grabberd.schemas.forms import Schema
 from grabberd.schemas.modelled import capture_meta_schema, configuration_schema, profile_schema
 from grabberd.schemas.object_files import calibration_frame_schema, object_schema
+from grabberd_liner.analyses.inputs_schema import analysis_inputs_schema
 
 __all__ = ["DIALECT", "SCHEMAS", "Form", "Schema", "schema_of"]
 

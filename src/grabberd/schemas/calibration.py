@@ -1,7 +1,7 @@
 """Schema of a calibration, which `geometry.calibration` reads key by key."""
 
-from grabberd.geometry.calibration import LARGEST_SIDE_PX, SCHEMA
-from grabberd.geometry.view import PARAMETERS
+from grabberd.core.geometry.calibration import LARGEST_SIDE_PX, SCHEMA
+from grabberd.core.geometry.view import PARAMETERS
 from grabberd.schemas.forms import (
     Schema,
     either,

@@ -2,12 +2,12 @@
 
 from pydantic import TypeAdapter
 
+from grabberd.archive.capture.meta import StoredMeta
 from grabberd.config import Config
-from grabberd.documents.profiles import ProfileContent
-from grabberd.field import BIT_DEPTHS
-from grabberd.schemas.analysis_inputs import material_schema
+from grabberd.core.field import BIT_DEPTHS
 from grabberd.schemas.forms import Schema, or_nothing
-from grabberd.storage.capture.meta import StoredMeta
+from grabberd_liner.analyses.inputs_schema import material_schema
+from grabberd_liner.profiles.documents import ProfileContent
 
 
 def configuration_schema() -> Schema:

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Mapping
 
+from grabberd.archive.calibrations.calibration_frames import CALIBRATION_FRAME_KEYS
+from grabberd.core.reconstruction.object_model import KEYS, TARGET_KEYS, FileKey
 from grabberd.documents.requests import CertifiedLength
-from grabberd.reconstruction.object_model import KEYS, TARGET_KEYS, FileKey
 from grabberd.schemas.forms import Schema, integer, mapping, number, positive, text
-from grabberd.service.calibrations.calibration_frames import CALIBRATION_FRAME_KEYS
 
 _KINDS: Mapping[str, Callable[[], Schema]] = {
     "text": text,

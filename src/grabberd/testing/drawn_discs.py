@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.field import BOTTOM, PROGRESSIVE, TOP, Field
+from grabberd.core.field import BOTTOM, PROGRESSIVE, TOP, Field
 
 FINE = 8
 """Samples of a drawn disc for a pixel, in x and in y."""

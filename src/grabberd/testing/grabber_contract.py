@@ -7,10 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from grabberd.acquisition import GRABBERS, FieldNumbering, FieldOrder, Numbered, Outcome, Signal, StreamInfo
-from grabberd.acquisition.device import PAL_HZ, GrabbedField, Grabber
+from grabberd.core.field import PAL_HZ, PROGRESSIVE, FieldOrder
+from grabberd.core.ledger import Outcome
 from grabberd.errors import DeviceError, DeviceRefused, StreamEnded
-from grabberd.field import PROGRESSIVE
+from grabberd.instrument.acquisition import GRABBERS, FieldNumbering, Numbered, Signal, StreamInfo
+from grabberd.instrument.acquisition.device import GrabbedField, Grabber
 
 FIELDS = 40
 """Fields that a grabber must deliver without a fault; a recording has as many."""
@@ -39,7 +40,7 @@ class GrabberBench:
 
 
 class GrabberContract:
-    """The contract of `grabberd.acquisition.device`; a subclass has a fixture `bench`."""
+    """The contract of `grabberd.instrument.acquisition.device`; a subclass has a fixture `bench`."""
 
     @pytest.fixture
     def bench(self) -> GrabberBench:

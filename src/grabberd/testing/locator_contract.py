@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from grabberd.field import BOTTOM, PROGRESSIVE, TOP, Field, PackedField, double_lines, quantise
-from grabberd.measurement import Blobs, LocationSettings, measure, seen_in
-from grabberd.measurement.locators import Located, Locator
+from grabberd.core.field import BOTTOM, PROGRESSIVE, TOP, Field, PackedField, double_lines, quantise
+from grabberd.core.measurement import Blobs, LocationSettings, measure, seen_in
+from grabberd.core.measurement.locators import Located, Locator
 from grabberd.testing.drawn_discs import THRESHOLD, DrawnDiscs, draw_discs, draw_nothing, with_lamp
 
 _NEAR_PX = 3.0
@@ -18,7 +18,7 @@ _SEEDS = (11, 12)
 
 
 class LocatorContract:
-    """The contract of `grabberd.measurement.locators`; a subclass has a fixture `locator`.
+    """The contract of `grabberd.core.measurement.locators`; a subclass has a fixture `locator`.
 
     Attributes:
         bits: Bit depths that the locator is for; with others it refuses.

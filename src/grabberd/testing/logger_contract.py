@@ -6,9 +6,9 @@ from typing import Protocol
 import numpy as np
 import pytest
 
-from grabberd.acquisition import LOGGERS
-from grabberd.acquisition.channels import Anomaly, Dating, Logger, LoggerInfo, Readings
+from grabberd.core.channels import Anomaly, Dating, Logger, LoggerInfo, Readings
 from grabberd.errors import DeviceAbsent, DeviceError, DeviceLost, DeviceRefused
+from grabberd.instrument.acquisition import LOGGERS
 
 COUNT = 40
 """Readings that a test asks for."""
@@ -47,7 +47,7 @@ class LoggerBench(Protocol):
 
 
 class LoggerContract:
-    """The contract of `grabberd.acquisition.channels.logger`; a subclass has a fixture `bench`."""
+    """The contract of `grabberd.core.channels.logger`; a subclass has a fixture `bench`."""
 
     @pytest.fixture
     def bench(self) -> Iterator[LoggerBench]:

@@ -7,13 +7,13 @@ from typing import Any
 import yaml
 from typer.testing import CliRunner, Result
 
+from core.chain.milking import CONSTANT
+from core.chain.milking import MATERIAL as EXAMPLE
 from grabberd.cli.app import app
 from grabberd.errors import (
     GrabberdError,
 )
-from grabberd.processes.analysis.columns import TABLES
-from processes.milking import CONSTANT
-from processes.milking import MATERIAL as EXAMPLE
+from grabberd_liner.chain.analysis.columns import TABLES
 
 MATERIAL = {name: value for name, value in EXAMPLE.items() if not name.endswith("_end_mm")}
 """Without the ends that hold the liner: pressures take long, and are the same as those of the processes."""

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from processes.milking import field, still
-from storage.milkings import milking
+from archive.milkings import milking
+from core.chain.milking import field, still
 
 
 @pytest.fixture

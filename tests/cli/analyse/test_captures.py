@@ -5,12 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from archive.milkings import milking, object_document
 from cli.analyse.analysing import (
     refusal,
     run,
     said,
     written,
 )
+from core.chain.milking import changed, still
 from grabberd.errors import (
     AnalysisError,
     CaptureFileError,
@@ -18,8 +20,6 @@ from grabberd.errors import (
     InputError,
     NotReady,
 )
-from processes.milking import changed, still
-from storage.milkings import milking, object_document
 
 pytestmark = pytest.mark.timeout(600)
 

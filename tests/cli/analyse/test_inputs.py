@@ -12,12 +12,12 @@ from cli.analyse.analysing import (
     refusal,
     refused,
 )
+from core.chain.milking import log
 from grabberd.cli.app import app
 from grabberd.config import shipped_configs
 from grabberd.errors import (
     InputError,
 )
-from processes.milking import log
 
 pytestmark = pytest.mark.timeout(600)
 

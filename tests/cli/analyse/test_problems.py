@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from archive.milkings import milking
 from cli.analyse.analysing import (
     rows,
     run,
 )
-from processes.milking import changed, grid, still
-from storage.milkings import milking
+from core.chain.milking import changed, grid, still
 
 pytestmark = pytest.mark.timeout(600)
 

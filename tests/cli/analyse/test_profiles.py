@@ -8,13 +8,13 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+from archive.milkings import milking
 from cli.analyse.analysing import inputs_file, refusal, run, said
+from core.chain.milking import still
+from grabberd.archive.state.annotation_store import Annotation, AnnotationStore
 from grabberd.cli.app import app
 from grabberd.errors import InputError
-from grabberd.storage.state.annotation_store import Annotation, AnnotationStore
-from processes.analysis.profiling import LINER, changed
-from processes.milking import still
-from storage.milkings import milking
+from liner.chain.analysis.profiling import LINER, changed
 
 pytestmark = [pytest.mark.timeout(600), pytest.mark.usefixtures("undrawn")]
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import Result
 
+from archive.milkings import milking
 from cli.analyse.analysing import (
     CSV,
     INPUTS,
@@ -18,6 +19,7 @@ from cli.analyse.analysing import (
     said,
     written,
 )
+from core.chain.milking import PERIOD_S, field, log
 from grabberd.errors import (
     ExtraMissing,
     GrabberdError,
@@ -25,9 +27,7 @@ from grabberd.errors import (
     NotFound,
     StorageError,
 )
-from grabberd.processes.analysis.columns import TABLES
-from processes.milking import PERIOD_S, field, log
-from storage.milkings import milking
+from grabberd_liner.chain.analysis.columns import TABLES
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -151,7 +151,7 @@ def test_a_format_that_is_not_installed_is_refused_before_any_work(
 def test_a_table_that_a_format_has_no_room_for_costs_no_other_result(
     resting: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grabberd.storage.export.mat_file.MOST_BYTES", 1_000)
+    monkeypatch.setattr("grabberd.archive.export.mat_file.MOST_BYTES", 1_000)
     error = refusal(InputError, resting, "--formats", "mat,csv", "--out", tmp_path / "out")
     assert "of a MAT-file" in error.message
     assert written(tmp_path / "out") >= CSV | {"report.json"}

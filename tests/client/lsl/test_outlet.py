@@ -13,12 +13,12 @@ import pytest
 from numpy.typing import NDArray
 from running import PATIENCE_S
 
-from api.conftest import sealed_in
-from api.daemons import Daemon, serving
+from grabberd.archive import CaptureReader
 from grabberd.client.daemon import Daemon as Asked
-from grabberd.reconstruction.points import Points
-from grabberd.service.capture.capture_request import CaptureRequest
-from grabberd.storage import CaptureReader
+from grabberd.core.reconstruction.points import Points
+from grabberd.instrument.capture.capture_request import CaptureRequest
+from server.api.conftest import sealed_in
+from server.api.daemons import Daemon, serving
 
 FIELDS, HALF_A_FIELD_S = 150, 0.01
 INLET = Path(__file__).parent / "inlet.py"

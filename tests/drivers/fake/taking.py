@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 
-from grabberd.acquisition.device import GrabbedField
+from grabberd.instrument.acquisition.device import GrabbedField
 from grabberd_fake import FakeGrabber, JumpingClock, read_stamp
 
 MakeGrabber = Callable[..., tuple[FakeGrabber, JumpingClock]]

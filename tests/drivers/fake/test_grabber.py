@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from drivers.fake.taking import MS, PERIOD, MakeGrabber, numbers, sequences, steps, taken
-from grabberd.acquisition.device import FieldOrder, Signal
+from grabberd.core.field import FieldOrder
 from grabberd.errors import DeviceLost, DeviceRefused
+from grabberd.instrument.acquisition.device import Signal
 from grabberd_fake import FakeGrabber, JumpingClock, read_stamp
 
 

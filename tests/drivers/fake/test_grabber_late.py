@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.fake.taking import MS, PERIOD, MakeGrabber, numbers, sequences, steps, taken
-from grabberd.acquisition.device import FieldOrder
+from grabberd.core.field import FieldOrder
 from grabberd_fake.options import DriverOptions
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from drivers.fake.taking import MS, PERIOD, MakeGrabber, numbers, sequences, steps, taken
-from grabberd.acquisition.device import Signal
 from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
+from grabberd.instrument.acquisition.device import Signal
 from grabberd_fake import FakeGrabber, JumpingClock
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grabberd.acquisition.channels import LoggerInfo, Readings
+from grabberd.core.channels import LoggerInfo, Readings
 from grabberd.errors import DeviceAbsent, DeviceLost
 from grabberd.testing import ManualClock
 from grabberd_fake import FakeLight, FakeLogger

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from grabberd.acquisition import FieldOrder
-from grabberd.field import PROGRESSIVE
+from grabberd.core.field import PROGRESSIVE, FieldOrder
 from grabberd_fake import FakeGrabber, JumpingClock
 from grabberd_fake.stamp import read_stamp
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grabberd.field import Field, double_lines, quantise, unpack
+from grabberd.core.field import Field, double_lines, quantise, unpack
 from grabberd_fake.stamp import COLUMNS, ROWS, Stamp, read_stamp, write_stamp
 
 numbers = st.integers(0, 2**32 - 1)

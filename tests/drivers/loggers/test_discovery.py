@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from drivers.loggers.iio_tree import IioTree
-from grabberd.acquisition import LOGGERS, discover
-from grabberd.acquisition.discovery import LOGGER_SEARCH
+from grabberd.instrument.acquisition import LOGGERS, discover
+from grabberd.instrument.acquisition.discovery import LOGGER_SEARCH
 from grabberd_loggers.discovery import sensors, serial_ports
 from grabberd_loggers.iio.tree import Roots
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drivers.loggers.iio_tree import IioTree
-from grabberd.acquisition.channels.missing_readings import MISSING
+from grabberd.core.channels.missing_readings import MISSING
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused
 from grabberd.testing import ManualClock
 from grabberd_loggers.iio.buffered import BACKWARD, OTHER_CLOCK

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from grabberd.acquisition.channels import Dating
-from grabberd.acquisition.channels.clock_relation import CLOCK_JUMPED
-from grabberd.acquisition.channels.missing_readings import MISSING
+from grabberd.core.channels import Dating
+from grabberd.core.channels.clock_relation import CLOCK_JUMPED
+from grabberd.core.channels.missing_readings import MISSING
 from grabberd.errors import StreamFailed
 from grabberd_loggers.line_format import NOT_A_NUMBER, OTHER_CELLS, LineFormat
 from grabberd_loggers.line_readings import HEADER_AGAIN, REPEATED, LineReadings

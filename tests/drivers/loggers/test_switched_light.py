@@ -5,7 +5,7 @@ from itertools import cycle
 import numpy as np
 import pytest
 
-from grabberd.acquisition.channels import Dating, Readings
+from grabberd.core.channels import Dating, Readings
 from grabberd.errors import DeviceLost
 from grabberd.testing import ManualClock
 from grabberd_loggers.light.switched_light import (

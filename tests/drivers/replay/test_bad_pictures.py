@@ -7,10 +7,10 @@ import pytest
 from typer.testing import CliRunner
 
 from drivers.replay.pictures import COLUMNS, frames, luma, png
+from grabberd.archive import CaptureReader
 from grabberd.cli.app import app
+from grabberd.core.field import unpack
 from grabberd.errors import PictureError
-from grabberd.field import unpack
-from grabberd.storage import CaptureReader
 
 GOOD, LINES = 3, 288
 

@@ -11,7 +11,7 @@ import pytest
 from drivers.replay.pictures import luma
 from drivers.replay.playing import play, rows
 from drivers.replay.videos import by_ffmpeg, coded, needs_ffmpeg, spoil, uncompressed, y4m
-from grabberd.acquisition import FieldOrder
+from grabberd.core.field import FieldOrder
 from grabberd.errors import DeviceRefused, PictureError, StreamEnded
 from grabberd_replay import ReplayGrabber
 from grabberd_replay.containers import container_of

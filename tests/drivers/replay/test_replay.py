@@ -3,15 +3,16 @@
 import numpy as np
 import pytest
 
-from acquisition.streams import numbers
+from archive.captures import meta, same_field, slot, slots, write
 from drivers.replay.pictures import frames, luma, manifest, png
 from drivers.replay.playing import PERIOD_NS, play, rows
-from grabberd.acquisition import FieldOrder, Outcome, Signal
+from grabberd.archive import export_png
+from grabberd.core.field import FieldOrder, double_lines, quantise, unpack
+from grabberd.core.ledger import Outcome
 from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused, PictureError, StreamEnded
-from grabberd.field import double_lines, quantise, unpack
-from grabberd.storage import export_png
+from grabberd.instrument.acquisition import Signal
 from grabberd_replay import ReplayGrabber
-from storage.captures import meta, same_field, slot, slots, write
+from instrument.acquisition.streams import numbers
 
 # --- frames ---
 

@@ -8,14 +8,14 @@ import cv2
 import numpy as np
 import pytest
 
-from acquisition.streams import numbers
 from drivers.replay.pictures import luma
 from drivers.replay.playing import PERIOD_NS, play, rows
 from drivers.replay.videos import avi, coded, packed, uncompressed, y4m
-from grabberd.acquisition import FieldOrder
+from grabberd.core.field import FieldOrder
 from grabberd.errors import DeviceRefused, PictureError, StreamEnded
 from grabberd_replay import ReplayGrabber
 from grabberd_replay.decoder import LAYOUTS
+from instrument.acquisition.streams import numbers
 
 PICTURES = [luma(n) for n in range(3)]
 SMOOTH = [cv2.GaussianBlur(picture, (0, 0), 3) for picture in PICTURES]

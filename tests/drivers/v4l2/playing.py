@@ -7,14 +7,14 @@ from simulated_time import SMALL, NoCaptures, Until
 from drivers.v4l2.bench import Bench
 from drivers.v4l2.fake_kernel import number_in
 from drivers.v4l2.fake_kernel.card import PERIOD_NS
-from grabberd.acquisition import Ledger, too_high_by
 from grabberd.config import RingConfig
-from grabberd.field import unpack
-from grabberd.service.capture.edges import Begin, cut
-from grabberd.service.device.capture_thread import CaptureThread
-from grabberd.service.device.field_pipeline import FieldPipeline
-from grabberd.service.device.scheduling import ThreadTimes
-from grabberd.service.device.status_board import StatusBoard
+from grabberd.core.field import unpack
+from grabberd.core.ledger import Ledger, too_high_by
+from grabberd.instrument.capture.edges import Begin, cut
+from grabberd.instrument.device.capture_thread import CaptureThread
+from grabberd.instrument.device.field_pipeline import FieldPipeline
+from grabberd.instrument.device.scheduling import ThreadTimes
+from grabberd.instrument.device.status_board import StatusBoard
 from grabberd_fake.audit import Judged, lies_of
 from grabberd_v4l2 import ioctls
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from acquisition.streams import numbers
 from drivers.v4l2.fake_kernel import number_in
+from instrument.acquisition.streams import numbers
 
 SECOND_NS = 1_000_000_000
 

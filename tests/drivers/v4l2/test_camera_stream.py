@@ -7,15 +7,15 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from core.measurement.test_progressive import drawn
 from drivers.v4l2.bench import Bench, camera
 from drivers.v4l2.fake_kernel import number_in, number_in_blocks
 from drivers.v4l2.playing import Play
 from drivers.v4l2.taking import numbered, take
-from grabberd.acquisition import Outcome
+from grabberd.core.field import PROGRESSIVE
+from grabberd.core.ledger import Outcome
+from grabberd.core.measurement import LocationSettings, measure
 from grabberd.errors import DeviceLost
-from grabberd.field import PROGRESSIVE
-from grabberd.measurement import LocationSettings, measure
-from measurement.test_progressive import drawn
 
 RATES = (5, 15, 25, Fraction(30_000, 1001), 30, 50, 60, 120, 200)
 SECONDS = 4.0

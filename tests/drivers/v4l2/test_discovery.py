@@ -6,8 +6,8 @@ import os
 import pytest
 
 from drivers.v4l2.computer import Computer
-from grabberd.acquisition import GRABBERS
-from grabberd.acquisition.discovery import Verdict
+from grabberd.instrument.acquisition import GRABBERS
+from grabberd.instrument.acquisition.discovery import Verdict
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.answers import Answers
 from grabberd_v4l2.discovery import discover

@@ -6,8 +6,8 @@ import errno
 import pytest
 
 from drivers.v4l2.bench import Bench, card_with, dongle
-from grabberd.acquisition import GRABBERS, Signal
 from grabberd.errors import DeviceAbsent, DeviceError, DeviceLost, DeviceRefused, StreamFailed
+from grabberd.instrument.acquisition import GRABBERS, Signal
 from grabberd_v4l2 import V4l2Grabber
 from grabberd_v4l2.abi import Arrangement
 

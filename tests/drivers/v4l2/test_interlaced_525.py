@@ -6,9 +6,9 @@ import pytest
 from drivers.v4l2.bench import ALL_ORDERS, Bench, card_with, dongle
 from drivers.v4l2.fake_kernel import field_picture, number_in
 from drivers.v4l2.taking import SECOND_NS, numbered, take, until_it_fails
-from grabberd.acquisition import NTSC_HZ, FieldOrder, Outcome
+from grabberd.core.field import BOTTOM, NTSC_HZ, TOP, FieldOrder
+from grabberd.core.ledger import Outcome
 from grabberd.errors import Cause, DeviceRefused, StreamFailed
-from grabberd.field import BOTTOM, TOP
 from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import Arrangement
 

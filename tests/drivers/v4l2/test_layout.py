@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from grabberd.acquisition import FieldOrder
+from grabberd.core.field import BOTTOM, TOP, FieldOrder
 from grabberd.errors import DeviceRefused
-from grabberd.field import BOTTOM, TOP
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.layout import Granted, Layout
 from grabberd_v4l2.profiles import Profiles

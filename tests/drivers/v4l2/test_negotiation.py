@@ -5,7 +5,7 @@ import errno
 import pytest
 
 from drivers.v4l2.bench import ALL_ORDERS, Bench, card_with, dongle, pci_card
-from grabberd.acquisition import FieldOrder
+from grabberd.core.field import FieldOrder
 from grabberd.errors import Cause, DeviceRefused
 from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import Arrangement

@@ -2,7 +2,7 @@
 
 import pytest
 
-from grabberd.field import BOTTOM
+from grabberd.core.field import BOTTOM
 from grabberd_v4l2 import V4l2Grabber
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.options import V4l2Options

@@ -2,8 +2,8 @@
 
 import pytest
 
-from grabberd.acquisition import Verdict
-from grabberd.field import BOTTOM, TOP
+from grabberd.core.field import BOTTOM, TOP
+from grabberd.instrument.acquisition import Verdict
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.profiles import Profiles, SignalSource
 

@@ -9,9 +9,8 @@ from fractions import Fraction
 import pytest
 
 from drivers.v4l2.bench import Bench, camera, card_with, dongle
-from grabberd.acquisition import FieldOrder
+from grabberd.core.field import PROGRESSIVE, FieldOrder
 from grabberd.errors import DeviceError, DeviceRefused
-from grabberd.field import PROGRESSIVE
 from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import Arrangement
 

@@ -5,7 +5,7 @@ from importlib.resources import files
 
 import pytest
 
-from grabberd.acquisition.discovery import Verdict
+from grabberd.instrument.acquisition.discovery import Verdict
 from grabberd_v4l2.profiles import Profiles
 from grabberd_v4l2.usb import RULE
 

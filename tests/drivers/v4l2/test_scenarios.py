@@ -8,7 +8,7 @@ import pytest
 
 from drivers.v4l2.bench import card_with, dongle
 from drivers.v4l2.playing import Play
-from grabberd.acquisition import Rebase
+from grabberd.core.ledger import Rebase
 from grabberd_v4l2 import abi
 
 SECONDS = 5.0

@@ -3,7 +3,7 @@
 import pytest
 import videodev2
 
-from grabberd.field import BOTTOM, TOP
+from grabberd.core.field import BOTTOM, TOP
 from grabberd_v4l2 import standards
 
 

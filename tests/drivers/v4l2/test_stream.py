@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.streams import Numbering
 from drivers.v4l2.bench import Bench, card_with, dongle, pci_card
 from drivers.v4l2.fake_kernel import field_picture, number_in
 from drivers.v4l2.taking import SECOND_NS, first_picture, numbered, take
-from grabberd.acquisition import FieldOrder, Outcome
+from grabberd.core.field import FieldOrder
+from grabberd.core.ledger import Outcome
+from instrument.acquisition.streams import Numbering
 
 
 @pytest.mark.parametrize(

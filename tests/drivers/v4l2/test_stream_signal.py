@@ -4,8 +4,8 @@ import pytest
 
 from drivers.v4l2.bench import card_with, dongle
 from drivers.v4l2.taking import SECOND_NS, fails, take, until_it_fails
-from grabberd.acquisition import Signal
 from grabberd.errors import DeviceRefused, StreamFailed
+from grabberd.instrument.acquisition import Signal
 from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import Arrangement
 

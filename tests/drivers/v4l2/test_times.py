@@ -5,16 +5,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.streams import Numbering
-from grabberd.acquisition import GrabbedField, Outcome, StreamInfo
+from grabberd.core.field import BOTTOM, TOP
+from grabberd.core.ledger import Outcome
 from grabberd.errors import DeviceRefused
-from grabberd.field import BOTTOM, TOP
+from grabberd.instrument.acquisition import GrabbedField, StreamInfo
 from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.layout import Granted, LaidField, Layout
 from grabberd_v4l2.negotiation import picture_bytes
 from grabberd_v4l2.profiles import Profiles
 from grabberd_v4l2.times import FieldTimes, Stamp
+from instrument.acquisition.streams import Numbering
 
 PROFILES = Profiles.load()
 MS = 1_000_000

@@ -9,26 +9,26 @@ from typing import Any
 import typer
 from fastapi import FastAPI
 
-from grabberd.acquisition import Slot
-from grabberd.acquisition.clock import SystemClock
-from grabberd.api import create_app
-from grabberd.api.problems import STATUS
+from grabberd.archive import CaptureReader, CaptureWriter
+from grabberd.archive.state.outbox import Outbox
 from grabberd.cli import main
 from grabberd.cli.app import app
 from grabberd.client.lsl.events import DeviceEvents
 from grabberd.client.lsl.points_layout import PointsLayout
+from grabberd.clock import SystemClock
 from grabberd.config import default_config_file, load_config
+from grabberd.core.ledger import Slot
 from grabberd.documents.capture_analyses import DeviceAnalysis
 from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.examples import CAPTURE
 from grabberd.documents.roles import Role
-from grabberd.service.jobs.kinds import KINDS
-from grabberd.service.mqtt.home_assistant import discovery
-from grabberd.service.mqtt.messages import TOPICS, Topics, capture_summary, device_analysis, device_state
-from grabberd.service.service import Service
-from grabberd.service.setup import set_up
-from grabberd.storage import CaptureReader, CaptureWriter
-from grabberd.storage.state.outbox import Outbox
+from grabberd.instrument.setup import set_up
+from grabberd.server.api import create_app
+from grabberd.server.api.problems import STATUS
+from grabberd.server.daemon.kinds import KINDS
+from grabberd.server.daemon.service import Service
+from grabberd.server.mqtt.home_assistant import discovery
+from grabberd.server.mqtt.messages import TOPICS, Topics, capture_summary, device_analysis, device_state
 
 __all__ = [
     "CAPTURE",

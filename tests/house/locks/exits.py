@@ -19,7 +19,7 @@ from .doors import main
 from .interface import PLAIN
 from .kept import digest
 
-FORMAT_1 = Path(__file__).parents[2] / "storage" / "format_1"
+FORMAT_1 = Path(__file__).parents[2] / "archive" / "format_1"
 NOBODY = "http://127.0.0.1:9"
 """Address at which no daemon listens."""
 LONGEST = 40

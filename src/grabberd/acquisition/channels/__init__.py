@@ -1,13 +1,17 @@
-"""Quantities measured beside the picture, such as the vacuum, dated on the fields' own clock.
+"""The documented path of channels and of the logger contract."""
 
-`logger` is the contract that every driver of a data logger implements. `clock_relation` dates readings that
-carry the logger's own time, `arrival_dating` those without any; `missing_readings` counts what did not come.
-"""
-
-from grabberd.acquisition.channels.arrival_dating import ArrivalDating
-from grabberd.acquisition.channels.clock_relation import ClockRelation, Dated
-from grabberd.acquisition.channels.logger import Anomaly, Dating, Logger, LoggerInfo, Quantity, Readings
-from grabberd.acquisition.channels.missing_readings import MissingReadings
+from grabberd.core.channels import (
+    Anomaly,
+    ArrivalDating,
+    ClockRelation,
+    Dated,
+    Dating,
+    Logger,
+    LoggerInfo,
+    MissingReadings,
+    Quantity,
+    Readings,
+)
 
 __all__ = [
     "Anomaly",

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
 from typing import Any, NamedTuple
 
-from grabberd.acquisition import PAL_HZ
+from grabberd.core.field import PAL_HZ
 
 UNENDED = ("armed", "recording", "sealing")
 NOT_RECEIVED = ("lost", "damaged", "no_signal", "overrun")

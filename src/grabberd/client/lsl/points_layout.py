@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.archive.capture.groups.quanta import PER_MM, rounded
 from grabberd.documents.points_frame import PointsFrame
-from grabberd.storage.capture.groups.quanta import PER_MM, rounded
 
 _VARIANCES = [0, 3, 5]
 """Those of x, y and z among the six elements of a covariance."""

@@ -1,0 +1,139 @@
+"""The catalog of calibrations: those stored, and those of the configuration."""
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from grabberd.archive.calibrations.calibration_documents import (
+    Document,
+    configured_row,
+    newest_first,
+    stored_row,
+)
+from grabberd.archive.state.calibration_store import CalibrationRecord, CalibrationStore, StoredCalibration
+from grabberd.documents.calibrations import CalibrationRow
+from grabberd.errors import Conflict, ExtraMissing, GrabberdError, NotFound
+
+HIDDEN = "the configuration has another calibration of this id, which takes precedence"
+
+
+class CalibrationCatalog:
+    """Looks calibrations up by id; one of the configuration takes precedence over a stored one.
+
+    Args:
+        directory: Folder of the stored calibrations; nothing is written before `open`.
+        configured: The configuration's calibration documents, by device.
+
+    Attributes:
+        store: The stored calibrations.
+        configured: As given.
+    """
+
+    def __init__(self, directory: Path, configured: Mapping[str, Document]) -> None:
+        self.store = CalibrationStore(directory)
+        self.configured = dict(configured)
+
+    def rows(self) -> list[CalibrationRow]:
+        """Returns all calibrations as they are listed, newest first, damaged ones last."""
+        stored = self.store.list()
+        # One that is both configured and stored is listed once, with its record.
+        also_stored = {entry.id for entry in stored if entry.document in self.configured.values()}
+        rows = [self._stored_row(entry, entry.id in also_stored) for entry in stored]
+        rows += [
+            configured_row(document, device)
+            for device, document in self.configured.items()
+            if document["id"] not in also_stored
+        ]
+        return sorted(rows, key=newest_first, reverse=True)
+
+    def find(self, calibration_id: str) -> Document:
+        """Returns the document of a calibration.
+
+        Raises:
+            NotFound: No calibration has that id.
+            StorageError: The calibration is damaged.
+        """
+        return self._configured(calibration_id) or self.store.get(calibration_id).document
+
+    def content(self, calibration_id: str) -> bytes:
+        """Returns the document as JSON, byte for byte as it was stored.
+
+        Raises:
+            NotFound, StorageError: As `find`.
+        """
+        configured = self._configured(calibration_id)
+        if configured is None:
+            return self.store.content(calibration_id)
+        return json.dumps(configured, ensure_ascii=False, indent=1).encode() + b"\n"
+
+    def owners(self, calibration_id: str) -> set[str]:
+        """Returns the devices that a calibration belongs to."""
+        owners = {device for device, document in self.configured.items() if document["id"] == calibration_id}
+        return owners or {self.store.get(calibration_id).record.device}
+
+    def report(self, calibration_id: str) -> bytes:
+        """Returns the report as a JSON document.
+
+        Raises:
+            NotFound: The calibration does not exist, or has no report.
+        """
+        report = self._beside(calibration_id, self.store.report)
+        if report is None:
+            raise NotFound(
+                f"calibration {calibration_id} has no report",
+                "only calibrations made here from a capture have one",
+            )
+        return report
+
+    def page(self, calibration_id: str) -> bytes:
+        """Returns the report as HTML.
+
+        Raises:
+            NotFound: The calibration does not exist, has no report, or the report could not be drawn.
+            ExtraMissing: matplotlib was not installed when the calibration was made.
+        """
+        page = self._beside(calibration_id, self.store.page)
+        if page is None:
+            self.report(calibration_id)
+            raise _no_page(calibration_id, self.store.get(calibration_id).record)
+        return page
+
+    def add(self, document: Document, record: CalibrationRecord) -> str:
+        """Stores a complete calibration and returns its id.
+
+        Raises:
+            InputError: The document is invalid.
+            Conflict: The id is taken.
+        """
+        calibration_id = str(document.get("id"))
+        if self._configured(calibration_id):
+            raise Conflict(
+                f"the configuration already has a calibration {calibration_id}",
+                "use that one; a calibration is never changed",
+            )
+        return self.store.add(document, record).id
+
+    def _configured(self, calibration_id: str) -> Document | None:
+        found = (document for document in self.configured.values() if document["id"] == calibration_id)
+        return next(found, None)
+
+    def _stored_row(self, entry: StoredCalibration, also_configured: bool) -> CalibrationRow:
+        row = stored_row(entry)
+        hidden = self._configured(entry.id) is not None and not also_configured
+        return row.model_copy(update={"problem": row.problem or HIDDEN}) if hidden else row
+
+    def _beside(self, calibration_id: str, read: Callable[[str], bytes | None]) -> bytes | None:
+        """Reads a file stored beside a calibration; None for one that is in the configuration alone."""
+        if self._configured(calibration_id) and calibration_id not in self.store:
+            return None
+        return read(calibration_id)
+
+
+def _no_page(calibration_id: str, record: CalibrationRecord) -> GrabberdError:
+    what = f"the report of calibration {calibration_id} as a page"
+    if record.missing_extra is None:
+        hint = "its numbers are in report.json beside it; please report this"
+        return NotFound(f"{what} could not be drawn: {record.page_problem}", hint)
+    error = ExtraMissing(what, record.missing_extra)
+    error.hint += " and recalibrate; its numbers are in report.json beside it"
+    return error

@@ -1,0 +1,139 @@
+"""The folder of captures, told from any other that may take its place.
+
+A folder that is renamed, deleted or unmounted must not be replaced by a new, empty one: captures would go
+onto the wrong disk, unnoticed. So it has an id, which its lock file holds and the state database remembers.
+"""
+
+import secrets
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Protocol
+
+from grabberd.errors import Cause, StorageError
+from grabberd.files.directory_lock import DirectoryLock
+from grabberd.files.disk import storage_errors, write_through
+
+ANY = ""
+"""Remembered in place of an id: whatever folder is there is accepted, or a new one made."""
+ACCEPT = "if it is meant to be so: grabberd storage accept"
+
+
+class Settings(Protocol):
+    """Store of values by key."""
+
+    def get(self, key: str) -> Any:
+        """The value of a key; None if there is none."""
+        ...
+
+    def put(self, values: Mapping[str, Any]) -> None:
+        """Writes some keys."""
+        ...
+
+
+class CapturesFolder:
+    """The locked folder.
+
+    Args:
+        path: Its path.
+        remembered: Returns the id of the expected folder; None: any, if this program has held none yet.
+        remember: Stores the id of the folder that was taken.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        remembered: Callable[[], str | None] = lambda: None,
+        remember: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        self.path = path
+        self._lock = DirectoryLock(path)
+        self._remembered = remembered
+        self._remember = remember
+        self._id: str | None = None
+
+    @classmethod
+    def kept_in(cls, settings: Settings, key: str, path: Path) -> "CapturesFolder":
+        """A folder whose id is remembered as a setting."""
+
+        def remembered() -> str | None:
+            known = settings.get(key)
+            return None if known is None else str(known)
+
+        return cls(path, remembered, lambda known: settings.put({key: known}))
+
+    @property
+    def in_place(self) -> bool:
+        """True if the folder that is held is the one at its path."""
+        return self._lock.in_place
+
+    def take(self) -> bool:
+        """Takes the folder if it is there and the right one; returns True unless it was held already.
+
+        Raises:
+            StorageError: It is gone or another one is in its place (with a cause), another program uses it,
+                or it cannot be written. Nothing has been written.
+        """
+        if self.in_place:
+            return False
+        self._check(self._expected())
+        taken = DirectoryLock(self.path)
+        taken.acquire()
+        self._lock.release()
+        self._lock = taken
+        self.identify()
+        return True
+
+    def identify(self) -> None:
+        """Gives a folder without an id one and has it remembered; if it cannot now, later calls may."""
+        with suppress(StorageError):
+            self._id = id_of(self.path) or self._new_id()
+            if self._remembered() != self._id:
+                self._remember(self._id)
+
+    def release(self) -> None:
+        """Lets other programs have the folder."""
+        self._lock.release()
+
+    def _expected(self) -> str | None:
+        with suppress(StorageError):
+            if (known := self._remembered()) is not None:
+                return known
+        return self._id
+
+    def _check(self, expected: str | None) -> None:
+        if expected in (None, ANY):
+            return
+        if _is_empty(self.path):
+            raise StorageError(
+                f"the folder of captures {self.path} is gone: it was renamed, deleted or unmounted",
+                f"put it back or mount its disk, and everything resumes on its own; {ACCEPT}",
+                Cause.CAPTURES_MISSING,
+            )
+        if id_of(self.path) != expected:
+            raise StorageError(
+                f"{self.path} is not the folder of captures, but another one in its place",
+                f"move it away and put the right one back, and everything resumes on its own; {ACCEPT}",
+                Cause.CAPTURES_REPLACED,
+            )
+
+    def _new_id(self) -> str:
+        given = secrets.token_hex(16)
+        with storage_errors(self._lock.path):
+            write_through(self._lock.path, f"{given}\n".encode())
+        return given
+
+
+def _is_empty(folder: Path) -> bool:
+    """True if nothing is in a folder, as in that of an unmounted disk, or there is none."""
+    try:
+        return not any(folder.iterdir())
+    except OSError:
+        return True
+
+
+def id_of(folder: Path) -> str | None:
+    """Id of a folder of captures; None if it has none."""
+    with suppress(OSError, ValueError):
+        return DirectoryLock(folder).path.read_text(encoding="ascii").strip() or None
+    return None

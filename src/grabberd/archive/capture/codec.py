@@ -1,0 +1,129 @@
+"""Encoding and decoding of single fields and their points in a capture file of format 1."""
+
+import math
+import zlib
+
+import numpy as np
+import zstandard
+from numpy.typing import NDArray
+
+from grabberd.core.field.field import packed_shape
+from grabberd.core.reconstruction.points import Points
+
+ZLIB = "zlib"
+ZSTD = "zstd"
+MOST_POINTS = 1 << 16
+"""Points of one field; object models of some hundred targets are in use."""
+
+POINT = np.dtype(
+    [
+        ("target", "<i4"),
+        ("xyz_mm", "<f8", 3),
+        ("covariance_mm2", "<f4", 6),
+        ("calibration_covariance_mm2", "<f4", 6),
+        ("image_px", "<f4", (2, 2)),
+        ("residual_px", "<f4"),
+    ]
+)
+"""One point in `points.data`, little-endian, packed; covariances as xx, xy, xz, yy, yz, zz.
+
+Positions are exact; single precision keeps seven digits of the rest, which is more than its accuracy.
+"""
+_UPPER = np.triu_indices(3)
+
+
+def decode_field(codec: str, data: bytes, rows: int, columns: int, bits: int) -> NDArray[np.uint8]:
+    """Decodes the bytes of a picture into `PackedField.data`.
+
+    Raises:
+        ValueError: The codec is unknown, or the bytes are damaged or those of a picture of another size.
+    """
+    shape = packed_shape(rows, columns, bits)
+    size = math.prod(shape)
+    if codec == ZLIB:
+        return np.frombuffer(_inflated(data, size), np.uint8).reshape(shape)
+    if codec == ZSTD:
+        return np.frombuffer(unpacked(data, size), np.uint8).reshape(shape)
+    raise ValueError(f"codec {codec!r} is none of {ZLIB}, {ZSTD}")
+
+
+def _inflated(data: bytes, size: int) -> bytes:
+    """Decompresses to exactly `size` bytes; whatever the data hold, no more than one byte beyond is made."""
+    stream = zlib.decompressobj()
+    try:
+        # A limit of 0 would be none.
+        content = stream.decompress(data, size + 1)
+    except zlib.error as error:
+        raise ValueError(f"damaged {ZLIB} data: {error}") from error
+    _check_size(ZLIB, size, len(content))
+    if not stream.eof or stream.unused_data:
+        raise ValueError(f"damaged {ZLIB} data: {'other bytes follow' if stream.eof else 'they have no end'}")
+    return content
+
+
+def unpacked(data: bytes, size: int) -> bytes:
+    """Decompresses a zstandard frame to exactly `size` bytes.
+
+    Raises:
+        ValueError: It claims or holds more or fewer of them, is damaged, or something follows it.
+    """
+    try:
+        claimed = zstandard.frame_content_size(data)
+        if claimed >= 0:
+            _check_size(ZSTD, size, claimed)
+        content = zstandard.ZstdDecompressor().decompress(data, max_output_size=size, allow_extra_data=False)
+    except zstandard.ZstdError as error:
+        raise ValueError(f"damaged {ZSTD} data: {error}") from error
+    _check_size(ZSTD, size, len(content))
+    return content
+
+
+def _check_size(codec: str, expected: int, found: int) -> None:
+    if found != expected:
+        more = "more" if found > expected else "fewer"
+        raise ValueError(f"damaged {codec} data: {more} bytes than the {expected} expected")
+
+
+def encode_points(points: Points) -> bytes:
+    """Encodes one field's points as compressed `POINT` records."""
+    records = np.zeros(len(points), POINT)
+    records["target"] = points.target
+    records["xyz_mm"] = points.xyz_mm
+    records["covariance_mm2"] = points.covariance_mm2[:, *_UPPER]
+    records["calibration_covariance_mm2"] = points.calibration_covariance_mm2[:, *_UPPER]
+    records["image_px"] = points.image_px
+    records["residual_px"] = points.residual_px
+    return zlib.compress(records.tobytes(), 1)
+
+
+def decode_points(data: bytes, count: int) -> Points:
+    """Decodes one field's points; positions are exact, the rest has single precision.
+
+    Args:
+        data: Bytes of `encode_points`.
+        count: Number of points expected.
+
+    Raises:
+        ValueError: There cannot be so many, or the bytes are damaged or hold another number of points.
+    """
+    if count not in range(MOST_POINTS + 1):
+        raise ValueError(f"a field of {count!r} points; there can be {MOST_POINTS}")
+    try:
+        records = np.frombuffer(_inflated(data, count * POINT.itemsize), POINT)
+    except ValueError as error:
+        raise ValueError(f"damaged points: {error}") from error
+    return Points(
+        target=records["target"].copy(),
+        xyz_mm=records["xyz_mm"].copy(),
+        covariance_mm2=_symmetric(records["covariance_mm2"]),
+        calibration_covariance_mm2=_symmetric(records["calibration_covariance_mm2"]),
+        image_px=records["image_px"].astype(np.float64),
+        residual_px=records["residual_px"].astype(np.float64),
+    )
+
+
+def _symmetric(upper: NDArray[np.floating]) -> NDArray[np.float64]:
+    full = np.empty((len(upper), 3, 3))
+    full[:, *_UPPER] = upper
+    full[:, _UPPER[1], _UPPER[0]] = upper
+    return full

@@ -1,0 +1,166 @@
+"""Sealing what a crash left, or setting it aside with a reason; nothing is ever deleted."""
+
+import itertools
+import math
+import os
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import NamedTuple
+
+from grabberd.archive.capture.channels.stored_account import close_account, read_account, write_account
+from grabberd.archive.capture.digests import write_sealed_digest
+from grabberd.archive.capture.ledger_table import write_ledger
+from grabberd.archive.capture.meta import SEALED, CaptureMeta, write_meta
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.schema import DAMAGED, connect, reading_errors
+from grabberd.archive.capture.writer import FAILED, RUNNING, publish
+from grabberd.archive.guarded_database import JOURNAL
+from grabberd.clock import Now
+from grabberd.core.ledger import Ledger, LedgerEntry, Outcome
+from grabberd.errors import CaptureFileError, LaterVersion
+from grabberd.files.disk import storage_errors
+
+REASON = ".txt"
+INTERRUPTED = "the program ended while it was recording"
+UNSEALED = "the program ended before it was sealed"
+
+
+class Tail(NamedTuple):
+    """Last field on disk, after which fields are missing.
+
+    Attributes:
+        after_n: Number of the last field on disk, whose time is known.
+        time_ns: Its time, CLOCK_MONOTONIC.
+    """
+
+    after_n: int
+    time_ns: int
+
+
+def recover(part: Path, now: Now | None = None) -> Path:
+    """Seals a `.grab.part` file that nobody writes any more; returns its final path.
+
+    SQLite rolls an unfinished commit back when the file is opened. What is missing at the end of a capture of
+    given length is known. Of one without, no more can be missing than would have come until now, by the
+    monotonic clock if the computer has not been restarted since. A file that cannot be read is set aside.
+
+    Args:
+        part: The file.
+        now: Present moment; None: by the system's clocks.
+
+    Raises:
+        LaterVersion: A later version has to seal it.
+        StorageError: It cannot be written.
+    """
+    try:
+        _seal_if_need_be(part, now or Now.by_the_system())
+    except LaterVersion:
+        raise
+    except CaptureFileError as error:
+        return set_aside(part, error.message)
+    with storage_errors(part):
+        # SQLite keeps the journal's file after its transaction (PERSIST), but a sealed capture is one file.
+        part.with_name(part.name + JOURNAL).unlink(missing_ok=True)
+        return publish(part)
+
+
+def _seal_if_need_be(part: Path, now: Now) -> None:
+    connect(part, writable=True).close()  # rolls back what a reader must not
+    with CaptureReader(part) as reader:
+        ledger, meta, last = reader.ledger, reader.meta, reader.last_field
+    if meta.state != SEALED:  # a crash between sealing and renaming leaves only the name to be done
+        with reading_errors(part):
+            before_start = meta.extra.get("trigger", {}).get("n", 0)
+            tail = Tail(*last) if last is not None else Tail(before_start - 1, meta.start_ns)
+            _seal(part, *_cut_off(ledger, meta, tail, now))
+
+
+def _seal(part: Path, ledger: Ledger, because: str) -> None:
+    connection = connect(part, writable=True)
+    try:
+        with storage_errors(part), connection:
+            connection.execute("BEGIN IMMEDIATE")
+            connection.execute("DELETE FROM reserve")
+            write_ledger(connection, ledger)
+            if (account := read_account(connection)) is not None:
+                write_account(connection, close_account(connection, account))
+            change = "UPDATE runs SET state = ?, reason = ? WHERE state = ?"
+            connection.execute(change, (FAILED, INTERRUPTED, RUNNING))
+            verdict = {"state": SEALED, "complete": ledger.complete, "ended_because": because}
+            write_meta(connection, verdict)
+            write_sealed_digest(connection)
+    finally:
+        connection.close()
+
+
+def _cut_off(ledger: Ledger, meta: CaptureMeta, tail: Tail, now: Now) -> tuple[Ledger, str]:
+    """The ledger up to the end that was ordered, and why the capture ended."""
+    end_n, order = ledger.end_n or 0, meta.extra.get("order", {})
+    ordered = order["fields"] if order else None
+    if ordered is not None and not isinstance(ordered, int):
+        raise ValueError(f"order is {order!r}")
+    if ordered is None:
+        reason = f"{INTERRUPTED}; unknown{_bound(end_n, meta, tail, now)}"
+        ledger.add(LedgerEntry(end_n, 1, Outcome.LOST, reason))
+        return ledger, INTERRUPTED
+    ledger.close(ordered, INTERRUPTED)
+    return ledger, INTERRUPTED if end_n < ordered else UNSEALED
+
+
+def _bound(end_n: int, meta: CaptureMeta, tail: Tail, now: Now) -> str:
+    """Bound in words on the number of fields missing at the end; empty if nothing bounds it.
+
+    Only the monotonic clock proves a bound, and only within one start of the computer. The wall clock may
+    have been set back meanwhile by less than anybody can tell.
+    """
+    if meta.device.get("stream", {}).get("waits_for_reader"):
+        return ""  # it has no rate of its own
+    if meta.boot_id and meta.boot_id == now.boot_id:
+        since_ns, condition = now.ns - tail.time_ns, ""
+    else:
+        since_start_s = (now.utc - datetime.fromisoformat(meta.created_utc)).total_seconds()
+        since_ns = meta.start_ns + round(since_start_s * 1e9) - tail.time_ns
+        condition = " unless the clock was set back"
+    if since_ns < 0:
+        return ""
+    # One more than fits between them: neither time is exactly that of a field.
+    last_n = tail.after_n + math.floor(since_ns * meta.rate_hz / 1e9) + 1
+    most = last_n + 1 - end_n
+    return f", at most {most}{condition}" if most > 0 else ""
+
+
+def set_aside(path: Path, reason: str) -> Path:
+    """Moves a file that cannot be read into the folder `damaged`, with the reason in a text file beside it.
+
+    Raises:
+        StorageError: It cannot be moved; it stays where it is.
+    """
+    with storage_errors(path):
+        folder = path.parent / DAMAGED
+        folder.mkdir(exist_ok=True)
+        aside = _free_name(folder / path.name)
+        reason_of(aside).write_text(reason + "\n", encoding="utf-8")
+        journal = path.with_name(path.name + JOURNAL)
+        if journal.exists():  # repairing the database needs it
+            os.rename(journal, aside.with_name(aside.name + JOURNAL))
+        os.rename(path, aside)
+    return aside
+
+
+def reason_of(aside: Path) -> Path:
+    """The text file with the reason why a file was set aside."""
+    return aside.with_name(aside.name + REASON)
+
+
+def _free_name(path: Path) -> Path:
+    """The path, or `NAME-2.grab` and so on if it is taken."""
+    name, dot, rest = path.name.partition(".")
+    candidates = (path.with_name(f"{free}{dot}{rest}") for free in numbered(name))
+    return next(candidate for candidate in candidates if not candidate.exists())
+
+
+def numbered(name: str) -> Iterator[str]:
+    """`NAME`, `NAME-2`, `NAME-3` and so on."""
+    yield name
+    yield from (f"{name}-{number}" for number in itertools.count(2))

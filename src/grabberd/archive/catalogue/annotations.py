@@ -1,0 +1,140 @@
+"""Pins, notes, labels and marks of captures, and their deletion by hand."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Protocol
+
+from grabberd.archive.catalogue.archive import Archive
+from grabberd.archive.state.annotation_store import AnnotationStore
+from grabberd.documents.captures import CaptureDocument
+from grabberd.documents.named_types import MOST_LABELS, MOST_MARKS
+from grabberd.errors import Conflict, InputError
+from grabberd_liner.analyses.store import AnalysisStore
+
+
+class Jobs(Protocol):
+    """The part of the job runner that tells which captures are in use."""
+
+    def busy_subjects(self) -> set[str]:
+        """Returns the ids of the captures that unfinished jobs work on."""
+        ...
+
+    def check_idle(self, subject: str) -> None:
+        """Raises Conflict if an unfinished job works on a capture."""
+        ...
+
+    def forget_capture(self, capture_id: str) -> None:
+        """Forgets what is known of a capture that is deleted."""
+        ...
+
+
+class CaptureAnnotations:
+    """Annotates and deletes captures.
+
+    Annotations are kept in the state database, beside the captures: a sealed file is never changed by them.
+    """
+
+    def __init__(
+        self,
+        archive: Archive,
+        annotations: AnnotationStore,
+        jobs: Jobs,
+        analyses: AnalysisStore,
+    ) -> None:
+        self._archive = archive
+        self._annotations = annotations
+        self._jobs = jobs
+        self._analyses = analyses
+
+    def annotate(
+        self,
+        capture_id: str,
+        *,
+        pinned: bool | None = None,
+        note: str | None = None,
+        labels: Mapping[str, str | None] | None = None,
+        marks: Mapping[str, str | None] | None = None,
+    ) -> None:
+        """Changes what is given and leaves the rest.
+
+        Args:
+            capture_id: Id of the capture, which may be running.
+            pinned: True to keep the capture until it is unpinned.
+            note: New note.
+            labels: Labels to add or replace by name; None removes one.
+            marks: Names of fields to mark, by number; None removes a mark.
+
+        Raises:
+            NotFound: No capture has that id.
+            InputError: The capture would have too many labels or marks, or has no such field.
+            StorageError: The state cannot be written.
+        """
+        document = self._archive.document(capture_id)
+        annotation = self._annotations.get(capture_id)
+        if pinned is not None:
+            annotation = replace(annotation, pinned=pinned)
+        if note is not None:
+            annotation = replace(annotation, note=note)
+        if labels is not None:
+            annotation = replace(annotation, labels=_merged(document, labels))
+        if marks is not None:
+            annotation = replace(annotation, marks=_marked(document, annotation.marks, marks))
+        self._annotations.put(capture_id, annotation)
+        self._archive.library.note(capture_id)
+
+    def spared(self) -> set[str]:
+        """Returns the ids of the captures that retention must leave: pinned ones, and those that a job needs.
+
+        Raises:
+            StorageError: The state cannot be read.
+        """
+        pinned = {capture_id for capture_id, one in self._annotations.all().items() if one.pinned}
+        return pinned | self._jobs.busy_subjects()
+
+    def delete(self, capture_id: str) -> None:
+        """Deletes a capture for good: its file, its analyses and its annotations.
+
+        Raises:
+            NotFound: No capture has that id.
+            Conflict: The capture is running, pinned, or a job is working on it.
+            StorageError: The files cannot be deleted.
+        """
+        self._archive.sealed_path(capture_id)
+        if self._annotations.get(capture_id).pinned:
+            raise Conflict(f"capture {capture_id} is pinned", "unpin it first: PATCH it with pinned: false")
+        self._jobs.check_idle(capture_id)
+        # The capture first: if its file cannot be deleted, its analyses and annotations stay with it.
+        self._archive.remove(capture_id)
+        self._analyses.remove(capture_id)
+        self._annotations.remove(capture_id)
+        self._jobs.forget_capture(capture_id)
+
+
+def _merged(document: CaptureDocument, labels: Mapping[str, str | None]) -> dict[str, str]:
+    merged = {**document.labels, **labels}
+    kept = {name: value for name, value in merged.items() if value is not None}
+    if len(kept) > MOST_LABELS:
+        raise InputError(
+            f"capture {document.id} would have {len(kept)} labels; the limit is {MOST_LABELS}",
+            "remove some first, by setting them to null",
+        )
+    return kept
+
+
+def _marked(
+    document: CaptureDocument, marks: Mapping[int, str], changes: Mapping[str, str | None]
+) -> dict[int, str]:
+    total = sum(document.ledger.counts.values())
+    changed = {int(n): name for n, name in changes.items()}
+    beyond = [n for n, name in changed.items() if name is not None and n >= total]
+    if beyond:
+        raise InputError(
+            f"capture {document.id} has no field {beyond[0]}", f"its fields are numbered 0 to {total - 1}"
+        )
+    kept = {n: name for n, name in {**marks, **changed}.items() if name is not None}
+    if len(kept) > MOST_MARKS:
+        raise InputError(
+            f"capture {document.id} would have {len(kept)} marks; the limit is {MOST_MARKS}",
+            "remove some first, by setting them to null",
+        )
+    return kept

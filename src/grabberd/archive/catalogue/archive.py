@@ -1,0 +1,341 @@
+"""The folder of captures: finds, describes and removes them."""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Protocol
+
+from grabberd.archive import CaptureIndex, recover
+from grabberd.archive.capture.captures_folder import CapturesFolder
+from grabberd.archive.capture.crash_recovery import reason_of
+from grabberd.archive.capture.plain_names import plainly_named
+from grabberd.archive.capture.schema import DAMAGED, PART, SUFFIX, part_path
+from grabberd.archive.catalogue.capture_documents import (
+    damaged_document,
+    describe,
+)
+from grabberd.archive.catalogue.descriptions import Descriptions
+from grabberd.archive.catalogue.index_keeper import IndexKeeper
+from grabberd.archive.catalogue.library import Library
+from grabberd.archive.state.annotation_store import Annotation
+from grabberd.archive.state.capture_index import Unusable
+from grabberd.archive.state.index_entries import SEALED_ENTRY, IndexEntry
+from grabberd.documents.capture_analyses import CaptureAnalysis
+from grabberd.documents.captures import CaptureDocument, MarkDocument
+from grabberd.errors import (
+    CaptureFileError,
+    Cause,
+    Conflict,
+    LaterVersion,
+    NotFound,
+    ReadingGivenUp,
+    StorageError,
+)
+from grabberd.fault_board import FaultBoard
+from grabberd.files.disk import storage_errors
+from grabberd.files.patience import Patience, within
+
+log = logging.getLogger(__name__)
+AWAY = (Cause.CAPTURES_MISSING, Cause.CAPTURES_REPLACED)
+RECOVERED_S = 600.0
+"""Time to seal all that a crash left, for which the daemon's start waits: the ledger of a long capture has to
+be read."""
+RENAMED_S = 10.0
+"""Time for a capture whose file has its final name to come into the index."""
+
+
+class ArmedCapture(Protocol):
+    """A capture that waits for its trigger."""
+
+    @property
+    def id(self) -> str:
+        """Id of the capture."""
+        ...
+
+    @property
+    def document(self) -> CaptureDocument:
+        """The capture as it is shown."""
+        ...
+
+
+class Recording(ArmedCapture, Protocol):
+    """A capture in the making, as the archive sees it."""
+
+    @property
+    def path(self) -> Path:
+        """Present path of the file."""
+        ...
+
+    @property
+    def sealed(self) -> threading.Event:
+        """Set when the file has been closed for good, or given up."""
+        ...
+
+
+class Archive:
+    """One folder of captures; a running capture is described from its recording.
+
+    Args:
+        directory: Folder of the files.
+        recordings: Returns the captures that are being recorded or sealed.
+        armed: Returns the captures that wait for their trigger.
+        annotation: Returns the annotation of a capture by its id.
+        annotations: Returns all annotations by their captures' ids.
+        folder: The folder as it is told from others; created if it does not exist and none is remembered.
+        faults: Where a folder that is gone and an index that is damaged are told.
+
+    Attributes:
+        folder: See above.
+        index: Index of the captures that have ended.
+        keeper: Rebuilds the index.
+        analysis: Returns the latest analysis of a capture by its id; set by who knows of analyses.
+        library: The captures as lists search them.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        recordings: Callable[[], Sequence[Recording]],
+        armed: Callable[[], Sequence[ArmedCapture]] = list,
+        annotation: Callable[[str], Annotation] = lambda _: Annotation(),
+        annotations: Callable[[], Mapping[str, Annotation]] = dict,
+        *,
+        folder: CapturesFolder | None = None,
+        faults: FaultBoard | None = None,
+    ) -> None:
+        self.directory = directory
+        self.folder = folder or CapturesFolder(directory)
+        self.index = CaptureIndex(directory, self.check, self._heal)
+        self._faults = faults or FaultBoard()
+        self.keeper = IndexKeeper(self.index, lambda: self._left, self._faults)
+        self._left: list[Path] = []
+        self._opened = False
+        self._taking = threading.RLock()
+        self._recordings = recordings
+        self._armed = armed
+        self._annotation = annotation
+        self.analysis: Callable[[str], CaptureAnalysis | None] = lambda _: None
+        self.annotations = annotations
+        self.library = Library(self.index, annotation, annotations)
+        self._descriptions = Descriptions(describe)
+
+    def open(self) -> None:
+        """Locks the folder, seals what a crash left, and brings the index up to date.
+
+        A folder that is gone is awaited: everything else works meanwhile.
+
+        Raises:
+            StorageError: Another program uses the folder, or it cannot be written.
+        """
+        self._opened = True
+        try:
+            self.check()
+        except StorageError as error:
+            if error.cause not in AWAY:
+                raise
+
+    def check(self) -> None:
+        """Checks that the folder is there and the right one; takes it again if it has come back.
+
+        Raises:
+            StorageError: It is not there; nothing has been written in its place.
+        """
+        if not self._opened:
+            return
+        if not self.folder.in_place:
+            with self._taking:
+                self._take()
+        self._faults.resolve(*AWAY)
+
+    def _take(self) -> None:
+        try:
+            taken = self.folder.take()
+        except StorageError as error:
+            if error.cause is not None:
+                self._faults.resolve(*(one for one in AWAY if one is not error.cause))
+                self._faults.report(error.cause, error.message, error.hint)
+            raise
+        if not taken:
+            return
+        written = {recording.path for recording in self._recordings()}
+        found = [part for part in self.directory.glob(f"*{SUFFIX}{PART}") if part not in written]
+        parts = sorted(plain for part in found if (plain := plainly_named(part)) is not None)
+        with within(Patience(time.monotonic() + RECOVERED_S)):
+            self._left = [part for part in parts if not _recovered(part)]
+        self.index.rebuild(self._left)
+        for entry in self.index.damaged():
+            log.warning("capture %s is damaged: %s: %s", entry.id, entry.file, entry.reason)
+
+    def _heal(self, reason: Unusable) -> None:
+        self.keeper.heal(reason)
+
+    def close(self) -> None:
+        """Releases the folder to other programs."""
+        self._opened = False
+        self.folder.release()
+
+    def path(self, capture_id: str) -> Path:
+        """Returns the path of a capture, sealed or being written.
+
+        Raises:
+            NotFound: No capture has that id.
+            Conflict: The capture is armed.
+            StorageError: The folder is gone.
+        """
+        self.check()
+        self._check_triggered(capture_id)
+        if self._running(capture_id):
+            return part_path(self.directory, capture_id)
+        return self._file_of(capture_id)
+
+    def sealed_path(self, capture_id: str) -> Path:
+        """Returns the path of a sealed capture.
+
+        Raises:
+            NotFound: No capture has that id.
+            Conflict: The capture is still running, or armed.
+        """
+        self._check_triggered(capture_id)
+        if self._running(capture_id):
+            raise Conflict(f"capture {capture_id} is still running", "stop it, or wait for it to end")
+        return self._file_of(capture_id)
+
+    def remove(self, capture_id: str) -> None:
+        """Deletes a capture that is not running, for good.
+
+        Raises:
+            NotFound: No capture has that id.
+            Conflict: The capture is still running, or armed.
+            StorageError: The file cannot be deleted.
+        """
+        path = self.sealed_path(capture_id)
+        with storage_errors(path):
+            path.unlink(missing_ok=True)
+            reason_of(path).unlink(missing_ok=True)
+        self.index.remove(capture_id)
+
+    def ended(self, subject: str, captures: Iterable[str]) -> None:
+        """Takes note of the end of a job on a capture, which may have a new run, and that analysed others."""
+        with suppress(NotFound, StorageError):
+            entry = self.index.get(subject)
+            path = self.directory / entry.file
+            if entry.state == SEALED_ENTRY and not entry.still_holds(path):
+                self.index.add(path)
+        for capture_id in captures:
+            self.library.note(capture_id)
+
+    def document(self, capture_id: str) -> CaptureDocument:
+        """Returns the document of a capture.
+
+        Raises:
+            NotFound: No capture has that id.
+        """
+        return self._annotated(self._document(capture_id), self._annotation(capture_id))
+
+    def listed(self, entry: IndexEntry) -> CaptureDocument:
+        """Returns the document of a capture that has ended.
+
+        Raises:
+            NotFound: It was deleted since its entry was read.
+        """
+        return self._annotated(self._sealed_document(entry), self._annotation(entry.id))
+
+    def current(self) -> list[CaptureDocument]:
+        """Returns the documents of the captures that are armed or running."""
+        ids = {one.id for one in self._armed()} | {one.id for one in self._recordings()}
+        return [document for capture_id in ids if (document := self._if_there(capture_id)) is not None]
+
+    def _if_there(self, capture_id: str) -> CaptureDocument | None:
+        try:
+            return self.document(capture_id)
+        except NotFound:  # disarmed since its id was read
+            return None
+
+    def _document(self, capture_id: str) -> CaptureDocument:
+        recording, armed = self._running(capture_id), self._waiting(capture_id)
+        if recording is None and armed is not None:
+            return armed.document
+        if recording is not None:
+            if recording.path.suffix == PART:
+                return recording.document
+            recording.sealed.wait(RENAMED_S)  # the file has its final name, but is not in the index yet
+        return self._sealed_document(self.index.get(capture_id))
+
+    def documents(self) -> list[CaptureDocument]:
+        """Returns the documents of all captures, newest first."""
+        # Read before the index: a capture that is sealed in between is not listed twice.
+        running = {recording.id for recording in self._recordings()}
+        shown = [self.document(capture_id) for capture_id in running]
+        sealed = [self._sealed_document(entry) for entry in self.index.list() if entry.id not in running]
+        return sorted(shown + sealed, key=lambda document: document.created_utc, reverse=True)
+
+    def _annotated(self, document: CaptureDocument, annotation: Annotation) -> CaptureDocument:
+        """A document with what is known of its capture beside the file."""
+        changes = {
+            "pinned": annotation.pinned,
+            "note": document.note if annotation.note is None else annotation.note,
+            "labels": document.labels if annotation.labels is None else dict(annotation.labels),
+            "marks": [MarkDocument(n=n, name=name) for n, name in sorted(annotation.marks.items())],
+            "analysis": self.analysis(document.id),
+        }
+        return document.model_copy(update=changes)
+
+    def _waiting(self, capture_id: str) -> ArmedCapture | None:
+        return next((one for one in self._armed() if one.id == capture_id), None)
+
+    def _check_triggered(self, capture_id: str) -> None:
+        if self._waiting(capture_id) and not self._running(capture_id):
+            raise Conflict(
+                f"capture {capture_id} is armed and has no fields yet",
+                f"trigger it: POST /api/v1/captures/{capture_id}/trigger, or stop it",
+            )
+
+    def _running(self, capture_id: str) -> Recording | None:
+        return next((one for one in self._recordings() if one.id == capture_id), None)
+
+    def _sealed_document(self, entry: IndexEntry) -> CaptureDocument:
+        path = self.directory / entry.file
+        if path.parent.name == DAMAGED:
+            self._check_there(entry)
+            return damaged_document(entry, path, entry.reason)
+        try:
+            described = self._descriptions.of(path)
+        except (CaptureFileError, StorageError) as error:
+            self._check_there(entry)
+            return damaged_document(entry, path, error.message)
+        return described.model_copy(update={"id": entry.id})
+
+    def _file_of(self, capture_id: str) -> Path:
+        entry = self.index.get(capture_id)
+        self._check_there(entry)
+        return self.directory / entry.file
+
+    def _check_there(self, entry: IndexEntry) -> None:
+        """Checks that a capture has its file, and forgets one whose file was removed by hand.
+
+        Raises:
+            NotFound: The file is gone.
+            StorageError: Not the file, but the folder is gone.
+        """
+        path = self.directory / entry.file
+        with storage_errors(path), suppress(FileNotFoundError):
+            path.lstat()
+            return
+        self.check()
+        self.index.remove(entry.id)
+        raise NotFound(
+            f"the file of capture {entry.id} is gone", "it was removed by hand, and is no longer listed"
+        )
+
+
+def _recovered(part: Path) -> bool:
+    """Seals or sets aside a file that a crash left; returns False, and logs why, if that cannot be done."""
+    try:
+        recover(part)
+    except (StorageError, LaterVersion, ReadingGivenUp) as error:
+        log.error("%s stays unsealed: %s; %s", part.name, error.message, error.hint)
+        return False
+    return True

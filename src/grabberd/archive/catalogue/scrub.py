@@ -1,0 +1,147 @@
+"""Scrubbing: once a month all sealed captures are read and held against their digests."""
+
+import logging
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any, Protocol
+
+from grabberd.archive.capture.verification import Verification
+from grabberd.archive.catalogue.archive import Archive
+from grabberd.archive.state.index_entries import SEALED_ENTRY
+from grabberd.archive.verify_process import verify_files
+from grabberd.clock import UtcClock, iso_utc
+from grabberd.errors import Cause, GrabberdError
+from grabberd.fault_board import FaultBoard
+
+log = logging.getLogger(__name__)
+EVERY = timedelta(days=30)
+LOOK_S = 600.0
+"""How often it is looked whether a month is over, and, while a capture is being recorded, whether it has
+ended: a disk that is read beside has less time for what is written."""
+KEY = "scrub"
+_NAMED = 3
+
+
+class Store(Protocol):
+    """Keeps when the last round ended, and what it found."""
+
+    def get(self, key: str) -> Any:
+        """Returns the value of a key; None if there is none."""
+        ...
+
+    def put(self, values: Mapping[str, Any]) -> None:
+        """Writes keys."""
+        ...
+
+
+class Scrub:
+    """Verifies the captures in a thread of its own; one that is damaged is told as a fault until it is gone.
+
+    Args:
+        archive: The captures.
+        store: Keeps the outcome over restarts.
+        faults: Where damage is told.
+        clock: Source of time.
+        busy: True while a capture is being recorded.
+        verify_files: Verifies files, in order.
+    """
+
+    def __init__(
+        self,
+        archive: Archive,
+        store: Store,
+        faults: FaultBoard,
+        clock: UtcClock,
+        busy: Callable[[], bool],
+        verify_files: Callable[[Iterable[Path]], Iterator[tuple[Path, Verification]]] = verify_files,
+    ) -> None:
+        self._archive = archive
+        self._store = store
+        self._faults = faults
+        self._clock = clock
+        self._busy = busy
+        self._verify_files = verify_files
+        self._stopping = threading.Event()
+        self._failure: str | None = None
+
+    def start(self) -> None:
+        """Starts the thread."""
+        threading.Thread(target=self._run, name="scrub", daemon=True).start()
+
+    def stop(self) -> None:
+        """Ends the thread after the file that it reads; the next round begins anew."""
+        self._stopping.set()
+
+    def look(self) -> bool:
+        """Verifies all captures if a month is over; True if it has.
+
+        Raises:
+            StorageError: The captures are not there, or no process can be started.
+        """
+        known = self._store.get(KEY) or {}
+        if not known:  # the first start: whatever is there was not written by this program
+            self._keep({})
+            return False
+        self._tell(known.get("damaged", {}))
+        since = self._clock.utc_now() - datetime.fromisoformat(known["ended_utc"])
+        # A clock that was set back must not put the next round off for years.
+        if timedelta(0) <= since < EVERY or self._busy():
+            return False
+        damaged = self._round()
+        if damaged is None:
+            return False
+        self._keep(damaged)
+        self._tell(damaged)
+        return True
+
+    def _round(self) -> dict[str, str] | None:
+        """The damaged captures with what is wrong with them; None if it was broken off."""
+        damaged: dict[str, str] = {}
+        entries = [entry for entry in self._archive.index.list() if entry.state == SEALED_ENTRY]
+        for entry in entries:
+            while self._busy() and not self._stopping.wait(LOOK_S):
+                pass
+            if self._stopping.is_set():
+                return None
+            path = self._archive.directory / entry.file
+            for _, found in self._verify_files([path]):
+                if found.damages and path.exists():
+                    damaged[entry.id] = found.damages[0]
+                    log.error("capture %s is damaged: %s", entry.id, "; ".join(found.damages))
+        log.info("%d captures were verified, %d are damaged", len(entries), len(damaged))
+        return damaged
+
+    def _keep(self, damaged: Mapping[str, str]) -> None:
+        self._store.put({KEY: {"ended_utc": iso_utc(self._clock.utc_now()), "damaged": dict(damaged)}})
+
+    def _tell(self, damaged: Mapping[str, str]) -> None:
+        there = {entry.id for entry in self._archive.index.list() if entry.state == SEALED_ENTRY}
+        left = {capture_id: reason for capture_id, reason in damaged.items() if capture_id in there}
+        if not left:
+            self._faults.resolve(Cause.CAPTURE_CHANGED)
+            return
+        named = "; ".join(f"{capture_id}: {reason}" for capture_id, reason in list(left.items())[:_NAMED])
+        more = f"; and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
+        self._faults.report(
+            Cause.CAPTURE_CHANGED,
+            f"the disk has changed what it stores: {named}{more}",
+            "copy these captures back from a backup, or delete them after exporting what is left; "
+            "check the disk (smartctl); grabberd storage verify tells all that is damaged",
+        )
+
+    def _run(self) -> None:
+        while not self._stopping.is_set():
+            try:
+                self.look()
+                self._failure = None
+            except (GrabberdError, OSError) as error:
+                self._complain(f"{error}")
+            self._stopping.wait(LOOK_S)
+
+    def _complain(self, failure: str) -> None:
+        """Logs a failure once, not every ten minutes for as long as it lasts."""
+        if failure != self._failure:
+            log.error("the captures cannot be verified: %s", failure)
+        self._failure = failure

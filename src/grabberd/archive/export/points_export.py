@@ -1,0 +1,245 @@
+"""Points of a capture as CSV, PLY and Parquet: streams and files, some fields at a time."""
+
+import json
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+from grabberd import __version__
+from grabberd.archive.capture.checked_rows import END
+from grabberd.archive.capture.digests import MISSING, Damage
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.export.channels_export import export_channels
+from grabberd.archive.export.csv_file import csv_text
+from grabberd.archive.export.ledger_file import write_ledger_file, write_left_out_file
+from grabberd.archive.export.parquet_file import check_parquet, write_parquet
+from grabberd.archive.export.ply_file import ply_head, ply_vertex, ply_vertices
+from grabberd.archive.export.points_columns import CLOUD_COLUMNS, POINT_COLUMNS, rows_by_group
+from grabberd.archive.export.read_back import csv_check, parquet_check, ply_check
+from grabberd.core.chain.columns import Rows, joined
+from grabberd.errors import NotFound
+from grabberd.files.checked_file import Check, checked_file
+from grabberd.files.disk import new_folder, storage_errors
+
+POINTS_A_GROUP = 40_000
+"""Points in a row group of Parquet, and so in memory at once: about ten seconds of them."""
+
+
+def points_csv(
+    path: Path, run: int | None = None, left_out: list[Damage] | None = None
+) -> Generator[str, None, None]:
+    """Text of a CSV file; errors are raised at once, before the first text.
+
+    Raises:
+        CaptureFileError, NotFound: No such file or run.
+    """
+    reader, number = open_run(path, run, left_out)
+    return _csv(reader, number)
+
+
+def points_ply(
+    path: Path, run: int | None = None, field: int | None = None, left_out: list[Damage] | None = None
+) -> Generator[bytes, None, None]:
+    """A PLY file (binary, little-endian): one cloud of all points of a run, or of one field's.
+
+    Raises:
+        CaptureFileError, NotFound: No such file, run, or points of that field; raised at once.
+    """
+    first_n, end_n = (0, END) if field is None else (field, field + 1)
+    reader, number = open_run(path, run, left_out, first_n, end_n)
+    # The head of the file comes first and has the number of points; a capture that is being recorded gets
+    # more of them meanwhile, beyond the end that belongs to this number.
+    count, end_n = reader.point_span(number, first_n, end_n)
+    if field is not None and count == 0:
+        reader.close()
+        hint = "its ledger says which fields did not come; points?first_n=… shows those that have points"
+        raise NotFound(f"run {number} of capture {reader.meta.id} has no points of field {field}", hint)
+    if left_out is not None:
+        missing = len(left_out)
+        count = sum(len(points) for _, _, points in reader.timed_points(number, first_n, end_n))
+        del left_out[missing:]  # damaged ones come again
+    return _ply(reader, number, first_n, end_n, count)
+
+
+def points_parquet(path: Path, run: int | None, file: IO[bytes], left_out: list[Damage] | None = None) -> int:
+    """Writes a Parquet file into an open file, which need not be seekable; returns the number of points.
+
+    Raises:
+        CaptureFileError, NotFound: No such file or run.
+        ExtraMissing: pyarrow is not installed.
+    """
+    check_parquet()
+    reader, number = open_run(path, run, left_out)
+    with reader:
+        parts = (joined(POINT_COLUMNS, some) for some in row_groups(rows_by_group(reader, number)))
+        metadata = {"grabberd": json.dumps(points_about(reader, number), ensure_ascii=False)}
+        return write_parquet(file, POINT_COLUMNS, parts, metadata)
+
+
+def row_groups(parts: Iterable[Rows]) -> Iterator[list[Rows]]:
+    """Parts of a table, so many together that they have `POINTS_A_GROUP` rows."""
+    some: list[Rows] = []
+    for rows in parts:
+        some.append(rows)
+        if sum(len(one["n"]) for one in some) >= POINTS_A_GROUP:
+            yield some
+            some = []
+    if some:
+        yield some
+
+
+def open_run(
+    path: Path,
+    run: int | None,
+    left_out: list[Damage] | None = None,
+    first_n: int = 0,
+    end_n: int = END,
+) -> tuple[CaptureReader, int]:
+    """A reader, which the caller closes, and the number of the run that is meant.
+
+    Args:
+        path: The capture.
+        run: Number of the run; None: the latest.
+        left_out: Takes up damaged points. None: they are an error, and told here, since whoever sends points
+            could not take back what was sent before it came to them.
+        first_n: Number of the first field that is wanted.
+        end_n: Number after the last.
+
+    Raises:
+        CaptureFileError, NotFound: No such file or run, or its points are damaged.
+    """
+    reader = CaptureReader(path, left_out)
+    try:
+        number = reader.run(run).run
+        if left_out is None:
+            reader.check_points(number, first_n, end_n)
+        else:
+            left_out += _missing_points(path, number, first_n, end_n)
+        return reader, number
+    except Exception:
+        reader.close()
+        raise
+
+
+def _missing_points(path: Path, run: int, first_n: int, end_n: int) -> list[Damage]:
+    """Points that have a digest and are not there; only their digests tell of them."""
+    found: list[Damage] = []
+    with CaptureReader(path, found) as reader:
+        reader.check_points(run, first_n, end_n)
+    return [damage for damage in found if damage.reason == MISSING]
+
+
+def export_csv(
+    path: Path, directory: Path, run: int | None = None, left_out: list[Damage] | None = None
+) -> int:
+    """Writes `points.csv`, `ledger.csv` and, if there are channels, `channels.csv` into a folder; returns the
+    number of points.
+
+    Args:
+        path: The capture.
+        directory: A new or empty folder.
+        run: Number of the run; None: the latest.
+        left_out: Takes up damaged points, which are left out and listed in `left_out.csv`; None: they are an
+            error.
+
+    Raises:
+        CaptureFileError, NotFound: No such file or run.
+        StorageError: The folder cannot be written, or is not empty.
+    """
+    text = points_csv(path, run, left_out)
+    rows = -1
+    check = csv_check([column.name for column in POINT_COLUMNS], lambda: rows)
+    with points_file(path, directory, "points.csv", check, left_out) as file:
+        for part in text:
+            file.write(part.encode())
+            rows += part.count("\n")
+        export_channels(path, directory, "csv", left_out)
+    return rows
+
+
+def export_ply(
+    path: Path,
+    directory: Path,
+    run: int | None = None,
+    left_out: list[Damage] | None = None,
+    field: int | None = None,
+) -> int:
+    """Writes `points.ply` into a folder, of all fields or of one; returns the number of points.
+
+    Raises:
+        CaptureFileError, NotFound, StorageError: See `points_ply` and `export_csv`.
+    """
+    parts, points = points_ply(path, run, field, left_out), 0
+    with points_file(path, directory, "points.ply", ply_check(lambda: points), left_out) as file:
+        file.write(next(parts))
+        points = sum(file.write(part) for part in parts) // ply_vertex(CLOUD_COLUMNS).itemsize
+    return points
+
+
+def export_parquet(
+    path: Path, directory: Path, run: int | None = None, left_out: list[Damage] | None = None
+) -> int:
+    """Writes `points.parquet`, `ledger.csv` and, if there are channels, `channels.parquet` into a folder;
+    returns the number of points.
+
+    Raises:
+        CaptureFileError, NotFound, ExtraMissing, StorageError: See `points_parquet` and `export_csv`.
+    """
+    check_parquet()
+    reader, number = open_run(path, run, None if left_out is None else [])
+    reader.close()
+    points = 0
+    check = parquet_check([column.name for column in POINT_COLUMNS], lambda: points)
+    with points_file(path, directory, "points.parquet", check, left_out) as file:
+        points = points_parquet(path, number, file, left_out)
+        export_channels(path, directory, "parquet", left_out)
+    return points
+
+
+def _csv(reader: CaptureReader, run: int) -> Generator[str, None, None]:
+    with reader:
+        yield from csv_text(POINT_COLUMNS, rows_by_group(reader, run))
+
+
+def _ply(
+    reader: CaptureReader, run: int, first_n: int, end_n: int, count: int
+) -> Generator[bytes, None, None]:
+    comments = (
+        f"grabberd {__version__}, capture {reader.meta.id}, run {run}",
+        "x y z and their sigma in mm, time_s in s, residual in px",
+    )
+    with reader:
+        yield ply_head(CLOUD_COLUMNS, count, comments)
+        for rows in rows_by_group(reader, run, first_n, end_n):
+            yield ply_vertices(CLOUD_COLUMNS, rows)
+
+
+def points_about(reader: CaptureReader, run: int) -> dict[str, Any]:
+    """Origin of the points of a run, for the formats that have room for it."""
+    meta, info = reader.meta, reader.run(run)
+    return {
+        "capture": meta.id,
+        "created_utc": meta.created_utc,
+        "run": run,
+        "run_created_utc": info.created_utc,
+        "version": info.version,
+        "calibration": (info.made_with["calibration"] or {}).get("id"),
+        "site": meta.site,
+        "labels": meta.labels,
+        "note": meta.note,
+        "verdict": (info.coverage or {}).get("verdict"),
+    }
+
+
+@contextmanager
+def points_file(
+    capture: Path, directory: Path, name: str, check: Check, left_out: list[Damage] | None
+) -> Iterator[IO[bytes]]:
+    """A file in a new folder, beside the capture's ledger; it is read back by `check`."""
+    new_folder(directory)
+    with storage_errors(directory), CaptureReader(capture) as reader:
+        write_ledger_file(reader, directory)
+        with checked_file(directory / name, check) as file:
+            yield file
+        write_left_out_file(left_out, directory)

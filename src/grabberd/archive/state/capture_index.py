@@ -1,0 +1,309 @@
+"""An index of captures, which can be rebuilt from their files at any time."""
+
+import builtins
+import os
+import sqlite3
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, closing, nullcontext, suppress
+from pathlib import Path
+from typing import Any, TypeVar
+
+from grabberd.archive.capture.crash_recovery import set_aside
+from grabberd.archive.capture.plain_names import plainly_named
+from grabberd.archive.capture.schema import DAMAGED, PART, SUFFIX
+from grabberd.archive.guarded_database import JOURNAL, open_tables, read_header
+from grabberd.archive.state.entry_process import Reading, read_entries
+from grabberd.archive.state.index_entries import (
+    CAPTURES,
+    DAMAGED_ENTRY,
+    IndexEntry,
+    aside_entry,
+    check_entry,
+    distinct,
+    entry_of,
+)
+from grabberd.errors import NotFound, StorageError
+from grabberd.files.disk import is_damaged, storage_errors
+from grabberd.files.patience import check_patience
+
+T = TypeVar("T")
+_LAST = "~"
+"""Sorts after every time."""
+_MARKS = ", ".join("?" for _ in IndexEntry._fields)
+_INSERT = f"INSERT OR REPLACE INTO captures VALUES ({_MARKS})"  # noqa: S608 - marks
+_NOTHING = nullcontext()
+_AT_ONCE = 500
+"""Captures that one statement asks for."""
+
+VERSION = 4
+_TABLE = """
+CREATE TABLE captures (
+    id TEXT PRIMARY KEY, file TEXT NOT NULL, device TEXT NOT NULL, created_utc TEXT NOT NULL,
+    state TEXT NOT NULL, note TEXT NOT NULL DEFAULT '', labels TEXT NOT NULL DEFAULT '{}',
+    reason TEXT NOT NULL DEFAULT '', size_bytes INTEGER NOT NULL DEFAULT -1,
+    changed_ns INTEGER NOT NULL DEFAULT -1, verdict TEXT NOT NULL DEFAULT '',
+    length INTEGER NOT NULL DEFAULT -1, losses INTEGER NOT NULL DEFAULT -1, runs INTEGER NOT NULL DEFAULT 0,
+    calibration TEXT NOT NULL DEFAULT '', widths TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
+CREATE INDEX newest ON captures (created_utc DESC);
+"""
+
+
+class Unusable(Exception):
+    """The index is missing or damaged: it has to be rebuilt."""
+
+
+class CaptureIndex:
+    """`index.sqlite` beside the captures; each call has its own connection, so any thread may call.
+
+    Captures that could not be entered because the disk was full are entered as soon as there is room.
+
+    Args:
+        directory: Folder of the captures.
+        check: Raises StorageError while the folder is not there.
+        heal: Rebuilds an index that is missing or damaged, or raises StorageError; by default at once.
+        read_entries: Reads the entries of files, in order, whatever they hold.
+
+    Attributes:
+        read: While it is rebuilt, how many captures have been read, and of how many.
+        changed: Called with the id of a capture whose entry has changed, or None for all.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        check: Callable[[], None] = lambda: None,
+        heal: Callable[[Unusable], None] | None = None,
+        read_entries: Callable[[Sequence[Path]], Iterable[Reading]] = read_entries,
+    ) -> None:
+        self.directory = directory
+        self.path = directory / "index.sqlite"
+        self.read = (0, 0)
+        self.changed: Callable[[str | None], None] = lambda _: None
+        self._check = check
+        self._heal = heal or (lambda _: self.rebuild(anew=True))
+        self._read_entries = read_entries
+        self._kept_out: set[Path] = set()
+        self._changing = threading.Lock()
+        self._rebuilding = False
+
+    def rebuild(self, unsealed: Iterable[Path] = (), *, anew: bool = False) -> None:
+        """Rebuilds the index from the capture files; those that cannot be read are set aside as damaged.
+
+        Files that are as the old index has them, if that can be read, are not opened again. Captures that
+        end meanwhile are entered afterwards.
+
+        Args:
+            unsealed: `.grab.part` files that nobody writes and that could not be sealed.
+            anew: True if the old index is not to be believed.
+
+        Raises:
+            StorageError: The index cannot be written.
+        """
+        self._rebuilding = True
+        try:
+            entries = list(distinct(self._entries(unsealed, {} if anew else self._known())))
+            with self._changing:
+                self._publish([one for one in entries if os.path.lexists(self.directory / one.file)])
+        finally:
+            self._rebuilding = False
+        self.changed(None)
+
+    def add(self, path: Path) -> None:
+        """Enters a sealed capture, as damaged if it cannot be read.
+
+        Raises:
+            StorageError: The index cannot be written now; the capture is entered later.
+        """
+        self._kept_out.add(path)
+        self._enter_kept_out()
+
+    def remove(self, capture_id: str) -> None:
+        """Removes a capture, if it is in the index."""
+        self._change(
+            lambda connection: connection.execute("DELETE FROM captures WHERE id = ?", (capture_id,))
+        )
+        self.changed(capture_id)
+
+    def keep_widths(self, known: IndexEntry, widths: str) -> None:
+        """Keeps the course of the wall's width, unless the file's entry has been read anew since."""
+        change = "UPDATE captures SET widths = ? WHERE id = ? AND changed_ns = ?"
+        self._change(
+            lambda connection: connection.execute(change, (widths, known.id, known.changed_ns)).fetchall()
+        )
+
+    def list(self) -> list[IndexEntry]:
+        """All captures, newest first."""
+        return self._select("ORDER BY created_utc DESC, id DESC")
+
+    def damaged(self) -> "builtins.list[IndexEntry]":
+        """Captures that cannot be read, newest first."""
+        return self._select("WHERE state = ? ORDER BY created_utc DESC, id DESC", DAMAGED_ENTRY)
+
+    def page(self, after: tuple[str, str] | None, limit: int) -> "builtins.list[IndexEntry]":
+        """At most `limit` captures, newest first, that follow the (created_utc, id) of `after`, if given."""
+        beyond = after or (_LAST, "")
+        which = "WHERE (created_utc, id) < (?, ?) ORDER BY created_utc DESC, id DESC LIMIT ?"
+        return self._select(which, *beyond, limit)
+
+    def get(self, capture_id: str) -> IndexEntry:
+        """One capture.
+
+        Raises:
+            NotFound: No capture has that id.
+        """
+        found = self._select("WHERE id = ?", capture_id)
+        if not found:
+            raise NotFound(f"no capture {capture_id!r}", "GET /api/v1/captures lists all captures")
+        return found[0]
+
+    def some(self, ids: Sequence[str]) -> "builtins.list[IndexEntry]":
+        """Those of some captures that there are, in any order."""
+        parts = (ids[first : first + _AT_ONCE] for first in range(0, len(ids), _AT_ONCE))
+        found = (self._select(f"WHERE id IN ({', '.join('?' * len(part))})", *part) for part in parts)
+        return [entry for entries in found for entry in entries]
+
+    def with_prefix(self, text: str) -> "builtins.list[IndexEntry]":
+        """Captures whose id begins with `text`, sorted by id."""
+        # Not LIKE, in which the _ and % of an id stand for any letters.
+        return self._select("WHERE substr(id, 1, ?) = ? ORDER BY id", len(text), text)
+
+    def file_of(self, capture_id: str) -> Path:
+        """Path of a capture's file.
+
+        Raises:
+            NotFound: No capture has that id.
+        """
+        return self.directory / self.get(capture_id).file
+
+    def _entries(self, unsealed: Iterable[Path], known: Mapping[str, IndexEntry]) -> Iterator[IndexEntry]:
+        sealed = self._named(self.directory.glob(f"*{SUFFIX}"))
+        kept = {path: known[path.name] for path in sealed if path.name in known}
+        kept = {path: entry for path, entry in kept.items() if entry.still_holds(path)}
+        yield from kept.values()
+        changed = [path for path in sealed if path not in kept]
+        for number, reading in enumerate(self._read_entries([*changed, *unsealed])):
+            self.read = (len(kept) + number, len(sealed))
+            if not (reading.is_damage and _set_aside(reading)):
+                yield reading.entry
+        # Last: files that could not be read have only now been set aside.
+        aside = self._named((self.directory / DAMAGED).glob("*"))
+        yield from (aside_entry(path) for path in aside if path.name.endswith(CAPTURES))
+
+    def _known(self) -> dict[str, IndexEntry]:
+        """Entries of the index as it is, by file; none where it cannot be used."""
+        try:
+            entries = self._attempt(lambda connection: _entries_of(connection, "SELECT * FROM captures"))
+        except (Unusable, StorageError):
+            return {}
+        return {entry.file: entry for entry in entries}
+
+    @staticmethod
+    def _named(paths: Iterable[Path]) -> "builtins.list[Path]":
+        return sorted(plain for path in paths if (plain := plainly_named(path)) is not None)
+
+    def _publish(self, entries: Iterable[IndexEntry]) -> None:
+        """Replaces the index by a new one, complete or not at all."""
+        new = self.path.with_name(f".{self.path.name}{PART}")
+        with storage_errors(self.path):
+            _forget(new)
+            with closing(sqlite3.connect(new)) as connection:
+                connection.executescript(_TABLE + f"PRAGMA user_version = {VERSION};")
+                with connection:
+                    connection.executemany(_INSERT, entries)
+            # A journal that was left beside the old one would be played back into the new.
+            self.path.with_name(self.path.name + JOURNAL).unlink(missing_ok=True)
+            os.replace(new, self.path)
+
+    def _select(self, which: str, *values: object) -> "builtins.list[IndexEntry]":
+        """Captures by the rest of a query, after those that could not be entered before."""
+        if self._kept_out:
+            with suppress(StorageError):
+                self._enter_kept_out()
+        query = f"SELECT * FROM captures {which}"  # noqa: S608 - constants
+        return self._use(lambda connection: _entries_of(connection, query, *values))
+
+    def _enter_kept_out(self) -> None:
+        # One that has begun may have missed their files, and will replace what is written into the index now.
+        if self._rebuilding:
+            return
+        paths = sorted(self._kept_out)
+        entries = [entry_of(path) for path in paths if os.path.lexists(path)]
+        self._write(entries)
+        self._kept_out.difference_update(paths)
+        for entry in entries:
+            self.changed(entry.id)
+
+    def _write(self, entries: "builtins.list[IndexEntry]") -> None:
+        self._change(lambda connection: connection.executemany(_INSERT, entries))
+
+    def _change(self, act: Callable[[sqlite3.Connection], object]) -> None:
+        """Changes the index, but not while a new one takes its place."""
+        self._use(act, self._changing)
+
+    def _use(
+        self, act: Callable[[sqlite3.Connection], T], held: AbstractContextManager[object] = _NOTHING
+    ) -> T:
+        """Acts in one transaction, once more if the index had to be rebuilt first."""
+        self._check()
+        try:
+            with held:
+                return self._attempt(act)
+        except Unusable as reason:
+            self._heal(reason)
+        try:
+            with held:
+                return self._attempt(act)
+        except Unusable as reason:
+            raise self._error(reason) from reason
+
+    def _attempt(self, act: Callable[[sqlite3.Connection], T]) -> T:
+        try:
+            if read_header(self.path).user_version != VERSION:
+                raise Unusable("it is of another version")
+            with closing(open_tables(self.path, _TABLE)) as connection, connection:
+                connection.execute("BEGIN")
+                return act(connection)
+        except FileNotFoundError as error:
+            raise Unusable("it is gone") from error
+        except ValueError as error:
+            raise Unusable(f"{error}") from error
+        except (sqlite3.Error, OSError) as error:
+            if getattr(error, "sqlite_errorcode", 0) == sqlite3.SQLITE_INTERRUPT:
+                check_patience(self.path.name)
+            if isinstance(error, sqlite3.DatabaseError) and (is_damaged(error) or not self.path.exists()):
+                raise Unusable(f"{error}" if self.path.exists() else "it is gone") from error
+            raise self._error(error) from error
+
+    def _error(self, error: Exception) -> StorageError:
+        return StorageError(
+            f"{self.path.name} cannot be used: {error}",
+            "make room or fix the disk; captures continue, and the index is rebuilt automatically",
+        )
+
+
+def _entries_of(connection: sqlite3.Connection, query: str, *values: object) -> list[IndexEntry]:
+    return [_entry(row) for row in connection.execute(query, values)]
+
+
+def _entry(row: tuple[Any, ...]) -> IndexEntry:
+    entry = IndexEntry(*row)
+    try:
+        check_entry(entry)
+    except (ValueError, TypeError, AttributeError) as error:
+        raise Unusable(f"{error}") from error
+    return entry
+
+
+def _set_aside(reading: Reading) -> bool:
+    """Sets a damaged file aside; False if it stays where it is."""
+    try:
+        set_aside(reading.path, reading.entry.reason)
+    except StorageError:
+        return False
+    return True
+
+
+def _forget(database: Path) -> None:
+    for path in (database, database.with_name(database.name + JOURNAL)):
+        path.unlink(missing_ok=True)

@@ -1,0 +1,136 @@
+"""The jobs on disk, in a database of their own: what is asked for outlives the daemon, however that ends.
+
+    jobs/queue.sqlite           the jobs, and which captures could not be analysed and why
+    jobs/queue.sqlite.damaged-… one that was damaged, kept as it was found
+
+It is no part of `state.sqlite` and of no backup: a queue that is restored would do again what is long done. A
+file that is damaged is set aside, and an empty queue begins.
+"""
+
+import os
+import sqlite3
+from collections.abc import Callable, Iterable
+from contextlib import closing
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import ClassVar
+
+from grabberd.archive.guarded_database import JOURNAL, open_tables, read_header
+from grabberd.archive.state.state_database import Migrations, StateDatabase, tables_of
+from grabberd.errors import StorageError
+from grabberd.files.disk import is_damaged, storage_errors, sync_directory
+from grabberd.work.stored_jobs import StoredJob, Unanalysed
+
+FOLDER, QUEUE, ASIDE = "jobs", "queue.sqlite", "damaged-"
+MIGRATIONS: Migrations = (
+    (
+        """CREATE TABLE jobs (
+            number INTEGER PRIMARY KEY, kind TEXT NOT NULL, subject TEXT NOT NULL, automatic INTEGER NOT NULL,
+            state TEXT NOT NULL, created_utc TEXT NOT NULL, ended_utc TEXT, attempts INTEGER NOT NULL,
+            parameters TEXT, result TEXT, problem TEXT)""",
+        """CREATE TABLE unanalysed (
+            capture TEXT PRIMARY KEY, state TEXT NOT NULL, problem TEXT NOT NULL) WITHOUT ROWID""",
+    ),
+)
+"""As those of `state.sqlite`."""
+_COLUMNS = 11
+_STAMP = "%Y%m%dT%H%M%S%fZ"
+
+
+class JobStore(StateDatabase):
+    """The table of jobs in `queue.sqlite`, and that of captures that could not be analysed.
+
+    Args:
+        directory: State directory.
+
+    Attributes:
+        lost: Called with what was lost and where it is kept, after a damaged file was set aside.
+    """
+
+    migrations: ClassVar[Migrations] = MIGRATIONS
+
+    def __init__(self, directory: Path) -> None:
+        super().__init__(directory / FOLDER / QUEUE, self._start_anew)
+        self.lost: Callable[[str], None] = lambda _: None
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the queue."""
+        return self.path.parent
+
+    def open(self) -> None:
+        """Opens the queue, an empty one in place of one that is damaged.
+
+        Raises:
+            StorageError: It cannot be read or written now.
+        """
+        if (reason := self._damage()) is not None:
+            self._start_anew(reason)
+        super().open()
+
+    def jobs(self) -> list[StoredJob]:
+        """All jobs in the order in which they were submitted."""
+        with self.errors():
+            rows = self.execute("SELECT * FROM jobs ORDER BY number")
+            return [StoredJob(*row)._replace(automatic=bool(row[3])) for row in rows]
+
+    def unanalysed(self) -> list[Unanalysed]:
+        """The captures that could not be analysed."""
+        with self.errors():
+            return [Unanalysed(*row) for row in self.execute("SELECT * FROM unanalysed")]
+
+    def put(
+        self, *jobs: StoredJob, unanalysed: Iterable[Unanalysed] = (), analysed: Iterable[str] = ()
+    ) -> None:
+        """Writes jobs as they now stand, with what follows for their captures: all of it, or nothing.
+
+        Args:
+            jobs: The jobs; each takes the place of the row of its number.
+            unanalysed: Captures that could not be analysed.
+            analysed: Captures of which nothing of the kind is to be known any longer.
+        """
+        marks = ", ".join("?" * _COLUMNS)
+        with self.transaction() as connection:
+            connection.executemany(f"INSERT OR REPLACE INTO jobs VALUES ({marks})", jobs)  # noqa: S608 - marks alone
+            connection.executemany("DELETE FROM unanalysed WHERE capture = ?", [(one,) for one in analysed])
+            connection.executemany("INSERT OR REPLACE INTO unanalysed VALUES (?, ?, ?)", unanalysed)
+
+    def remove(self, numbers: Iterable[int]) -> None:
+        """Forgets jobs."""
+        with self.transaction() as connection:
+            connection.executemany("DELETE FROM jobs WHERE number = ?", [(one,) for one in numbers])
+
+    def forget_capture(self, capture_id: str) -> None:
+        """Forgets that a capture could not be analysed."""
+        self.execute("DELETE FROM unanalysed WHERE capture = ?", capture_id)
+
+    def _damage(self) -> str | None:
+        """Reason why the file cannot be used; None if it can, or there is none yet."""
+        if not self.path.exists() or not self.path.stat().st_size:
+            return None
+        try:
+            version = read_header(self.path).user_version
+            if version > len(MIGRATIONS):
+                return f"it is of version {version}, this program knows up to {len(MIGRATIONS)}"
+            with closing(open_tables(self.path, tables_of(version, MIGRATIONS))) as connection:
+                whole = str(connection.execute("PRAGMA quick_check").fetchone()[0])
+                return None if whole == "ok" else whole
+        except ValueError as error:
+            return str(error)
+        except (sqlite3.Error, OSError) as error:
+            if isinstance(error, sqlite3.Error) and is_damaged(error):
+                return str(error)
+            raise StorageError(f"{QUEUE} cannot be read: {error}", "fix the disk, or its rights") from error
+
+    def _start_anew(self, reason: str) -> None:
+        """Sets the file aside and begins an empty queue."""
+        # The wall clock dates the file's name alone.
+        aside = self.path.with_name(f"{QUEUE}.{ASIDE}{datetime.now(UTC):{_STAMP}}")
+        with storage_errors(self.path):
+            for end in (JOURNAL, ""):  # a journal beside the new file would be played back into it
+                if (there := self.path.with_name(QUEUE + end)).exists():
+                    os.rename(there, aside.with_name(aside.name + end))
+            sync_directory(self.folder)
+        super().open()
+        kept = f"; it is kept as {aside.name}" if aside.exists() else ""
+        self.lost(f"{FOLDER}/{QUEUE} could not be used ({reason}){kept}")

@@ -1,0 +1,179 @@
+"""`state.sqlite`, which cannot be rebuilt from captures: its schema by versions, one transaction a call."""
+
+import sqlite3
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any, ClassVar
+
+from grabberd.errors import StorageError
+from grabberd.files.disk import OWNER_ONLY, is_damaged
+
+Migrations = tuple[tuple[str, ...], ...]
+MIGRATIONS: Migrations = (
+    ("CREATE TABLE IF NOT EXISTS settings (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID",),
+    (
+        """CREATE TABLE tokens (
+            name TEXT PRIMARY KEY, role TEXT NOT NULL CHECK (role IN ('viewer', 'operator', 'admin')),
+            hash BLOB NOT NULL UNIQUE, created_utc TEXT NOT NULL) WITHOUT ROWID""",
+        """CREATE TABLE sessions (
+            hash BLOB PRIMARY KEY, token TEXT NOT NULL REFERENCES tokens (name) ON DELETE CASCADE,
+            created_utc TEXT NOT NULL, expires_utc TEXT NOT NULL) WITHOUT ROWID""",
+    ),
+    (
+        """CREATE TABLE annotations (
+            capture TEXT PRIMARY KEY, pinned INTEGER NOT NULL, note TEXT, labels TEXT) WITHOUT ROWID""",
+        """CREATE TABLE idempotency (
+            key TEXT PRIMARY KEY, digest BLOB NOT NULL, created_utc TEXT NOT NULL, status INTEGER,
+            location TEXT, body BLOB NOT NULL DEFAULT x'') WITHOUT ROWID""",
+    ),
+    ("ALTER TABLE tokens ADD COLUMN expires_utc TEXT",),
+    (
+        "CREATE TABLE outbox (capture TEXT PRIMARY KEY, summary TEXT) WITHOUT ROWID",
+        "CREATE INDEX outbox_waiting ON outbox (capture) WHERE summary IS NOT NULL",
+    ),
+    (
+        """CREATE TABLE profiles (
+            kind TEXT NOT NULL, name TEXT NOT NULL, version INTEGER NOT NULL CHECK (version >= 1),
+            created_utc TEXT NOT NULL, sha256 TEXT NOT NULL, content TEXT NOT NULL,
+            PRIMARY KEY (kind, name, version)) WITHOUT ROWID""",
+        """CREATE TABLE retired_profiles (
+            kind TEXT NOT NULL, name TEXT NOT NULL, retired_utc TEXT NOT NULL,
+            PRIMARY KEY (kind, name)) WITHOUT ROWID""",
+    ),
+    ("ALTER TABLE annotations ADD COLUMN marks TEXT",),
+)
+"""Entry n leads from version n to n + 1. Released entries never change; new ones are appended."""
+TIMEOUT_S = 10.0
+
+
+def tables_of(version: int, migrations: Migrations = MIGRATIONS) -> str:
+    """The statements that make the tables of a version.
+
+    Raises:
+        ValueError: No program of this name has written that version.
+    """
+    if version not in range(1, len(migrations) + 1):
+        raise ValueError(f"its version is {version}")
+    return ";".join(statement for statements in migrations[:version] for statement in statements)
+
+
+class StateDatabase:
+    """Access from any thread, and from other programs beside the daemon: each call has its own connection.
+
+    The stores in `state.sqlite` are its subclasses; one in a file of its own has other migrations.
+
+    Args:
+        path: The file.
+        heal: Recovers a file that seems to be damaged or gone, with the reason; None: that is an error.
+
+    Attributes:
+        migrations: The file's schema, version by version.
+
+    Raises:
+        StorageError: From any method of theirs: the file cannot be read or written.
+    """
+
+    migrations: ClassVar[Migrations] = MIGRATIONS
+
+    def __init__(self, path: Path, heal: Callable[[str], None] | None = None) -> None:
+        self.path = path
+        self._heal = heal
+
+    def open(self) -> None:
+        """Creates the file if necessary, readable by its owner alone, and migrates it to this version.
+
+        May be called again, and by several programs at once.
+
+        Raises:
+            StorageError: it cannot be written, is damaged, or is of a later version.
+        """
+        with self.errors():
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            # Before SQLite creates it with the umask's permissions: it holds the tokens' hashes.
+            self.path.touch(OWNER_ONLY)
+        with self.errors(), closing(self._connect()) as connection, connection:
+            _migrate(connection, self.path, self.migrations)
+
+    @contextmanager
+    def transaction(self) -> Iterator[sqlite3.Connection]:
+        """A connection and one transaction on it: all of it, or nothing.
+
+        Raises:
+            StorageError: the file cannot be used.
+        """
+        with self.errors(), closing(self._opened()) as connection, connection:
+            yield connection
+
+    def execute(self, statement: str, *values: Any) -> list[tuple[Any, ...]]:
+        """Runs one statement in a transaction of its own; returns its rows.
+
+        Raises:
+            StorageError: the file cannot be used.
+        """
+        with self.transaction() as connection:
+            return connection.execute(statement, values).fetchall()
+
+    @contextmanager
+    def errors(self) -> Iterator[None]:
+        """Turns errors with the file into `StorageError`, whose text an operator can act on."""
+        try:
+            yield
+        except (sqlite3.Error, OSError, ValueError) as error:
+            if isinstance(error, sqlite3.Error) and self._heal is not None and self._is_lost(error):
+                self._heal(str(error))
+                again = f"{self.path.name} was damaged ({error}) and has been recovered"
+                raise StorageError(again, "try again; GET /api/v1/state says what was lost") from error
+            raise StorageError(
+                f"{self.path.name} cannot be used: {error}",
+                "make room, fix the disk, or restore its latest backup",
+            ) from error
+
+    def _opened(self) -> sqlite3.Connection:
+        """A connection to the file, which was recovered first if there was need."""
+        try:
+            return self._checked()
+        except sqlite3.Error as error:
+            if self._heal is None or not self._is_lost(error):
+                raise
+            self._heal(str(error))
+            return self._checked()
+
+    def _checked(self) -> sqlite3.Connection:
+        connection = self._connect()
+        try:
+            if self._heal is not None and not connection.execute("PRAGMA user_version").fetchone()[0]:
+                raise _Empty("it is empty")
+        except BaseException:
+            connection.close()
+            raise
+        return connection
+
+    def _connect(self) -> sqlite3.Connection:
+        # Without the mode, SQLite would create an empty file in place of one that is gone.
+        uri = f"{self.path.absolute().as_uri()}?mode=rw"
+        connection = sqlite3.connect(uri, uri=True, timeout=TIMEOUT_S)
+        # Off by default in SQLite, and a setting of the connection, not of the file: without it, the
+        # sessions of a removed token would stay valid.
+        connection.execute("PRAGMA foreign_keys = ON")
+        return connection
+
+    def _is_lost(self, error: sqlite3.Error) -> bool:
+        return isinstance(error, _Empty) or is_damaged(error) or not self.path.exists()
+
+
+class _Empty(sqlite3.DatabaseError):
+    """The file has no content: it is not the one that was opened at the start."""
+
+
+def _migrate(connection: sqlite3.Connection, path: Path, migrations: Migrations) -> None:
+    # The write lock comes before the version is read: another program may be migrating at this moment.
+    connection.execute("BEGIN IMMEDIATE")
+    version = connection.execute("PRAGMA user_version").fetchone()[0]
+    if version > len(migrations):
+        known = f"this program knows up to {len(migrations)}"
+        raise StorageError(f"{path.name} is of version {version}, {known}", "use a newer grabberd")
+    for statements in migrations[version:]:
+        for statement in statements:
+            connection.execute(statement)
+    connection.execute(f"PRAGMA user_version = {len(migrations):d}")

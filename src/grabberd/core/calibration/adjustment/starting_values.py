@@ -1,0 +1,175 @@
+"""Starting values of a network: every view's pose by resection, every unknown position by intersection.
+
+Views that see enough known targets come first; the targets that they determine together help to find the
+next ones. The interior orientation is taken as given, roughly.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.core.calibration.adjustment.adjustment import Adjustment, adjust
+from grabberd.core.calibration.adjustment.network import Network
+from grabberd.core.calibration.adjustment.three_points import poses_of_three
+from grabberd.core.calibration.adjustment.unknowns import Unknowns
+from grabberd.core.geometry import PARAMETERS, Rig, View, correct_all, project, rays
+from grabberd.errors import MeasurementError
+
+Array = NDArray[np.float64]
+
+POSE = PARAMETERS[3:9]
+LEAST_TARGETS = 4
+"""Known targets of a view: three leave up to four poses."""
+_MOST_TRIPLES = 30
+_FAR_PX = 200.0
+"""Distance beyond which an image point says nothing more against a pose; bad lenses reach half of it."""
+_DIFFERENT = 0.1
+"""Of an element of the axes, from which two poses are different ones."""
+_LEAST_ANGLE_RAD = 0.03
+"""Between two rays, from which their intersection is used to find other views."""
+
+
+def with_starting_values(network: Network) -> Network:
+    """Copy a network with starting values of all poses and unknown positions, from its image points alone.
+
+    Args:
+        network: Its views have a rough interior orientation (f to ten per cent), their handedness and any
+            pose; of the targets those whose σ is finite are known, and at least four must be.
+
+    Raises:
+        MeasurementError: A view sees too few targets whose position is known or follows from others, or a
+            target is seen by no two views from different directions; the message names them.
+    """
+    given = np.asarray(np.isfinite(network.target_sigma_mm).all(axis=1), np.bool_)
+    known, views, xyz_mm = given.copy(), list(network.views), network.target_mm.copy()
+    found: list[int] = []
+    sight_lines = _SightLines(network)
+    while len(found) < len(views):
+        index = _next(network, known, found)
+        seen = np.flatnonzero((network.view == index) & known[network.target])
+        views[index] = pose(views[index], xyz_mm[network.target[seen]], network.xy_px[seen])
+        found.append(index)
+        sight_lines.add(index, views[index])
+        # From all views so far, not the first two alone, whose intersections are the roughest.
+        met, places = sight_lines.meet()
+        known = given | met
+        xyz_mm[met & ~given] = places[met & ~given]
+    if lost := np.flatnonzero(~known & (network.sightings > 0)).tolist():
+        raise MeasurementError(
+            f"targets {', '.join(str(network.id_of(one)) for one in lost)} are not seen from two directions",
+            "leave them out, or give their positions",
+        )
+    return replace(network, views=tuple(views), target_mm=xyz_mm)
+
+
+def pose(view: View, xyz_mm: Array, xy_px: Array) -> View:
+    """Find the pose in which a view of given interior orientation sees known targets.
+
+    Args:
+        view: The view; its pose is ignored.
+        xyz_mm: (N, 3) at least four targets.
+        xy_px: (N, 2) frame pixels.
+
+    Raises:
+        MeasurementError: There are fewer targets, they lie on a line, or no pose explains them.
+    """
+    tried = list(_poses(view, xyz_mm, xy_px))
+    if len(xyz_mm) < LEAST_TARGETS or not tried:
+        raise MeasurementError(
+            f"{len(xyz_mm)} targets do not determine the pose of view {view.name}",
+            f"at least {LEAST_TARGETS} targets that do not lie on a line must be seen and known",
+        )
+    tried.sort(key=lambda one: _misfit_px(one, xyz_mm, xy_px))
+    # A plane seen from afar has two poses that hardly differ in their images; refined, one fits better.
+    other = [one for one in tried if np.abs(one.axes - tried[0].axes).max() > _DIFFERENT]
+    refined = [_refined(one, xyz_mm, xy_px) for one in (tried[0], *other[:1])]
+    return min(refined, key=lambda one: one.sum_of_squares).views[0]
+
+
+def _refined(view: View, xyz_mm: Array, xy_px: Array) -> Adjustment:
+    network = Network(
+        views=(view,),
+        view=np.zeros(len(xy_px), np.intp),
+        target=np.arange(len(xy_px)),
+        xy_px=xy_px,
+        sigma_px=np.ones(xy_px.shape),
+        target_mm=xyz_mm,
+        target_sigma_mm=np.zeros(xyz_mm.shape),
+    )
+    return adjust(network, Unknowns.of((view,), POSE))
+
+
+def _next(network: Network, known: NDArray[np.bool_], found: Sequence[int]) -> int:
+    """The view not yet found that sees the most known targets."""
+    counts = np.bincount(network.view[known[network.target]], minlength=len(network.views))
+    counts[list(found)] = -1
+    index = int(counts.argmax())
+    if counts[index] < LEAST_TARGETS:
+        names = ", ".join(view.name for at, view in enumerate(network.views) if at not in found)
+        raise MeasurementError(
+            f"no pose was found for views {names}: none sees {LEAST_TARGETS} targets whose position is known",
+            "give more control points, or add images that overlap with the others",
+        )
+    return index
+
+
+def _poses(view: View, xyz_mm: Array, xy_px: Array) -> Iterator[View]:
+    """Views with every pose that some triples of targets allow."""
+    ideal = correct_all(Rig.of_views([view]), xy_px.T[:, np.newaxis])[:, 0].T
+    camera = np.column_stack([ideal * (view.handedness, 1.0), np.full(len(ideal), -view.f_mm)])
+    directions = camera / np.linalg.norm(camera, axis=1, keepdims=True)
+    for triple in _triples(xyz_mm):
+        for rotation, center in poses_of_three(directions[triple], xyz_mm[triple]):
+            turned = view.with_axes(np.diag([view.handedness, 1.0, 1.0]) @ rotation)
+            x, y, z = center.tolist()
+            yield replace(turned, X0_mm=x, Y0_mm=y, Z0_mm=z)
+
+
+def _triples(xyz_mm: Array) -> list[list[int]]:
+    """Indices of three targets far apart, several times; those on a line are left out."""
+    middle = xyz_mm.mean(axis=0)
+    outer = np.argsort(-np.linalg.norm(xyz_mm - middle, axis=1))[:8].tolist()
+    sized = []
+    for triple in combinations(outer, 3):
+        first, second, third = xyz_mm[list(triple)]
+        area = float(np.linalg.norm(np.cross(second - first, third - first)))
+        sized.append((area, list(triple)))
+    sized.sort(reverse=True)
+    least = 1e-3 * float(np.ptp(xyz_mm, axis=0).max()) ** 2
+    return [triple for area, triple in sized[:_MOST_TRIPLES] if area > least]
+
+
+def _misfit_px(view: View, xyz_mm: Array, xy_px: Array) -> float:
+    """Mean distance of targets from their images, no more than `_FAR_PX` each, also behind the camera."""
+    apart = np.linalg.norm(project(view, xyz_mm) - xy_px, axis=1)
+    return float(np.nan_to_num(np.minimum(apart, _FAR_PX), nan=_FAR_PX).mean())
+
+
+class _SightLines:
+    """Rays of the views found so far, summed up for every target."""
+
+    def __init__(self, network: Network) -> None:
+        self._network = network
+        self._across = np.zeros((len(network.target_mm), 3, 3))
+        self._toward = np.zeros(network.target_mm.shape)
+
+    def add(self, index: int, view: View) -> None:
+        """Add the rays of a view."""
+        own = self._network.view == index
+        center, directions = rays(view, self._network.xy_px[own])
+        some = np.isfinite(directions).all(axis=1)
+        target, direction = self._network.target[own][some], directions[some]
+        across = np.eye(3) - direction[:, :, np.newaxis] * direction[:, np.newaxis]
+        # A view has at most one image point of a target.
+        self._across[target] += across
+        self._toward[target] += across @ center
+
+    def meet(self) -> tuple[NDArray[np.bool_], Array]:
+        """Intersect them: (T,) True where rays of different directions meet, and (T, 3) nearest to all."""
+        met = np.linalg.eigvalsh(self._across)[:, 0] > 1 - np.cos(_LEAST_ANGLE_RAD)
+        places = np.zeros(self._toward.shape)
+        places[met] = np.linalg.solve(self._across[met], self._toward[met][:, :, np.newaxis])[:, :, 0]
+        return met, places

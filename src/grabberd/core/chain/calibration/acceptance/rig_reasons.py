@@ -1,0 +1,121 @@
+"""Reasons from the comparison of the rig with the nominal and the previous one."""
+
+from collections.abc import Iterator, Sequence
+
+from grabberd.core.calibration import RigQuantity
+from grabberd.core.chain.calibration.acceptance.reason import FAILED, REMARK, Limits, Reason, Value, graded
+
+NOMINAL_Z = Limits(2.2, 3.0)
+"""In σ of five per cent: eleven and fifteen per cent."""
+PREVIOUS_Z, PREVIOUS_SHARE, PREVIOUS_PX = 5.0, 0.02, 10.0
+"""Both have to be exceeded: σ alone flags harmless changes, such as a frame that stands elsewhere."""
+WORDS = {
+    "focal_length": "focal length",
+    "principal_x": "principal point in x",
+    "principal_y": "principal point in y",
+    "base": "base",
+    "distance": "distance",
+    "convergence": "convergence",
+}
+HINTS = {
+    "focal_length": "check the focal length and pixel pitch of the rig's configuration against the lens",
+    "base": "measure the base; check the unit and pitch of the calibration frame's file",
+    "distance": "measure the distance; check the unit and pitch of the calibration frame's file",
+    "convergence": "check the angles of the mirrors, and base and distance of the rig's configuration",
+    "principal_x": "check that the lens is screwed in straight and the columns of the views are right",
+    "principal_y": "check that the lens is screwed in straight and the lines of the picture are right",
+}
+
+
+def rig_reasons(rig: Sequence[RigQuantity]) -> Iterator[Reason]:
+    """Yield what is wrong with the rig that was found: first its handedness, then its dimensions."""
+    handedness = [one for one in rig if one.name == "handedness"]
+    yield from _handedness(handedness)
+    for one in rig:
+        if one.name != "handedness":
+            yield from _nominal(one)
+            yield from _previous(one)
+
+
+def _handedness(rows: Sequence[RigQuantity]) -> Iterator[Reason]:
+    for one in rows:
+        built, before = one.nominal, one.previous
+        values: dict[str, Value] = {"view": one.view, "found": int(one.found)}
+        if built is not None and built != one.found:
+            yield Reason(
+                "mirrored",
+                FAILED,
+                f"the {one.view} view has handedness {one.found:+.0f}, but the rig states {built:+.0f}: that "
+                "half of the picture is mirrored",
+                "switch off the mirroring of camera or grabber, or recount the mirrors of that view",
+                values,
+            )
+        elif before is not None and built is None and before != one.found:
+            yield Reason(
+                "mirrored_since",
+                FAILED,
+                f"the {one.view} view has handedness {one.found:+.0f}, before it was {before:+.0f}",
+                "check whether camera or grabber mirror the picture now, or whether a mirror was added; "
+                "state the handedness in the rig's configuration if it is right",
+                values,
+            )
+    left, right = rows
+    unstated = left.nominal is None and right.nominal is None
+    if unstated and left.found != right.found:
+        yield Reason(
+            "half_mirrored",
+            FAILED,
+            f"the left view has handedness {left.found:+.0f}, the right one {right.found:+.0f}: one half of "
+            "the picture is mirrored, or one path has one mirror more",
+            "switch off the mirroring; if the paths differ, state handedness for both views of the rig",
+        )
+    elif unstated and left.found < 0 and left.previous is None:
+        yield Reason(
+            "left_handed",
+            REMARK,
+            "both views are left-handed, which is right only for an odd number of mirrors before each: "
+            "otherwise the picture is mirrored, and so is everything that is measured",
+            "count the mirrors, and state handedness for both views of the rig",
+        )
+
+
+def _nominal(one: RigQuantity) -> Iterator[Reason]:
+    if one.nominal is None or one.nominal_z is None:
+        return
+    yield from graded(abs(one.nominal_z), NOMINAL_Z).reason(
+        "nominal",
+        f"the {_name(one)} comes out as {one.found:.2f} {one.unit}, {abs(one.nominal_z):.1f} σ from its "
+        f"nominal {one.nominal:.2f} {one.unit}",
+        HINTS[one.name],
+        _values(one, one.nominal, one.nominal_z),
+    )
+
+
+def _previous(one: RigQuantity) -> Iterator[Reason]:
+    if one.previous is None or one.previous_z is None or abs(one.previous_z) < PREVIOUS_Z:
+        return
+    change = abs(one.found - one.previous)
+    if change > (PREVIOUS_PX if one.unit == "px" else PREVIOUS_SHARE * abs(one.previous)):
+        yield Reason(
+            "previous",
+            REMARK,
+            f"the {_name(one)} was {one.previous:.2f} {one.unit} in the previous calibration and is "
+            f"{one.found:.2f} now",
+            "nothing to do if the rig was changed since; look for loose mirrors and lens otherwise",
+            _values(one, one.previous, one.previous_z),
+        )
+
+
+def _name(one: RigQuantity) -> str:
+    return f"{WORDS[one.name]} of the {one.view} view" if one.view else WORDS[one.name]
+
+
+def _values(one: RigQuantity, other: float, z: float) -> dict[str, Value]:
+    return {
+        "quantity": one.name,
+        "view": one.view,
+        "unit": one.unit,
+        "found": one.found,
+        "other": other,
+        "z": abs(z),
+    }

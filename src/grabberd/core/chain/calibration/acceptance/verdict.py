@@ -1,0 +1,98 @@
+"""The verdict on a calibration: passed, passed with remarks, or failed."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from grabberd.core.calibration import (
+    CheckLength,
+    MeasuredLength,
+    Pattern,
+    RigQuantity,
+    Stillness,
+    Symmetry,
+    compared_rig,
+    residual_patterns,
+    symmetries,
+)
+from grabberd.core.chain.calibration.acceptance.adjustment_reasons import adjustment_reasons
+from grabberd.core.chain.calibration.acceptance.frame_reasons import displaced_of, frame_reasons
+from grabberd.core.chain.calibration.acceptance.length_reasons import length_of, length_reasons
+from grabberd.core.chain.calibration.acceptance.picture_reasons import picture_reasons
+from grabberd.core.chain.calibration.acceptance.reason import FAILED, Reason
+from grabberd.core.chain.calibration.acceptance.rig_reasons import rig_reasons
+from grabberd.core.chain.calibration.calibration_result import CalibrateResult
+from grabberd.core.geometry import Calibration
+
+
+class Verdict(StrEnum):
+    """Verdict on a calibration."""
+
+    PASSED = "passed"
+    REMARKS = "passed_with_remarks"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Acceptance:
+    """The verdict with what it rests on.
+
+    Attributes:
+        reasons: The gravest first.
+        rig: The rig beside the nominal and the previous one.
+        symmetries: Motions that map most of the calibration frame onto itself.
+        check_length: The check length as measured; None if there is none, or it could not be measured.
+        patterns: Agreement of neighbouring residuals, by view.
+        stillness: Movement of the picture, left and right.
+    """
+
+    reasons: tuple[Reason, ...]
+    rig: tuple[RigQuantity, ...]
+    symmetries: tuple[Symmetry, ...]
+    check_length: MeasuredLength | None
+    patterns: tuple[Pattern, ...]
+    stillness: tuple[Stillness, Stillness]
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict: failed if any reason says so, with remarks if there is any."""
+        if any(one.level == FAILED for one in self.reasons):
+            return Verdict.FAILED
+        return Verdict.REMARKS if self.reasons else Verdict.PASSED
+
+
+@dataclass(frozen=True, slots=True)
+class AcceptanceInputs:
+    """Knowledge from elsewhere.
+
+    Attributes:
+        previous: The calibration that was in use before.
+        check_length: A certified length between two targets.
+    """
+
+    previous: Calibration | None = None
+    check_length: CheckLength | None = None
+
+
+def judge(result: CalibrateResult, known: AcceptanceInputs | None = None) -> Acceptance:
+    """Judge a calibration, with what is known from elsewhere."""
+    known = known or AcceptanceInputs()
+    before = known.previous
+    rig = compared_rig(
+        result.views,
+        result.final.parameter_covariance,
+        result.nominal,
+        result.frame.xyz_mm.mean(axis=0),
+        None if before is None else (before.views, before.covariance),
+    )
+    length = None if known.check_length is None else length_of(result, known.check_length)
+    alike, patterns = symmetries(result.frame), residual_patterns(result.final)
+    displaced = displaced_of(result)
+    reasons = [
+        *rig_reasons(rig),
+        *length_reasons(known.check_length, length),
+        *picture_reasons(result),
+        *frame_reasons(result, alike, displaced),
+        *adjustment_reasons(result, patterns, displaced),
+    ]
+    reasons.sort(key=lambda one: one.level != FAILED)
+    return Acceptance(tuple(reasons), rig, alike, length, patterns, result.stillness)

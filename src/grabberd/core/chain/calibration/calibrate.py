@@ -1,0 +1,300 @@
+"""Fields of the calibration frame in, both virtual cameras out (paper 3.6, figure 8)."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.core.calibration import (
+    Adjustment,
+    Blunder,
+    Elimination,
+    IdentificationSettings,
+    LocalFieldTrial,
+    Mark,
+    Network,
+    PosedUnknowns,
+    Unknowns,
+    Validation,
+    check_depth,
+    check_rank,
+    compare,
+    cross_validate,
+    eliminate,
+    frame_poses,
+    handedness_hint,
+    joined,
+    normality,
+    of_first_pose,
+    stillness,
+    symmetries,
+    target_to_add,
+    try_local_fields,
+    undecided,
+    volume_sigma,
+    with_stated_covariance,
+    with_unmodelled,
+    without_blunders,
+)
+from grabberd.core.chain.calibration.calibration_result import CalibrateResult, CalibrateSettings
+from grabberd.core.chain.calibration.frame_capture import FrameCapture
+from grabberd.core.field import NumberedField
+from grabberd.core.geometry import PARAMETERS, NominalRig, View
+from grabberd.core.reconstruction import ObjectModel
+from grabberd.errors import MeasurementError, RankDeficient
+
+Array = NDArray[np.float64]
+
+# f, x0, y0: a planar target field does not separate them from the camera's position.
+INTERIOR = PARAMETERS[:3]
+MOST_BLUNDERS = 0.1
+# An image point off by a pixel is a wrong identity or a wrong certificate, not an uneven mirror.
+MOST_UNMODELLED_PX = 1.0
+BLOCKS = 6
+"""Blocks of targets that cross-validation holds out in turn."""
+
+
+def calibrate(
+    fields: Iterable[NumberedField],
+    nominal: NominalRig,
+    frame: ObjectModel,
+    settings: CalibrateSettings | None = None,
+    by_hand: Sequence[Mark] | None = None,
+) -> CalibrateResult:
+    """Calibrates both virtual cameras from fields of the calibration frame, which stands still.
+
+    Args:
+        fields: any number, of both parities.
+        nominal: the rig as it was built, each number to ten per cent.
+        frame: the calibration frame's targets.
+        settings: settings of the calibration.
+        by_hand: identifications made by hand, in place of automatic ones.
+
+    Raises:
+        MeasurementError: no fields, a calibration frame that moves, too few targets, a planar calibration
+            frame, an unclear identification, or no convergence; the message says which.
+    """
+    return calibrate_poses([fields], nominal, frame, settings, by_hand)
+
+
+def calibrate_poses(
+    captures: Iterable[Iterable[NumberedField]],
+    nominal: NominalRig,
+    frame: ObjectModel,
+    settings: CalibrateSettings | None = None,
+    by_hand: Sequence[Mark] | None = None,
+) -> CalibrateResult:
+    """Calibrates from captures of the calibration frame in several poses before the same rig.
+
+    The first pose defines the coordinates; each other is six more unknowns. The rig then explains the same
+    targets from several sides, at many more places of the picture, and their certified places are checked by
+    it.
+
+    Args:
+        captures: fields of each pose; the calibration frame stands still within one.
+        nominal: the rig as it was built, each number to ten per cent.
+        frame: the calibration frame's targets.
+        settings: settings of the calibration.
+        by_hand: identifications made by hand in the first capture, in place of automatic ones.
+
+    Raises:
+        MeasurementError: as `calibrate`, or there is no capture.
+    """
+    settings = settings or CalibrateSettings()
+    _check_depth(frame, settings)
+    if by_hand is None:
+        _check_symmetry(frame, settings, IdentificationSettings().margin)
+    taken = list(_taken(captures, nominal, frame, settings, by_hand))
+    networks = [
+        one.network.starting_from([*_held_as_built(one.network.views, nominal, settings)]) for one in taken
+    ]
+    done, local = _explained(joined(networks) if len(networks) > 1 else networks[0], settings, nominal)
+    final = _final(done, local, settings)
+    return _result(taken[0], done, local, final, nominal, frame, settings)
+
+
+def _taken(
+    captures: Iterable[Iterable[NumberedField]],
+    nominal: NominalRig,
+    frame: ObjectModel,
+    settings: CalibrateSettings,
+    by_hand: Sequence[Mark] | None,
+) -> Iterator[FrameCapture]:
+    number = 0
+    for number, fields in enumerate(captures, start=1):
+        try:
+            yield FrameCapture.of(fields, nominal, frame, settings, by_hand if number == 1 else None)
+        except MeasurementError as error:
+            if number == 1:
+                raise
+            raise MeasurementError(f"capture {number}: {error.message}", error.hint) from error
+    if not number:
+        raise MeasurementError("there is no capture to calibrate from", "name at least one")
+
+
+def _result(
+    first: FrameCapture,
+    done: "_Adjusted",
+    local: LocalFieldTrial | None,
+    final: Adjustment,
+    nominal: NominalRig,
+    frame: ObjectModel,
+    settings: CalibrateSettings,
+) -> CalibrateResult:
+    """Collect what is reported; of several poses, pictures and residuals are those of the first."""
+    adjustment, rig = of_first_pose(done.adjustment), of_first_pose(final)
+    validation, unvalidated = _validated(done.adjustment)
+    still_left, still_right = (stillness(*one) for one in zip(first.seen, first.images, strict=True))
+    pointing_px = first.pointing_px
+    return CalibrateResult(
+        frame=frame,
+        nominal=nominal,
+        settings=settings,
+        bits=first.bits,
+        y_step=first.y_step,
+        images=first.images,
+        identification=first.identification,
+        adjustment=adjustment,
+        elimination=done.elimination,
+        blunders=done.blunders,
+        unmodelled_px=done.unmodelled_px,
+        local=local,
+        final=rig,
+        differences=compare(adjustment),
+        normality=normality(adjustment),
+        validation=validation,
+        volume=volume_sigma(rig, pointing_px, local_fields=local.fields[:2] if local else ()),
+        pointing_px=pointing_px,
+        unvalidated=unvalidated,
+        stillness=(still_left, still_right),
+        disc_share=first.disc_share(adjustment.views, frame),
+        view_sigma_px=first.view_sigma_px,
+        poses=frame_poses(final),
+    )
+
+
+def _check_symmetry(frame: ObjectModel, settings: CalibrateSettings, margin: float) -> None:
+    """Check that a view of the whole frame has one explanation only."""
+    alike = undecided(frame, margin, handed=settings.handedness is not None)
+    if not alike:
+        return
+    nearly = [one for one in symmetries(frame) if one.kind == "shift" and one.cost < 4 * margin]
+    said = dict.fromkeys(map(str, (*alike, *nearly[:2])))
+    x, y, z = target_to_add(frame, alike)
+    raise MeasurementError(
+        f"calibration frame {frame.name} cannot be told from itself: {'; '.join(said)}",
+        f"add a target at x {x:.1f}, y {y:.1f}, z {z:.1f} mm to the frame and to its file, or identify some "
+        "targets by hand",
+    )
+
+
+def _check_depth(frame: ObjectModel, settings: CalibrateSettings) -> None:
+    """Check that the targets are not coplanar if interior parameters are adjusted."""
+    if interior := [name for name in settings.free if name.rpartition(".")[2] in INTERIOR]:
+        check_depth(frame.xyz_mm, interior, f"the targets of calibration frame {frame.name}")
+
+
+def _held_as_built(
+    views: tuple[View, ...], nominal: NominalRig, settings: CalibrateSettings
+) -> Iterator[View]:
+    """The views with their nominal values for all interior parameters that are not adjusted."""
+    handedness = views[0].handedness, views[1].handedness
+    for view, built in zip(views, nominal.views(handedness), strict=True):
+        free = [name in settings.free or f"{view.name}.{name}" in settings.free for name in PARAMETERS]
+        own = np.array(free) | np.isin(PARAMETERS, PARAMETERS[3:9])
+        # Identification fits some interior parameters of its own to find the targets: what is held must be
+        # held at the nominal value, not at that by-product. The pose (3 to 8) stays as the starting value.
+        yield view.with_vector(np.where(own, view.vector(), built.vector()))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Adjusted:
+    """The adjusted functional model, with the blunders, tests and weights that led to it."""
+
+    adjustment: Adjustment
+    blunders: tuple[Blunder, ...]
+    elimination: Elimination | None
+    unmodelled_px: float
+
+
+def _explained(
+    network: Network, settings: CalibrateSettings, nominal: NominalRig
+) -> tuple[_Adjusted, LocalFieldTrial | None]:
+    """Adjust and try local fields; if nothing fits, say whether mirrored halves are the reason."""
+    try:
+        done = _adjusted(network, settings)
+        return done, _local(done, nominal, settings)
+    except MeasurementError as error:
+        hint = handedness_hint([view.handedness for view in network.views[:2]], nominal.handedness)
+        if hint is None or isinstance(error, RankDeficient):
+            raise
+        raise MeasurementError(error.message, hint) from error
+
+
+def _adjusted(network: Network, settings: CalibrateSettings) -> _Adjusted:
+    unknowns = _unknowns(network.views, settings)
+    check_rank(network, unknowns)
+    adjustment, blunders, unmodelled_px = _sound(network, unknowns)
+    if unmodelled_px > MOST_UNMODELLED_PX:
+        raise MeasurementError(
+            f"the image points are off by {unmodelled_px:.2f} px from any rig of this model",
+            "adjust more parameters, and check which target is which and the calibration frame's file",
+        )
+    elimination = None
+    if settings.alpha is not None:
+        clean = adjustment.network.starting_from(adjustment.views)
+        elimination = eliminate(clean, unknowns, settings.alpha)
+        adjustment = elimination.adjustment
+    return _Adjusted(adjustment, blunders, elimination, unmodelled_px)
+
+
+def _unknowns(views: tuple[View, ...], settings: CalibrateSettings) -> Unknowns:
+    """Unknowns of the rig, and of the poses of the calibration frame where there are several."""
+    rig = Unknowns.of(views[:2], settings.free, shared=settings.shared, tied=settings.tied)
+    return PosedUnknowns.of_rig(rig, len(views) // 2) if len(views) > 2 else rig
+
+
+def _sound(network: Network, unknowns: Unknowns) -> tuple[Adjustment, tuple[Blunder, ...], float]:
+    """Adjust without blunders and with realistic weights, alternating, since each depends on the other."""
+    blunders: tuple[Blunder, ...] = ()
+    # One blunder inflates the unmodelled share and so hides the next: it is estimated again after each
+    # removal. With more than a tenth removed the fault is not in single points; it stops there.
+    while True:
+        # Means of many fields are known better than mirrors are even. By their own σ alone σ0 came out near
+        # 5, good points left as blunders, and the few with the least scatter decided everything.
+        weighted, unmodelled_px = with_unmodelled(network, unknowns)
+        adjustment, more = without_blunders(weighted, unknowns)
+        blunders += more
+        if not more or len(blunders) > MOST_BLUNDERS * len(weighted):
+            return adjustment, blunders, unmodelled_px
+        network = network.select(_kept(network, adjustment.network)).starting_from(adjustment.views)
+
+
+def _kept(network: Network, part: Network) -> NDArray[np.bool_]:
+    """(M,) True for image points of a network that are also in a part of it."""
+    count = len(network.target_mm)
+    return np.isin(network.view * count + network.target, part.view * count + part.target)
+
+
+def _local(done: _Adjusted, nominal: NominalRig, settings: CalibrateSettings) -> LocalFieldTrial | None:
+    if not settings.local_field:
+        return None
+    # Collocation explains what the weights only allowed for, and so needs the points' own σ again.
+    return try_local_fields(done.adjustment, nominal.lines, unmodelled_px=done.unmodelled_px)
+
+
+def _final(done: _Adjusted, local: LocalFieldTrial | None, settings: CalibrateSettings) -> Adjustment:
+    """The calibration's own adjustment, with all that is not known of it."""
+    adjustment = local.adjustment if local else done.adjustment
+    unknowns = _unknowns(adjustment.views, settings)
+    return with_stated_covariance(adjustment, unknowns)
+
+
+def _validated(adjustment: Adjustment) -> tuple[Validation | None, str]:
+    """Cross-validation of the global model, or the reason why too few targets are left for it."""
+    network = adjustment.network.starting_from(adjustment.views)
+    try:
+        return cross_validate(network, adjustment.unknowns, BLOCKS), ""
+    except MeasurementError as error:
+        return None, error.message

@@ -1,0 +1,137 @@
+"""One capture of the calibration frame: its blobs, their means, and the targets they are of."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.core.calibration import (
+    FieldImages,
+    Identification,
+    IdentificationSettings,
+    Mark,
+    MeanImages,
+    Network,
+    identify_by_hand,
+    identify_frame,
+    mean_images,
+)
+from grabberd.core.chain.calibration.calibration_result import CalibrateSettings
+from grabberd.core.chain.calibration.located_frame import locate
+from grabberd.core.field import NumberedField
+from grabberd.core.geometry import NominalRig, View
+from grabberd.core.reconstruction import ObjectModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameCapture:
+    """A capture of the calibration frame, identified.
+
+    Attributes:
+        seen: Whole blobs of every field, of the left and of the right view.
+        bits: Bits per pixel of the fields.
+        y_step: Frame lines from row to row.
+        images: Mean images of each view, left then right.
+        identification: Their targets.
+        network: The identified images of both views, to be adjusted.
+    """
+
+    seen: tuple[list[FieldImages], list[FieldImages]]
+    bits: int
+    y_step: int
+    images: tuple[MeanImages, MeanImages]
+    identification: Identification
+    network: Network
+
+    @classmethod
+    def of(
+        cls,
+        fields: Iterable[NumberedField],
+        nominal: NominalRig,
+        frame: ObjectModel,
+        settings: CalibrateSettings,
+        by_hand: Sequence[Mark] | None = None,
+    ) -> "FrameCapture":
+        """Locate, average and identify.
+
+        Raises:
+            MeasurementError: No fields, a calibration frame that moves, too few targets, or an unclear
+                identification; the message says which.
+        """
+        located = locate(fields, nominal, frame, settings.location)
+        seen, packed = located.views, located.sizes.packed
+        images = (mean_images(seen[0]), mean_images(seen[1]))
+        with located.sizes.told():
+            identification = _identify(nominal, frame, images, settings, by_hand)
+        network = network_of(images, identification, frame, settings)
+        return cls(seen, packed.bits, packed.y_step, images, identification, network)
+
+    @property
+    def pointing_px(self) -> tuple[float, float]:
+        """Standard deviation of one field's image coordinates in x and y, the common part included."""
+        variance = [np.nan_to_num(side.scatter_px) ** 2 + side.sigma_px**2 for side in self.images]
+        x, y = np.sqrt(np.concatenate(variance).mean(axis=0)).tolist()
+        return x, y
+
+    @property
+    def view_sigma_px(self) -> tuple[float, float]:
+        """Median pointing σ of one field in each view."""
+        left, right = (float(np.median(np.concatenate([one.sigma_px for one in side]))) for side in self.seen)
+        return left, right
+
+    def disc_share(self, views: Sequence[View], frame: ObjectModel) -> tuple[float, float]:
+        """Median area of the targets in each view, over that of a disc's geometric image."""
+        left, right = (
+            float(np.median(np.concatenate([one.area_px for one in side if one.area_px is not None])))
+            / _disc_area_px(view, frame)
+            for side, view in zip(self.seen, views, strict=True)
+        )
+        return left, right
+
+
+def _identify(
+    nominal: NominalRig,
+    frame: ObjectModel,
+    images: tuple[MeanImages, MeanImages],
+    settings: CalibrateSettings,
+    by_hand: Sequence[Mark] | None,
+) -> Identification:
+    believed = IdentificationSettings(handedness=(settings.handedness, settings.handedness))
+    left, right = (side.xy_px for side in images)
+    if by_hand is None:
+        return identify_frame(nominal, frame, left, right, believed)
+    return identify_by_hand(nominal, frame, left, right, by_hand, believed)
+
+
+def network_of(
+    images: tuple[MeanImages, MeanImages],
+    identification: Identification,
+    frame: ObjectModel,
+    settings: CalibrateSettings,
+) -> Network:
+    """The identified images of both views as a network to adjust."""
+    targets = [side.target for side in (identification.left, identification.right)]
+    known = [target >= 0 for target in targets]
+    sigma = np.concatenate([side.sigma_px[own] for side, own in zip(images, known, strict=True)])
+    if settings.equal_weights:
+        sigma = np.full_like(sigma, np.sqrt(np.mean(sigma**2)))
+    place_sigma = 0.0 if settings.held else frame.sigma_mm
+    return Network(
+        views=identification.views,
+        view=np.repeat([0, 1], [int(own.sum()) for own in known]),
+        target=np.concatenate([target[own] for target, own in zip(targets, known, strict=True)]),
+        xy_px=np.concatenate([side.xy_px[own] for side, own in zip(images, known, strict=True)]),
+        sigma_px=sigma,
+        target_mm=frame.xyz_mm,
+        target_sigma_mm=np.full_like(frame.xyz_mm, place_sigma),
+        ids=frame.target,
+    )
+
+
+def _disc_area_px(view: View, frame: ObjectModel) -> float:
+    away_mm = float(np.linalg.norm(view.center_mm - frame.xyz_mm.mean(axis=0)))
+    diameter_mm = frame.target_diameter_mm * view.f_mm / away_mm
+    return float(np.pi / 4 * diameter_mm**2 / (view.pixel_x_mm * view.pixel_y_mm))

@@ -1,0 +1,300 @@
+"""The calibration report as one JSON document: everything the calibration rests on."""
+
+from collections.abc import Mapping, Sequence
+from itertools import zip_longest
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.core.calibration import Adjustment, Blunder, ViewIdentification
+from grabberd.core.chain.calibration.acceptance.acceptance_document import acceptance_document
+from grabberd.core.chain.calibration.acceptance.verdict import Acceptance, judge
+from grabberd.core.chain.calibration.calibration_result import CalibrateResult
+from grabberd.core.chain.calibration.report_figures import (
+    AXES,
+    by_axis,
+    distortion_document,
+    geometry_document,
+    local_field_document,
+    number,
+    numbers,
+    volume_document,
+)
+from grabberd.core.geometry import PARAMETERS, View
+
+Array = NDArray[np.float64]
+
+SCHEMA = "grabberd/calibration-report/1"
+UNITS = {"mm": "mm", "px": "px", "rad": "rad"}
+DISTORTION_UNITS = ("1", "1", "mm⁻²", "mm⁻⁴", "mm⁻⁶", "mm⁻¹", "mm⁻¹", "mm⁻²", "mm⁻²")
+
+
+def report_document(
+    result: CalibrateResult, about: Mapping[str, Any], acceptance: Acceptance | None = None
+) -> dict[str, Any]:
+    """The document.
+
+    Args:
+        result: result of `calibrate`.
+        about: origin of the calibration: id, created_utc, version, capture, glass, note,
+            certificate, temperature_C and fields (their number); missing keys become null. other_captures:
+            ids of the captures of the further poses.
+        acceptance: its verdict; None: judged here, without a previous calibration or a check length.
+    """
+    adjustment = result.adjustment
+    return {
+        "schema": SCHEMA,
+        "id": about["id"],
+        "created_utc": about["created_utc"],
+        "version": about.get("version"),
+        "note": about.get("note"),
+        "capture": about.get("capture"),
+        "calibration_frame": _frame(result, about),
+        "image": {"columns": result.nominal.columns, "lines": result.nominal.lines},
+        "glass": about.get("glass"),
+        "settings": _settings(result),
+        "identification": _identification(result),
+        "result": {
+            **_result(adjustment),
+            "unmodelled_px": result.unmodelled_px,
+            "poses": _poses(result, about.get("other_captures", ())),
+        },
+        "views": [_view(result, index) for index in range(len(adjustment.views))],
+        "unknowns": {
+            "names": list(adjustment.unknowns.names),
+            "correlation": numbers(adjustment.correlation),
+        },
+        "comparison": [_difference(one) for one in result.differences],
+        "tests": [_test(one) for one in result.elimination.tests] if result.elimination else [],
+        "dropped": list(result.elimination.dropped) if result.elimination else [],
+        "residuals": _residuals(result),
+        "blunders": [_blunder(result, one) for one in result.blunders],
+        "normality": [_normality(one) for one in result.normality],
+        "validation": _validation(result),
+        "volume": volume_document(result),
+        "distortion": [distortion_document(view, result.nominal.lines) for view in result.views],
+        "local_field": local_field_document(result),
+        "geometry": geometry_document(result),
+        "acceptance": acceptance_document(acceptance or judge(result)),
+    }
+
+
+def _frame(result: CalibrateResult, about: Mapping[str, Any]) -> dict[str, Any]:
+    frame = result.frame
+    return {
+        "name": frame.name,
+        "targets": len(frame),
+        "sigma_mm": frame.sigma_mm,
+        "target_diameter_mm": frame.target_diameter_mm,
+        "certificate": about.get("certificate"),
+        "temperature_C": about.get("temperature_C"),
+    }
+
+
+def _settings(result: CalibrateResult) -> dict[str, Any]:
+    settings = result.settings
+    return {
+        "weights": "equal" if settings.equal_weights else "honest",
+        "frame": "held" if settings.held else "weighted",
+        "free": list(settings.free),
+        "shared": list(settings.shared),
+        "tied": settings.tied,
+        "alpha": settings.alpha,
+        "local_field": settings.local_field,
+        "handedness": settings.handedness,
+        "method": settings.location.method,
+    }
+
+
+def _identification(result: CalibrateResult) -> dict[str, Any]:
+    sides = {"left": result.identification.left, "right": result.identification.right}
+
+    def of_each(value: Any) -> dict[str, Any]:
+        return {name: value(side) for name, side in sides.items()}
+
+    def found(side: ViewIdentification) -> int:
+        return int((side.target >= 0).sum())
+
+    return {
+        "handedness": of_each(lambda side: side.view.handedness),
+        "rms_px": of_each(lambda side: number(side.rms_px)),
+        "runner_up_rms_px": of_each(lambda side: number(side.runner_up_rms_px)),
+        "runner_up_found": of_each(lambda side: side.runner_up_targets),
+        "margin": of_each(lambda side: number(side.margin)),
+        "found": of_each(found),
+        "of": len(result.frame),
+        "unmatched_blobs": of_each(lambda side: len(side.unmatched)),
+        "description": of_each(lambda side: side.description),
+    }
+
+
+def _poses(result: CalibrateResult, captures: Sequence[str]) -> list[dict[str, Any]]:
+    return [
+        {
+            "capture": capture,
+            "turn_deg": pose.turn_deg,
+            **by_axis("", "_mm", pose.values[3:]),
+            **by_axis("sigma_", "_mm", pose.sigma[3:]),
+            "image_points": pose.count,
+            "tau": pose.tau,
+        }
+        for pose, capture in zip_longest(result.poses, captures)
+    ]
+
+
+def _result(adjustment: Adjustment) -> dict[str, Any]:
+    network = adjustment.network
+    rms = {
+        view.name: np.sqrt(np.mean(adjustment.residual_px[network.view == index] ** 2, axis=0))
+        for index, view in enumerate(adjustment.views)
+    }
+    return {
+        "sigma0": adjustment.sigma0,
+        "sigma0_px": adjustment.sigma0_px,
+        "freedom": adjustment.freedom,
+        "steps": adjustment.steps,
+        "image_points": len(network),
+        "targets": len(np.unique(network.target)),
+        "rms_px": {name: {"x": float(x), "y": float(y)} for name, (x, y) in rms.items()},
+    }
+
+
+def _view(result: CalibrateResult, index: int) -> dict[str, Any]:
+    """Parameters of the functional model; those adjusted along with a local field are in the calibration."""
+    view, unknowns = result.adjustment.views[index], result.adjustment.unknowns
+    sigma = np.sqrt(np.diag(result.adjustment.parameter_covariance)).reshape(len(result.views), -1)[index]
+    dropped = set(result.elimination.dropped) if result.elimination else set()
+    rows = []
+    numbers = zip(PARAMETERS, view.vector(), sigma, unknowns.number[index], strict=True)
+    for name, value, deviation, unknown in numbers:
+        known = unknown >= 0
+        rows.append(
+            {
+                "name": name,
+                "unit": unit_of(name),
+                "value": float(value),
+                "sigma": float(deviation) if known else None,
+                "state": "adjusted" if known else _held_or_dropped(view, name, dropped),
+                "unknown": unknowns.names[unknown] if known else None,
+            }
+        )
+    extent = {key: getattr(view, key) for key in ("name", "handedness", "first_column", "end_column")}
+    return {**extent, "parameters": rows}
+
+
+def _held_or_dropped(view: View, name: str, dropped: set[str]) -> str:
+    candidates = {f"{view.name}.{name}", f"lens.{name}"}
+    if name in {"b8", "b9"}:
+        candidates |= {f"{view.name}.b8=b9", "lens.b8=b9"}
+    return "dropped" if candidates & dropped else "held"
+
+
+def unit_of(parameter: str) -> str:
+    """The unit of one of `PARAMETERS`, for people."""
+    if parameter.startswith("b"):
+        return DISTORTION_UNITS[int(parameter[1:]) - 1]
+    return UNITS[parameter.rpartition("_")[2]]
+
+
+def _difference(one: Any) -> dict[str, Any]:
+    return {
+        "parameter": one.parameter,
+        "unit": unit_of(one.parameter),
+        "left": one.first,
+        "right": one.second,
+        "difference": one.difference,
+        "sigma": number(one.sigma),
+        "statistic": number(one.z),
+        "p": number(one.p),
+    }
+
+
+def _test(one: Any) -> dict[str, Any]:
+    keys = ("round", "kind", "statistic", "q", "freedom", "p", "effect_px", "dropped")
+    return {"parameters": list(one.parameters), **{key: getattr(one, key) for key in keys}}
+
+
+def _residuals(result: CalibrateResult) -> list[dict[str, Any]]:
+    adjustment, network = result.adjustment, result.adjustment.network
+    fields = _fields_of(result)
+    rows = []
+    for index in range(len(network)):
+        view, target = int(network.view[index]), int(network.target[index])
+        rows.append(
+            {
+                "view": adjustment.views[view].name,
+                "target": int(result.frame.target[target]),
+                "fields": fields[view, target],
+                **by_axis("", "_px", network.xy_px[index]),
+                **by_axis("d", "_px", adjustment.residual_px[index]),
+                **by_axis("sigma_", "_px", network.sigma_px[index]),
+                **by_axis("redundancy_", "", adjustment.redundancy[index]),
+                **by_axis("tau_", "", adjustment.standardised[index]),
+            }
+        )
+    return rows
+
+
+def _fields_of(result: CalibrateResult) -> dict[tuple[int, int], int]:
+    sides = (result.identification.left, result.identification.right)
+    return {
+        (view, int(target)): int(count)
+        for view, (side, images) in enumerate(zip(sides, result.images, strict=True))
+        for target, count in zip(side.target, images.fields, strict=True)
+    }
+
+
+def _blunder(result: CalibrateResult, one: Blunder) -> dict[str, Any]:
+    """A blunder by its worse coordinate; both coordinates were left out."""
+    worse = int(np.argmax(np.abs(one.residual_px) / np.sqrt(one.redundancy)))
+    return {
+        "view": one.view,
+        "target": int(result.frame.target[one.target]),
+        **by_axis("", "_px", one.xy_px),
+        "axis": AXES[worse],
+        "residual_px": one.residual_px[worse],
+        "tau": one.tau,
+        "critical": one.critical,
+    }
+
+
+def _normality(one: Any) -> dict[str, Any]:
+    return {
+        "view": "both" if one.of == "all" else one.of,
+        "count": one.count,
+        "skewness": number(one.skewness),
+        "excess_kurtosis": number(one.kurtosis),
+        "test": "Jarque–Bera, finite sample",
+        "statistic": number(one.statistic),
+        "p": number(one.p),
+    }
+
+
+def _validation(result: CalibrateResult) -> dict[str, Any] | None:
+    held = result.validation
+    if held is None:
+        return None
+    variance = np.einsum("nkk->nk", held.covariance_mm2)
+    predicted = np.sqrt(np.append(variance.mean(axis=0), variance.mean(axis=0).sum()))
+    places = result.frame.xyz_mm[held.target]
+    sigma = np.sqrt(variance)
+    points = [
+        {
+            "target": int(result.frame.target[target]),
+            "block": int(block),
+            **by_axis("", "_mm", places[index]),
+            **by_axis("d", "_mm", held.error_mm[index]),
+            **by_axis("sigma_", "_mm", sigma[index]),
+        }
+        for index, (target, block) in enumerate(zip(held.target, held.block, strict=True))
+    ]
+    return {
+        "blocks": int(held.block.max()) + 1,
+        "rmse_mm": dict(zip((*AXES, "xyz"), held.rmse_mm.tolist(), strict=True)),
+        "predicted_mm": dict(zip((*AXES, "xyz"), predicted.tolist(), strict=True)),
+        "chi2": held.chi2,
+        "freedom": held.freedom,
+        "p": held.p,
+        "points": points,
+    }

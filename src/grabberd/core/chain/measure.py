@@ -1,0 +1,202 @@
+"""Fields in, points out: location, correspondence and intersection (paper figures 4 and 10)."""
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby, islice
+from typing import NamedTuple
+
+import numpy as np
+
+from grabberd.core.chain.engine import Engine
+from grabberd.core.chain.locating import Locating, whole_blobs
+from grabberd.core.chain.target_sizes import HINT, OtherSizes, px_per_mm_of, sized
+from grabberd.core.field import NumberedField, PackedField
+from grabberd.core.geometry import Calibration, Rig
+from grabberd.core.kernel import KERNEL
+from grabberd.core.measurement import Blobs, LocationSettings
+from grabberd.core.reconstruction import (
+    CoverageTally,
+    ImageNoise,
+    ObjectModel,
+    Points,
+    Track,
+    Tracker,
+    TrackingSettings,
+)
+from grabberd.core.reconstruction.coverage.batch import TrackedField
+from grabberd.errors import CalibrationMismatch, MeasurementError
+
+FIELDS_A_GROUP = 500
+"""Ten seconds of video."""
+FIELDS_AT_ONCE = 25
+"""Half a second."""
+
+
+@dataclass(frozen=True, slots=True)
+class MeasureSetup:
+    """Setup of a measurement: the same setup and fields give the same points, bit for bit.
+
+    Attributes:
+        calibration: both virtual cameras.
+        object_model: nominal positions of the targets.
+        line_jitter_px: standard deviation of the shift common to all pixels of a field line.
+        location: settings for locating blobs; `tracking`: for identifying and following targets.
+    """
+
+    calibration: Calibration
+    object_model: ObjectModel
+    line_jitter_px: float = 0.12
+    location: LocationSettings = field(default_factory=LocationSettings)
+    tracking: TrackingSettings = field(default_factory=TrackingSettings)
+
+    @property
+    def scale(self) -> float:
+        """Pixels of the picture for a millimetre on the object."""
+        return px_per_mm_of(self.calibration.views)
+
+    @property
+    def sized(self) -> LocationSettings:
+        """Settings for locating blobs, with limits of their size that suit the object's targets."""
+        return sized(self.location, self.scale, self.object_model.target_diameter_mm)
+
+
+class MeasuredField(NamedTuple):
+    """Blobs of both views of one field, and its points."""
+
+    n: int
+    time_ns: int
+    blobs: Blobs
+    points: Points
+
+
+def measure_fields(
+    fields: Iterable[NumberedField], setup: MeasureSetup, tally: CoverageTally | None = None, ahead: int = 1
+) -> Iterator[MeasuredField]:
+    """Points of every field, in order; identities and velocities are carried from field to field.
+
+    Args:
+        fields: In order; they may be endless.
+        setup: Of the measurement.
+        tally: Counts who was found in them.
+        ahead: Number of fields that are taken together. By default each result is yielded before the next
+            field is taken; with more the results are the same, in less time.
+    """
+    step: _Step | None = None
+    taken = iter(fields)
+    while some := list(islice(taken, ahead)):
+        for (lines, *_), alike in groupby(some, _kind):
+            # Lines of other kinds have different σ of their image coordinates: the tracker starts again.
+            if step is None or step.lines != lines:
+                step = _Step(setup, lines, tally)
+            yield from step.results(list(alike))
+
+
+def _kind(numbered: NumberedField) -> tuple[tuple[int, int], int, int, tuple[int, ...]]:
+    """Kind of a field, lines first: those of one kind are measured together."""
+    packed = numbered.packed
+    return packed.lines, packed.bits, packed.columns, packed.data.shape
+
+
+def measured_groups(
+    fields: Iterable[NumberedField], setup: MeasureSetup, tally: CoverageTally | None = None
+) -> Iterator[list[MeasuredField]]:
+    """Measure every field, in groups that bound the memory in use; the results are those of `measure_fields`.
+
+    Raises:
+        CalibrationMismatch: a field's size differs from the calibration's.
+        MeasurementError: there are no fields, or no points in any of them.
+    """
+    newest: deque[NumberedField] = deque(maxlen=1)
+    measured = measure_fields(_fitting(fields, setup, newest), setup, tally, FIELDS_AT_ONCE)
+    count = points = 0
+    while group := list(islice(measured, FIELDS_A_GROUP)):
+        count += len(group)
+        points += sum(len(one.points) for one in group)
+        yield group
+    if not count:
+        raise MeasurementError(
+            "the capture has no undamaged field to measure", "the capture's ledger gives the reasons"
+        )
+    if not points:
+        raise _no_points(count, newest[-1].packed, setup)
+
+
+def _no_points(count: int, packed: PackedField, setup: MeasureSetup) -> MeasurementError:
+    halves = [(view.first_column, view.end_column) for view in setup.calibration.views]
+    sizes = OtherSizes(packed, halves, setup.sized, setup.scale).in_words()
+    return MeasurementError(
+        f"no target of the object model was found in any of {count} fields" + (f": {sizes}" if sizes else ""),
+        HINT if sizes else "check that calibration and object model belong to this capture's rig and object",
+    )
+
+
+def _fitting(
+    fields: Iterable[NumberedField], setup: MeasureSetup, newest: deque[NumberedField]
+) -> Iterator[NumberedField]:
+    known = setup.calibration
+    for numbered in fields:
+        newest.append(numbered)
+        lines = numbered.packed.rows * numbered.packed.y_step
+        if (numbered.packed.columns, lines) != (known.columns, known.lines):
+            raise CalibrationMismatch(
+                f"calibration {known.id} is for pictures of {known.columns} x {known.lines}, "
+                f"field {numbered.n} has {numbered.packed.columns} x {lines}",
+                "measure this capture with a calibration of its own grabber",
+            )
+        yield numbered
+
+
+class _Step:
+    """State carried from field to field."""
+
+    def __init__(self, setup: MeasureSetup, lines: tuple[int, int], tally: CoverageTally | None) -> None:
+        self.lines = lines
+        self._tally = tally
+        known, rig = setup.calibration, Rig.of(setup.calibration)
+        self._halves = tuple(zip(known.views, known.local_fields, strict=True))
+        self._locating = Locating(setup.sized, setup.line_jitter_px)
+        noise = ImageNoise.of(rig, setup.object_model, setup.line_jitter_px, *lines)
+        self._tracker = Tracker(rig, setup.object_model, noise, setup.tracking)
+        # From the object model alone, never from an earlier track: points are a function of the fields given.
+        self._track: Track = self._tracker.start()
+        self._engine = Engine.of(KERNEL, self._tracker, known.views)
+        self._last_ns: int | None = None
+
+    def results(self, fields: Sequence[NumberedField]) -> Iterator[MeasuredField]:
+        """Results of the next fields, in order, all of one kind."""
+        while fields:
+            alike = self._locating.alike(fields[0].packed)
+            some, fields = fields[:alike], fields[alike:]
+            if self._engine and self._engine.takes(some[0].packed, self._locating.settings):
+                yield from self._by_engine(self._engine, some)
+            else:
+                yield from map(self._by_numpy, some)
+
+    def _by_engine(self, engine: Engine, fields: Sequence[NumberedField]) -> Iterator[MeasuredField]:
+        passed_s = [self._passed_s(one.time_ns) for one in fields]
+        ways = engine.run([one.packed for one in fields], passed_s, self._locating.settings)
+        for numbered, way in zip(fields, ways, strict=True):
+            blobs = way.blobs
+            self._locating.note(blobs)
+            if self._tally is not None:
+                self._tally.add(numbered.n, way, self._tracker.correspondence)
+            yield MeasuredField(numbered.n, numbered.time_ns, blobs, way.points)
+
+    def _by_numpy(self, numbered: NumberedField) -> MeasuredField:
+        """Measure what the engine does not cover, each step by whatever there is for it."""
+        blobs = self._locating.blobs(numbered.packed)
+        left, right = (whole_blobs(blobs, *half) for half in self._halves)
+        before = Track.of_numbers(self._engine.target, self._engine.track) if self._engine else self._track
+        self._track, points = self._tracker.step(before, left, right, self._passed_s(numbered.time_ns))
+        if self._engine:
+            self._engine.track = self._track.numbers
+        if self._tally is not None:
+            field = TrackedField(self._track, points, (left, right))
+            self._tally.add(numbered.n, field, self._tracker.correspondence)
+        return MeasuredField(numbered.n, numbered.time_ns, blobs, points)
+
+    def _passed_s(self, time_ns: int) -> float:
+        """Time since the previous field; infinite for the first or a backward time, to restart tracking."""
+        last_ns, self._last_ns = self._last_ns, time_ns
+        return np.inf if last_ns is None or time_ns <= last_ns else (time_ns - last_ns) / 1e9

@@ -1,0 +1,106 @@
+"""Rig: several views prepared for computing with all of them, and many points, at once."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.core.geometry.calibration import Calibration
+from grabberd.core.geometry.local_field import LocalField
+from grabberd.core.geometry.view import PARAMETERS, View, polynomials, rotation_derivatives, rotation_matrix
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rig:
+    """V views; every array broadcasts against (2, V, N): coordinate, view, point.
+
+    Attributes:
+        views: The views themselves.
+        rotation: (V, 3, 3), from the object's frame into the camera's, handedness included.
+        rotation_rates: (3, V, 3, 3), its derivatives by ω, φ, κ.
+        center_mm: (V, 3, 1), projection centres.
+        f_mm: (V, 1), focal lengths.
+        origin_px: (2, V, 1), x0 and y0.
+        pixel_mm: (2, V, 1), mm per frame pixel; negative in y, because y of the sensor points up.
+        image: (V, 8, 15), `polynomials` of the views in frame pixels, including the point itself:
+            column, line = origin + own·P + other·Q, with S and T their slopes in px/mm.
+        corrects: (V,) bool, True where they lead from the observed point to the ideal one.
+        factor: (V, 18, K), L of the calibration's covariance C = L·Lᵀ in the parameters' order; None if C is
+            zero or unknown.
+        local_fields: Local field of each view; empty if no view has one. `project` and the like do not
+            include it: it is subtracted from the observations.
+    """
+
+    views: tuple[View, ...]
+    rotation: Array
+    rotation_rates: Array
+    center_mm: Array
+    f_mm: Array
+    origin_px: Array
+    pixel_mm: Array
+    image: Array
+    corrects: NDArray[np.bool_]
+    factor: Array | None = None
+    local_fields: tuple[LocalField | None, ...] = ()
+
+    @classmethod
+    def of_views(cls, views: Sequence[View], factor: Array | None = None) -> "Rig":
+        """Make a rig of any number of views."""
+        angles = [(view.omega_rad, view.phi_rad, view.kappa_rad) for view in views]
+        mirrors = np.array([np.diag([view.handedness, 1.0, 1.0]) for view in views])
+        rates = np.array([rotation_derivatives(*three) for three in angles])
+        return cls(
+            views=tuple(views),
+            rotation=mirrors @ np.array([rotation_matrix(*three) for three in angles]),
+            rotation_rates=mirrors @ rates.swapaxes(0, 1),
+            center_mm=np.array([view.center_mm for view in views])[:, :, np.newaxis],
+            f_mm=np.array([[view.f_mm] for view in views]),
+            origin_px=np.array([[[view.x0_px] for view in views], [[view.y0_px] for view in views]]),
+            pixel_mm=np.array(
+                [[[view.pixel_x_mm] for view in views], [[-view.pixel_y_mm] for view in views]]
+            ),
+            image=np.array([_image(view) for view in views]),
+            corrects=np.array([view.polynomial == "correction" for view in views], np.bool_),
+            factor=factor,
+        )
+
+    @classmethod
+    def of(cls, calibration: Calibration) -> "Rig":
+        """Make a rig of a calibration's views, left then right, with its covariance."""
+        rig = cls.of_views(calibration.views, _factor(calibration.covariance))
+        return replace(rig, local_fields=calibration.local_fields) if any(calibration.local_fields) else rig
+
+    def local_sigma_px(self, observed_px: Array) -> Array | None:
+        """(2, V, N) σ of the local fields at observed positions (2, V, N); None if no view has one."""
+        if not self.local_fields:
+            return None
+        sigma = np.zeros(observed_px.shape)
+        for index, local_field in enumerate(self.local_fields):
+            if local_field is not None:
+                sigma[:, index] = local_field.sigma_at(observed_px[:, index].T).T
+        return sigma
+
+
+def _image(view: View) -> Array:
+    """(8, 15) polynomials in frame pixels, from those of the distortion or correction."""
+    table = polynomials(view.b)
+    table[[0, 2], :, 0] += 1.0
+    table[:, 0] /= view.pixel_x_mm
+    table[:, 1] /= -view.pixel_y_mm
+    return table.reshape(8, -1)
+
+
+def _factor(covariance: Array) -> Array | None:
+    """(2, 18, K) L with L·Lᵀ = covariance, from its correlations because the units span twenty decades."""
+    sigma = np.sqrt(np.diag(covariance))
+    if not sigma.any():
+        return None
+    scale = np.where(sigma > 0, sigma, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    # Held parameters have no variance: what the remaining directions show is rounding.
+    kept = values > 1e-14 * values[-1]
+    factor: Array = sigma[:, np.newaxis] * vectors[:, kept] * np.sqrt(values[kept])
+    return factor.reshape(2, len(PARAMETERS), -1)

@@ -1,0 +1,27 @@
+"""Measurement of target images in one field (paper 3.5): threshold, labelling, centre and its σ.
+
+A packed field goes in; blobs come out in frame pixels, x in columns and y in frame lines, so that no later
+room knows about rows, parity or bits. Everything works on the packed bits: in a field of targets 96 % of the
+bytes are empty and never touched, and grey values are gathered only where the threshold is exceeded.
+"""
+
+from grabberd.core.measurement.background import background_of
+from grabberd.core.measurement.blobs import Blobs
+from grabberd.core.measurement.location import measure, seen_in
+from grabberd.core.measurement.settings import METHODS, LocationSettings
+from grabberd.core.measurement.threshold.threshold import ThresholdRule, choose_threshold, trinder_levels
+from grabberd.core.measurement.threshold.threshold_map import threshold_map, with_seen_size
+
+__all__ = [
+    "METHODS",
+    "Blobs",
+    "LocationSettings",
+    "ThresholdRule",
+    "background_of",
+    "choose_threshold",
+    "measure",
+    "seen_in",
+    "threshold_map",
+    "trinder_levels",
+    "with_seen_size",
+]

@@ -1,0 +1,1 @@
+"""How the program opens, holds, checks and writes any file: one place for locks, descriptors and full disks."""

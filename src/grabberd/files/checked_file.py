@@ -1,0 +1,74 @@
+"""New files that are read back before they get their names: what is reported as written can be read."""
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from errno import EEXIST
+from os import strerror
+from pathlib import Path
+from typing import IO
+
+from grabberd.errors import StorageError
+from grabberd.files.disk import storage_errors
+
+Check = Callable[[Path], str | None]
+"""Reads a file by an independent reader; returns what is wrong with it in words, or None."""
+_HINT = "try again; if it comes again, check the disk, and look for a hint in the system's log"
+
+
+@contextmanager
+def checked_path(path: Path, check: Check) -> Iterator[Path]:
+    """A path to write a new file at, which gets its own name once it has been read back.
+
+    Nothing is left under either name if writing fails, or reading back finds something else.
+
+    Raises:
+        StorageError: The file exists, cannot be written, or is not what was to be written.
+    """
+    # The ending stays: writers of videos choose the format by it.
+    part = path.with_name(f".part-{path.name}")
+    try:
+        with storage_errors(path):
+            if path.exists():
+                raise FileExistsError(EEXIST, strerror(EEXIST), str(path))
+            yield part
+        check_file(part, check, path.name)
+        with storage_errors(path):
+            part.rename(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+@contextmanager
+def checked_file(path: Path, check: Check) -> Iterator[IO[bytes]]:
+    """The same as an open file.
+
+    Raises:
+        StorageError: See `checked_path`.
+    """
+    with checked_path(path, check) as part, part.open("xb") as file:
+        yield file
+
+
+def write_checked(path: Path, parts: Iterable[bytes], check: Check) -> Path:
+    """Writes a new file part by part, reads it back, and returns its path.
+
+    Raises:
+        StorageError: See `checked_path`.
+    """
+    with checked_path(path, check) as part, part.open("xb") as file:
+        file.writelines(parts)
+    return path
+
+
+def check_file(path: Path, check: Check, name: str) -> None:
+    """Reads a file back; a message calls it by `name`.
+
+    Raises:
+        StorageError: It is not what was to be written.
+    """
+    try:
+        wrong = check(path)
+    except Exception as error:  # every reader has errors of its own
+        wrong = f"it cannot be read ({error})"
+    if wrong:
+        raise StorageError(f"{name} reads back other than it was written: {wrong}", _HINT)

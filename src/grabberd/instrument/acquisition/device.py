@@ -1,0 +1,158 @@
+"""The driver contract: the interface of every frame grabber, real or simulated, to the capture thread.
+
+A driver is a separate package, found by name through the entry point group `grabberd.drivers`. It is
+constructed with the options of its configuration (`Driver(**options)`) and raises `ValueError` with a clear
+message for options it cannot use; nothing is opened before `open()`. Only one thread uses a grabber at a
+time.
+"""
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import NamedTuple, Protocol
+
+from grabberd.core.field import Field
+from grabberd.core.field.standards import FieldOrder
+
+
+class Signal(StrEnum):
+    """State of the camera's signal as reported by the grabber."""
+
+    PRESENT = "present"
+    ABSENT = "absent"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class StreamInfo:
+    """The stream as granted (not as requested), and how far the driver can be trusted.
+
+    Attributes:
+        driver: Name of the driver.
+        card: The device's own name.
+        standard: Video standard, e.g. "PAL".
+        columns: Pixels per row.
+        field_rows: Rows of one delivered field, or of a progressive picture.
+        rate_hz: Fields per second, or whole pictures where there are no fields.
+        field_order: See `FieldOrder`.
+        pixel_format: E.g. "GREY".
+        buffers: Number of fields that the driver holds while nobody dequeues: two for each buffer of a frame.
+        live: False for a recording, whose fields may repeat bit for bit.
+        counts_losses: True if `sequence` grows by more than one when a field is lost.
+        tells_signal: True if `signal()` can be trusted.
+        time_sigma_ns: Standard deviation of a field's time about the middle of its exposure.
+        waits_for_reader: True if fields come as fast as they are read and reading late loses none; the
+            capture thread then reads only while a capture takes them.
+        details: Further information for people.
+        remarks: Warnings for people, in sentences: a rate of 25 Hz, a bus that is too slow.
+    """
+
+    driver: str
+    card: str
+    standard: str
+    columns: int
+    field_rows: int
+    rate_hz: float
+    field_order: FieldOrder
+    pixel_format: str
+    buffers: int
+    live: bool
+    counts_losses: bool
+    tells_signal: bool
+    time_sigma_ns: int
+    waits_for_reader: bool = False
+    details: dict[str, str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def buffered_ns(self) -> int:
+        """Time that the driver's buffers last for, while nobody takes fields."""
+        return round(self.buffers * 1e9 / self.rate_hz)
+
+
+class GrabbedField(NamedTuple):
+    """One field out of a driver's buffer.
+
+    Attributes:
+        field: Grey values, a view that is valid only inside the `dequeue` block.
+        time_ns: Middle of the exposure, CLOCK_MONOTONIC, as exactly as the driver can tell.
+        sequence: The driver's own count of *fields*, or None if it has none.
+        damage: Fault reported by the driver in a few words, or None. "no signal" comes from a recording: the
+            picture was not the camera's.
+    """
+
+    field: Field
+    time_ns: int
+    sequence: int | None
+    damage: str | None
+
+
+class Grabber(Protocol):
+    """A frame grabber."""
+
+    @property
+    def called_ns(self) -> int:
+        """Time spent so far in calls to the device that should return at once, not in waiting for fields: a
+        driver that hangs is known by it. It never decreases; 0 for a simulated one.
+        """
+        ...
+
+    @property
+    def found_empty(self) -> bool:
+        """True if no field was waiting when the last `dequeue` began: by this, the program knows that it
+        takes fields as fast as they come, whatever the computer does besides.
+        """
+        ...
+
+    def open(self) -> StreamInfo:
+        """Open the device and start streaming.
+
+        Raises:
+            DeviceAbsent: The device is not there; trying again later may help.
+            DeviceRefused: The device is there but cannot be used as asked.
+            StreamFailed: The device does not answer as it should; `reset` may help.
+        """
+        ...
+
+    def dequeue(self, timeout_s: float) -> AbstractContextManager[Sequence[GrabbedField]]:
+        """Wait up to `timeout_s` for the next fields, the older first.
+
+        The fields are views into the driver's buffer; leaving the block returns the buffer to the driver. An
+        empty sequence means that nothing arrived in time.
+
+        Raises:
+            DeviceLost: The device went away.
+            StreamFailed: The device is there but no longer streams; `restart` may help.
+            StreamEnded: A recording has no further field.
+            PictureError: A recording's next picture cannot be read; those before it were delivered.
+        """
+        ...
+
+    def signal(self) -> Signal:
+        """Report whether a camera is connected; called between fields, never blocks."""
+        ...
+
+    def restart(self) -> StreamInfo:
+        """Stop and restart the stream of the open device; fields waiting in its buffers are dropped.
+
+        Raises:
+            DeviceLost: The device is not open, or went away.
+            StreamFailed: The stream does not start.
+            DeviceRefused: The stream granted now differs from the one granted before.
+        """
+        ...
+
+    def reset(self) -> None:
+        """Reset the closed device as unplugging it would, where software can do that.
+
+        Raises:
+            DeviceAbsent: The device is not there.
+            DeviceRefused: The device cannot be reset, or not with these permissions; the hint says what is
+                missing.
+        """
+        ...
+
+    def close(self) -> None:
+        """Stop streaming and release the device; safe to call twice, and after a failed `open`."""
+        ...

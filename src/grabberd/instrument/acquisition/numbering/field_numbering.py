@@ -1,0 +1,340 @@
+"""Field numbering: the place of each grabbed field in the camera's endless count, and the losses before
+it.
+"""
+
+import math
+from collections import deque
+
+from grabberd.core.field import FieldOrder
+from grabberd.core.ledger import NO_SIGNAL, LedgerEntry, LedgerEvent, Outcome, Rebase, numbers_off
+from grabberd.instrument.acquisition.device import GrabbedField, Signal, StreamInfo
+from grabberd.instrument.acquisition.numbering.arrivals import Arrival, Arrivals
+from grabberd.instrument.acquisition.numbering.doubts import Doubts, Evidence
+from grabberd.instrument.acquisition.numbering.losses import contradiction, doubtful, lost_before
+from grabberd.instrument.acquisition.numbering.numbered import Numbered
+from grabberd.instrument.acquisition.numbering.pace import SUSPECTED, Came, Pace
+from grabberd.instrument.acquisition.numbering.paths import Paths, Step
+from grabberd.instrument.acquisition.numbering.pending import Pending, outcome_of
+from grabberd.instrument.acquisition.numbering.sequence_steps import SequenceSteps
+from grabberd.instrument.acquisition.numbering.settling import Doubt, Settling
+from grabberd.instrument.acquisition.numbering.stamps import Stamps
+from grabberd.instrument.acquisition.numbering.stream_start import StreamStart
+from grabberd.instrument.acquisition.numbering.timing import Timing
+from grabberd.instrument.acquisition.standstill import COMPUTER_BUSY
+
+_MOST_PENDING = 16
+"""Fields that wait for more evidence before the likeliest path is taken, or as many as were in the driver's
+buffers, where that is more, and `_CONFIRMING` after them."""
+_CONFIRMING = 10
+
+
+class FieldNumbering:
+    """Numbers fields by all evidence at once: time, parity, the driver's count and the arrival.
+
+    A field whose number is in doubt is kept back until later ones have settled it, but not for
+    ever. What cannot be settled is damaged, "number uncertain by up to N". The time of a field whose stamp is
+    not believed is predicted, and the reason says so.
+
+    Args:
+        info: The stream as granted. The times of a recording are taken as they are.
+        since_ns: When the stream was asked for, on the clock of the arrivals; None if unknown.
+    """
+
+    def __init__(self, info: StreamInfo, since_ns: int | None = None) -> None:
+        self._live = info.live
+        self._has_parity = info.field_order.has_parity
+        self._pace = Pace(info)
+        self._stamps = Stamps(info, self._pace)
+        self._arrivals = Arrivals(info, self._pace)
+        self._sequence = (
+            SequenceSteps(info.field_order is FieldOrder.ALTERNATE) if info.counts_losses else None
+        )
+        self._settling = Settling(self._arrivals, info.field_order, has_own_pace=self._pace.is_followed)
+        self._timing = Timing(info, self._pace, self._stamps, self._arrivals, since_ns)
+        self._doubts = Doubts(self._arrivals, self._pace)
+        self._n = -1
+        self._parity = 0
+        self._miscounted = False
+        self._paths: Paths | None = None
+        self._pending: deque[Pending] = deque()
+        self._buffered = info.buffers
+        self._most_pending = max(_MOST_PENDING, self._buffered + _CONFIRMING)
+        self._start = StreamStart(info, self._arrivals, since_ns, self._most_pending, self._pace)
+        self._interruption: str | None = None
+        self._since_ns: int | None = None
+        self._standstill = COMPUTER_BUSY
+        self._waited = 0
+
+    @property
+    def rate_hz(self) -> float:
+        """Fields per second that the camera keeps to, by which numbers and times go."""
+        return self._pace.rate_hz
+
+    @property
+    def steady_hz(self) -> float | None:
+        """Rate of the latest pictures of a progressive camera that came steadily; None if none did."""
+        return self._pace.steady_hz
+
+    def interrupt(self, reason: str) -> list[Numbered]:
+        """Note that the stream stopped: fields missing before the next one were lost for this reason.
+
+        Returns:
+            The fields that were still in doubt.
+        """
+        settled = self.settle()
+        self._interruption = reason
+        if self._sequence is not None:
+            self._sequence.forget()
+        return settled
+
+    def resume(self, since_ns: int | None) -> None:
+        """Note that the stream was asked for again: no field that comes was exposed before `since_ns`."""
+        self._since_ns = since_ns
+
+    def stood_still(self, time_ns: int, reason: str = COMPUTER_BUSY) -> None:
+        """Note that nobody took fields for some time, which fills the driver's buffers.
+
+        Args:
+            time_ns: Time since the buffers were empty.
+            reason: Reason for fields that are lost meanwhile.
+        """
+        if time_ns > (self._buffered - 1) * self._pace.period_ns:
+            # The fields that are lost come after those that were in the buffers.
+            self._standstill, self._waited = reason, self._buffered + 1
+
+    def number(
+        self,
+        grabbed: GrabbedField,
+        signal: Signal = Signal.UNKNOWN,
+        damage: str | None = None,
+        now_ns: int | None = None,
+        no_picture: str | None = None,
+        *,
+        in_time: bool = True,
+    ) -> list[Numbered]:
+        """Number the next field.
+
+        Args:
+            grabbed: Its time, parity, sequence and damage are used, not its grey values.
+            signal: The driver's last report.
+            damage: Damage found in its content, in addition to the driver's report.
+            now_ns: Arrival, on the clock that a live stream's times should use: no field comes from the
+                future.
+            no_picture: Picture that the grabber substituted, as found in its content.
+            in_time: False if it may have waited in the driver's buffers, as far as the program knows.
+
+        Returns:
+            The fields that are settled now, the oldest first; none while this one is in doubt.
+        """
+        absent = NO_SIGNAL if signal is Signal.ABSENT else no_picture
+        outcome = outcome_of(absent, grabbed.damage or damage)
+        pending = self._look(grabbed, now_ns, *outcome, no_signal=signal is Signal.ABSENT, in_time=in_time)
+        settled = self._follow_pace() if self._has_another_pace(pending) else []
+        self._waited = max(self._waited - 1, 0)
+        self._interruption = None
+        if self._paths is not None:
+            return settled + self._go_on(self._paths, pending)
+        self._start.add(pending)
+        return self._begin() if self._start.is_over else []
+
+    def settle(self) -> list[Numbered]:
+        """Number the fields that are in doubt by what is known now."""
+        settled = self._begin() if self._paths is None and self._start.fields else []
+        while self._pending and self._paths is not None:
+            self._settling.is_settled(self._pending, self._paths)  # which notes what doubt there is
+            settled.append(self._settle_oldest(self._paths))
+        return settled
+
+    def _has_another_pace(self, pending: Pending) -> bool:
+        time_ns, arrived_ns = pending.time_ns, pending.arrival.time_ns
+        way_ns = None if time_ns is None or arrived_ns is None else arrived_ns - time_ns
+        # Stamps that are not those of arrivals tell nothing of a wait.
+        may_have_waited = not self._arrivals.tells_of_stamps and (
+            pending.arrival.burst or not pending.in_time
+        )
+        has_waited = may_have_waited or pending.interruption is not None
+        return self._pace.see(Came(time_ns, pending.count, way_ns, has_waited))
+
+    def _follow_pace(self) -> list[Numbered]:
+        """Go on by the pace that the camera has now; fields in doubt are numbered by the driver's count."""
+        settled = []
+        if self._paths is None:
+            first, *waiting = self._start.fields
+            settled = [self._begin_with(first, 0, 0)]
+        else:
+            waiting, self._pending = list(self._pending), deque()
+        settled += [self._count(one, len(waiting) - at) for at, one in enumerate(waiting)]
+        self._arrivals.learn_anew(self._pace.ways_ns)
+        self._timing.follow_pace(self._doubts.end_by_count(self._n, self._pace.before_ns))
+        self._paths = Paths(None, self._arrivals.way)
+        return settled
+
+    def _count(self, pending: Pending, back: int) -> Numbered:
+        """Number a field by the driver's count, as its time tells nothing between one pace and another; so
+        many have come after it.
+        """
+        step = Step(pending.count or 1, None, None)
+        lost = lost_before(pending, step, self._n + 1)
+        self._n += step.fields
+        time_ns = pending.stamp_ns if pending.time_ns is None else pending.time_ns
+        if lost_uncounted := self._pace.unexplained(back):
+            pending = pending.uncertain(lost_uncounted)
+        return self._numbered(pending, time_ns, lost, None)
+
+    def _begin(self) -> list[Numbered]:
+        """Number the first fields, now that it is known how late the first one was."""
+        first, *others = self._start.fields
+        late_by = 0 if self._start.is_known else self._start.may_be_late_by
+        settled = [self._begin_with(first, self._start.late_ns, late_by)]
+        assert self._paths is not None, "it has just begun"
+        return settled + [one for pending in others for one in self._go_on(self._paths, pending)]
+
+    def _begin_with(self, first: Pending, late_ns: int, late_by: int) -> Numbered:
+        """Number the first field, whose stamp is late by so much and may be by so many fields."""
+        time_ns, doubt = self._timing.begin(first, late_ns)
+        self._doubts.begin(time_ns, late_by)
+        self._n, self._parity = 0, first.parity
+        self._paths = Paths(first.phase, self._arrivals.way, exact=not self._live)
+        return self._numbered(first.uncertain(late_by) if late_by else first, time_ns, (), doubt)
+
+    def _go_on(self, paths: Paths, pending: Pending) -> list[Numbered]:
+        self._pending.append(pending)
+        stamp = self._timing.steps_to(pending.time_ns)
+        arrival = self._timing.steps_to(pending.arrival.time_ns)
+        paths.see(pending.seen(stamp, arrival))
+        settled = []
+        while self._pending and self._goes_on(paths):
+            settled.append(self._settle_oldest(paths))
+        return settled
+
+    def _goes_on(self, paths: Paths) -> bool:
+        """True if the oldest field has its number, or has waited for it as long as it may."""
+        if self._pace.may_change and len(self._pending) < SUSPECTED:
+            return False
+        return self._settling.is_settled(self._pending, paths) or len(self._pending) > self._most_pending
+
+    def _longest_wait(self, arrival: Arrival) -> int:
+        """Number of fields for which the first one after an interruption may have waited, by its arrival."""
+        exposed_ns = self._arrivals.exposed_ns(arrival)
+        if not self._interruption or exposed_ns is None or self._arrivals.tells_of_stamps:
+            return 0
+        since_last = self._timing.steps_to(exposed_ns)
+        longest = math.inf if since_last is None else since_last - 1
+        if self._since_ns is not None:
+            longest = min(longest, (exposed_ns - self._since_ns) / self._pace.period_ns)
+        return max(math.ceil(longest), 0) if math.isfinite(longest) else self._buffered
+
+    def _look(
+        self,
+        grabbed: GrabbedField,
+        now_ns: int | None,
+        outcome: Outcome,
+        reason: str | None,
+        *,
+        no_signal: bool,
+        in_time: bool,
+    ) -> Pending:
+        parity = grabbed.field.parity
+        time_ns, doubt = self._stamps.look(grabbed.time_ns, now_ns, interrupted=bool(self._interruption))
+        arrival = self._arrivals.look(parity, now_ns)
+        return Pending(
+            parity,
+            parity if self._has_parity else None,
+            grabbed.time_ns,
+            None if doubt else time_ns,
+            doubt,
+            arrival,
+            doubt is None and self._arrivals.compare(arrival, grabbed.time_ns),
+            grabbed.sequence,
+            # Of every field, also where time decides: it learns from each, and remembers the last count.
+            self._sequence.step(grabbed.sequence, parity) if self._sequence else None,
+            self._sequence is not None and self._sequence.restarted,
+            outcome,
+            reason,
+            no_signal,
+            in_time,
+            may_have_waited=0 if in_time else self._longest_wait(arrival),
+            interruption=self._interruption,
+            standstill=self._standstill if self._waited > 0 else None,
+        )
+
+    def _settle_oldest(self, paths: Paths) -> Numbered:
+        pending = self._pending.popleft()
+        doubt_of_number = self._settling.settle_next(pending, paths)
+        step = paths.settle()
+        lost = lost_before(pending, step, self._n + 1)
+        self._n += step.fields
+        time_ns, doubt = self._timing.come_to(pending, step, self._n)
+        if late := self._timing.take_late():
+            self._arrivals.way = self._arrivals.way.longer_by(late)
+            paths.lengthen_way(late)
+            self._doubts.shift(round(late * self._pace.period_ns))
+        if step.wrong_parity:
+            pending = pending.damaged("parity contradicts time")
+        was_open, evidence = self._doubts.open, self._evidence(pending, step, doubt_of_number, paths)
+        uncertain_by = self._doubts.of(self._n, time_ns, step, pending.arrival, evidence)
+        rebases = self._rebases(pending, step)
+        if uncertain_by:
+            is_met = pending.arrival.time_ns is None or evidence.way_is_known
+            if was_open or not is_met or doubt_of_number.of_loss or evidence.ahead_by:
+                lost = doubtful(lost, uncertain_by)
+            pending = pending.uncertain(uncertain_by)
+        else:
+            self._learn(pending.arrival, time_ns, paths)
+        return self._numbered(pending, time_ns, lost, doubt, rebases)
+
+    def _evidence(self, pending: Pending, step: Step, doubt: Doubt, paths: Paths) -> Evidence:
+        """Evidence about a field's number, besides how it was numbered."""
+        ahead = self._timing.take_ahead()
+        # One more: the early fields before it have moved the clock by part of a period.
+        too_many = math.ceil(ahead) + 1 if ahead else 0
+        # It has waited for as long as it may, and nothing has told yet why it came late.
+        unexplained = self._pace.unexplained(len(self._pending)) if self._pace.may_change else 0
+        of_itself = max(
+            step.doubt, too_many, contradiction(pending, step), pending.may_have_waited, unexplained
+        )
+        return Evidence(
+            max(doubt.fields, of_itself),
+            way_is_known=paths.best.way.is_known,
+            in_time=step.arrived_in_time and pending.in_time,
+            ahead_by=round(ahead),
+            of_loss=doubt.of_loss or pending.may_have_waited > 0,
+            stamps_follow=any(kind is Rebase.CLOCK for kind, _ in self._timing.rebases),
+            of_place=doubt.of_place and not of_itself,
+            counted=pending.count,
+        )
+
+    def _learn(self, arrival: Arrival, time_ns: int, paths: Paths) -> None:
+        """Learn the shortest way from a field whose number is certain."""
+        self._arrivals.learn(arrival, time_ns)
+        if paths.best.way.is_known and not self._arrivals.way.is_known:
+            self._arrivals.way = paths.best.way
+        paths.confirm_way(self._arrivals.way)
+
+    def _rebases(self, pending: Pending, step: Step) -> tuple[LedgerEvent, ...]:
+        """Changes of what numbers and times go by, from this field on."""
+        found, self._timing.rebases = self._timing.rebases, []
+        before, self._miscounted = self._miscounted, pending.recounted or pending.overcounts(step.fields)
+        if self._miscounted and not before:  # once, also where a driver counts wrongly throughout
+            happened = "restarted" if pending.recounted else "skipped"
+            found.append((Rebase.COUNT, f"the driver's count has {happened}, to {pending.sequence}"))
+        due = (self._parity + step.fields) % 2
+        self._parity = due if step.wrong_parity else pending.parity
+        if self._has_parity and self._parity != due:
+            found.append((Rebase.PHASE, "the camera has gone on in the other phase"))
+        events = tuple(LedgerEvent(self._n, *one) for one in found)
+        too_high_by = self._doubts.too_high_by
+        return (*events, numbers_off(self._n, too_high_by)) if too_high_by else events
+
+    def _numbered(
+        self,
+        pending: Pending,
+        time_ns: int,
+        lost: tuple[LedgerEntry, ...],
+        doubt: str | None,
+        rebases: tuple[LedgerEvent, ...] = (),
+    ) -> Numbered:
+        reason = pending.reason
+        if pending.outcome is Outcome.RECEIVED and doubt:
+            reason = f"time predicted ({doubt})"
+        return Numbered(self._n, time_ns, pending.outcome, reason, lost, rebases)

@@ -1,0 +1,175 @@
+"""Pace of a camera: the time from one picture to the next as it really is, which need not be as granted."""
+
+from collections import deque
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+from grabberd.core.field import FieldOrder
+from grabberd.instrument.acquisition.device import StreamInfo
+
+_FEWEST, _MOST = 8, 64
+"""Intervals in a row that tell a pace: few where it is far from the one expected, more where it is close."""
+_ALIKE = 0.2
+"""Share of their mean by which intervals of a steady pace may differ."""
+_DRIFT, _OF_MANY, _MANY = 0.35, 0.2, 32
+"""Periods that the pictures of a steady pace may gain or lose in all, before it is another one; of so many
+and more. With half a period they would be numbered wrongly."""
+_SHORTEST, _LONGEST = 0.9, 12.0
+"""Periods of a pace, in those granted: a camera slows down in the dark, and hardly runs ahead."""
+_LONG = 1.6
+"""Times by which an interval is longer than those beside it where a picture may be lost uncounted."""
+_AS_COUNTED = 0.1
+"""Share by which an interval may differ from what the pace has for its count."""
+SUSPECTED = 20
+"""Fields that wait after such an interval, within which another pace may explain it."""
+_TOLD = 0.05
+"""Share by which a rate departs from the last one that was told, before it is told again."""
+
+
+class Came(NamedTuple):
+    """A field as it came.
+
+    Attributes:
+        time_ns: Its time by its stamp; None if that is not believed.
+        counted: Fields since the one before by the driver's count; None if that cannot tell.
+        way_ns: From its time to its arrival; None if unknown.
+        has_waited: True if it may have waited, or the stream was interrupted before it.
+    """
+
+    time_ns: int | None
+    counted: int | None
+    way_ns: int | None
+    has_waited: bool
+
+
+class Pace:
+    """Time from field to field that the camera is expected to keep to.
+
+    A digital camera that may choose its exposure delivers fewer pictures in the dark than it has granted.
+    Where it counts its pictures and sends them steadily, its own pace takes over from the one granted. A
+    queue that drains looks steady as well, so no field of a pace may have waited. Without a count every
+    second picture may be lost as well: then the pace is told, and not followed.
+
+    Args:
+        info: The stream as granted.
+
+    Attributes:
+        period_ns: Time from field to field, granted or followed; `rate_hz`: fields per second.
+        steady_hz: Rate of the latest fields that came steadily; None while none did.
+        is_followed: True if a steady pace other than that granted would be followed.
+    """
+
+    def __init__(self, info: StreamInfo) -> None:
+        self.rate_hz = self._granted_hz = self._told_hz = info.rate_hz
+        self.period_ns = self._granted_ns = 1e9 / info.rate_hz
+        self.steady_hz: float | None = None
+        keeps_pace = info.live and not info.waits_for_reader
+        self._is_free = keeps_pace and info.field_order is FieldOrder.PROGRESSIVE
+        self.is_followed = self._is_free and info.counts_losses
+        self._steady: deque[Came] = deque(maxlen=_MOST + 1)
+        self._recent: deque[Came] = deque(maxlen=_MOST)
+        self._suspected = 0
+
+    @property
+    def may_change(self) -> bool:
+        """True while an interval may have been long for either reason: pictures were lost, or are fewer."""
+        return self._suspected > 0
+
+    @property
+    def before_ns(self) -> int:
+        """Time of the last field but one, by its stamp."""
+        return self._recent[-2].time_ns or 0
+
+    @property
+    def ways_ns(self) -> Sequence[int]:
+        """Ways of the latest fields, as many as tell a pace."""
+        latest = list(self._recent)[-_FEWEST - 1 :]
+        return [one.way_ns for one in latest if one.way_ns is not None]
+
+    def see(self, came: Came) -> bool:
+        """Take in the next field; True if the camera has another pace by now, which is followed."""
+        if not self._is_free:
+            return False
+        self._suspect(came)
+        self._recent.append(came)
+        self._add(came)
+        times_ns = [one.time_ns for one in self._steady if one.time_ns is not None]
+        intervals = len(times_ns) - 1
+        if intervals < _FEWEST:
+            return False
+        self._suspected = 0
+        span_ns = times_ns[-1] - times_ns[0]
+        mean_ns = span_ns / intervals
+        self.steady_hz = 1e9 / mean_ns
+        drift = abs(span_ns / self.period_ns - intervals)
+        if not self.is_followed or drift < (_DRIFT if intervals < _MANY else _OF_MANY):
+            return False
+        if not _SHORTEST < mean_ns / self._granted_ns < _LONGEST:
+            return False
+        self.period_ns, self.rate_hz = mean_ns, self.steady_hz
+        self._steady.clear()
+        return True
+
+    def unexplained(self, back: int) -> int:
+        """Pictures that may be lost uncounted before the field that came so many before the newest.
+
+        Between one pace and another only the interval itself tells of a loss: it is long beside both others.
+        """
+        around = list(self._recent)[-back - 3 :][:4]
+        if back < 1 or len(around) < 4:
+            return 0
+        before_ns, own_ns, after_ns = (_interval_ns(*two) for two in pairwise(around))
+        beside_ns = max(before_ns, after_ns)
+        is_long = own_ns > _LONG * beside_ns > 0
+        return (around[2].counted or 1) * (round(own_ns / beside_ns) - 1) if is_long else 0
+
+    def take_told(self) -> str | None:
+        """Sentence about a rate that was not told yet; None if there is nothing new."""
+        if abs(self.rate_hz / self._told_hz - 1) < _TOLD:
+            return None
+        self._told_hz = self.rate_hz
+        return (
+            f"the camera delivers {self.rate_hz:.1f} pictures a second, {self._granted_hz:.4g} were granted"
+        )
+
+    def _suspect(self, came: Came) -> None:
+        """Note an interval that is much longer than the one before, or not as long as its count says."""
+        self._suspected = max(self._suspected - 1, 0)
+        if not self.is_followed or len(self._recent) < 2:
+            return
+        before, last = self._recent[-2], self._recent[-1]
+        interval_ns, before_ns = _interval_ns(last, came), _interval_ns(before, last)
+        miscounted = came.counted not in {None, 1} and abs(interval_ns / self.period_ns - 1) > _AS_COUNTED
+        if interval_ns and (miscounted or interval_ns > _LONG * before_ns > 0):
+            self._suspected = SUSPECTED
+
+    def _add(self, came: Came) -> None:
+        """Append a field that follows the one before steadily, or begin anew with it."""
+        steady = self._steady
+        if came.time_ns is None or came.has_waited:
+            steady.clear()
+            return
+        if self.is_followed and came.counted != 1:
+            steady.clear()
+        elif steady and not self._is_alike(_interval_ns(steady[-1], came)):
+            before = steady[-1]
+            steady.clear()
+            steady.append(before)  # the interval between them may be the first of another pace
+        steady.append(came)
+
+    def _is_alike(self, interval_ns: float) -> bool:
+        if len(self._steady) < 2:
+            return interval_ns > 0
+        first_ns, last_ns = self._steady[0].time_ns, self._steady[-1].time_ns
+        if first_ns is None or last_ns is None:
+            return False
+        mean_ns = (last_ns - first_ns) / (len(self._steady) - 1)
+        return abs(interval_ns - mean_ns) <= _ALIKE * mean_ns
+
+
+def _interval_ns(one: Came, other: Came) -> float:
+    """Time from field to field between two of which one came after the other; 0 if that is unknown."""
+    if one.time_ns is None or other.time_ns is None:
+        return 0.0
+    return (other.time_ns - one.time_ns) / (other.counted or 1)

@@ -1,0 +1,327 @@
+"""Capture start: the steps for one device, and their order for one device or several.
+
+All captures of a group start at the same moment, or none does; a single capture is a group of one.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, replace
+
+from grabberd import __version__
+from grabberd.archive import CaptureMeta, CaptureWriter
+from grabberd.clock import Moment, boot_id, iso_utc
+from grabberd.core.ledger import Slot
+from grabberd.errors import GrabberdError, GroupRefused, InputError, NotReady
+from grabberd.instrument.acquisition import Signal
+from grabberd.instrument.capture.capture_request import ArmedCapture, NewCapture
+from grabberd.instrument.capture.device_captures import CurrentCaptures, DeviceCaptures
+from grabberd.instrument.capture.edges import Begin, fields_before
+from grabberd.instrument.capture.recorder import Backlog, Recorder
+from grabberd.instrument.capture.recording import LIVE_RUN, Recording
+from grabberd.instrument.channels.channel_recording import ChannelRecording
+
+
+class CaptureStart:
+    """The steps from a request to a running capture, which the functions below take in order.
+
+    All steps are taken under the device's lock.
+
+    Args:
+        device: The captures of the device.
+        new: The capture to be started or armed.
+    """
+
+    def __init__(self, device: DeviceCaptures, new: NewCapture) -> None:
+        self.device = device
+        self.new = new
+        self._recorder: Recorder | None = None
+        self._back_fields = 0
+        self._fields: int | None = None
+        self._recording: Recording | None = None
+        self._channels: ChannelRecording | None = None
+
+    @property
+    def recording(self) -> Recording:
+        """The capture; only after `make_file`."""
+        assert self._recording is not None, "make_file() comes first"
+        return self._recording
+
+    @property
+    def duration_s(self) -> float | None:
+        """Length of the capture; None if it has none."""
+        fields = self.new.request.fields
+        return None if fields is None else fields / self.device.rate_hz
+
+    def check_free(self) -> None:
+        """Checks that a capture may be started or armed.
+
+        Raises:
+            CaptureRunning: The device has a capture already.
+            NotReady: The device does not stream.
+            InputError: The ring has fewer slots than the pre-trigger asks for.
+            CalibrationMismatch: The calibration is for pictures of another size than the stream's.
+        """
+        self.device.check_no_capture()
+        self.check_streams()
+        asked, slots = self.new.request.pre_trigger_fields, self.device.pipeline.ring.slots
+        if asked > slots:
+            raise InputError(
+                f"pre_trigger_fields is {asked}, but the ring has {slots} slots",
+                f"ask for fewer, or raise devices.{self.device.name}.ring.slots",
+            )
+
+    def check_streams(self) -> None:
+        """Checks that the device streams pictures, and ones that fit its calibration if it has one.
+
+        Raises:
+            NotReady, CalibrationMismatch: See `check_free`.
+        """
+        if not self.device.accepts:
+            status = self.device.board.now
+            cause = f" ({status.cause})" if status.cause else ""
+            raise NotReady(
+                f"device {self.device.name} is {status.state}{cause}",
+                status.hint or "wait until its state is ready: GET /api/v1/state",
+            )
+        self.device.check_measurable()
+
+    def configure_ring(self) -> None:
+        """Gives the ring the capture's bits and lines, and chooses and holds its threshold."""
+        pipeline = self.device.pipeline
+        configured = pipeline.configure_ring(self.new.request.bits, self.new.request.lines)
+        # Without a signal no field comes to choose a threshold by, and the wait would run into its time-out.
+        if self.device.board.now.signal is not Signal.ABSENT:
+            pipeline.thresholds.settle(configured)
+        pipeline.thresholds.hold()
+
+    def arm(self, armed_utc: str) -> ArmedCapture:
+        """Keeps the ring as it is until the trigger."""
+        pipeline = self.device.pipeline
+        armed = self.device.armed = ArmedCapture(
+            self.new.id,
+            self.device.name,
+            armed_utc,
+            self.new.request,
+            pipeline.ring.bits,
+            None if pipeline.is_progressive else pipeline.ring.lines,
+            self.device.rate_hz,
+            self.new.group,
+        )
+        return armed
+
+    def record(self, start: Moment) -> None:
+        """Starts to take fields, from a moment on or with the pre-trigger's fields from the ring.
+
+        There is no file yet. However long that takes to be made, no field is missed meanwhile.
+        """
+        pipeline, request = self.device.pipeline, self.new.request
+        stream = replace(self.device.stream, rate_hz=self.device.rate_hz)
+        reader = pipeline.ring.reader(request.overrun, back=request.pre_trigger_fields)
+        period_ns = round(1e9 / stream.rate_hz)
+        keeps_pace = stream.live and not stream.waits_for_reader
+        asked_ns = start.ns if keeps_pace else None
+        begin = Begin.of(reader, asked_ns, request.pre_trigger_fields, period_ns)
+        self._back_fields = fields_before(reader, pipeline.ring.newest, begin, start.ns)
+        backlog: Backlog[Slot] = Backlog(capacity=round(self.device.queue_s * stream.rate_hz))
+        self._fields = request.fields
+        if self._fields is not None and self.new.armed_utc is not None:
+            self._fields += self._back_fields  # the length of an armed capture counts from its trigger
+        self._recorder = Recorder(reader, backlog, self.device.clock, stream, pipeline, self._fields, begin)
+        self._recorder.start(self.new.id)
+        self._channels = self.device.loggers.follow(self.device.name, same_clock=keeps_pace)
+
+    def make_file(self, start: Moment) -> None:
+        """Creates the file of the capture; may take long on a slow disk.
+
+        Args:
+            start: Moment at which recording started; the same for all captures of a group.
+
+        Raises:
+            StorageError: The file cannot be created.
+        """
+        assert self._recorder is not None, "record() comes first"
+        setup = self.device.setup
+        meta = self._meta(start)
+        channels = self._channels.channels if self._channels else ()
+        writer = CaptureWriter.create(self.new.part, meta, channels=channels)
+        if self._channels is not None:
+            writer.keep_account(self._channels.account)
+        if setup.measuring is not None:
+            made_utc = iso_utc(self.device.clock.utc_now())
+            writer.begin_run(LIVE_RUN, "live", made_utc, __version__, setup.made_with)
+        self._recording = Recording(
+            self.new,
+            self._recorder,
+            writer,
+            self.device.clock,
+            measured=setup.measuring is not None,
+            disk=self.device.disk,
+            channels=self._channels,
+            on_sealed=self.device.sealed,
+        )
+
+    def discard(self) -> None:
+        """Ends what `record` and `make_file` have begun, and leaves nothing of it."""
+        if self._recorder is not None:
+            self._recorder.abandon()
+        if self._channels is not None:
+            self._channels.close()
+        if self._recording is not None:
+            self._recording.discard()
+
+    def begin(self) -> None:
+        """Starts writing; from now on the capture is the device's."""
+        self.device.recording, self.device.armed = self.recording, None
+        self.recording.start()
+
+    def _meta(self, start: Moment) -> CaptureMeta:
+        device, request, group = self.device, self.new.request, self.new.group
+        config, stream, ring = device.setup.config, device.stream, device.pipeline.ring
+        return CaptureMeta(
+            id=self.new.id,
+            created_utc=start.utc,
+            start_ns=start.ns,
+            device={
+                "name": device.name,
+                "driver": config.driver,
+                "options": config.options,
+                "stream": asdict(stream),
+            },
+            config=config.model_dump(mode="json"),
+            site=device.site,
+            labels=request.labels,
+            note=request.note,
+            bits=ring.bits,
+            lines=ring.lines,
+            rate_hz=device.rate_hz,
+            version=__version__,
+            boot_id=boot_id(),
+            extra={
+                # From the first commit on: what a crash cuts off is told by what was ordered.
+                "order": {
+                    "fields": self._fields,
+                    "pre_trigger_fields": request.pre_trigger_fields,
+                    "overrun": request.overrun,
+                },
+                "on_interruption": request.on_interruption or config.capture.on_interruption,
+                "trigger": {"utc": start.utc, "n": self._back_fields, "armed_utc": self.new.armed_utc},
+                "group": None if group is None else group.document(start).model_dump(),
+            },
+        )
+
+
+def start(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:
+    """Starts captures; fields are taken from this moment on, or from the ring for a pre-trigger.
+
+    Raises:
+        CaptureRunning, NotReady, InputError, CalibrationMismatch: See `CaptureStart.check_free`.
+        StorageError: A file cannot be created, or the disk has no room for all of them.
+        GroupRefused: Some of several cannot start, so none does.
+    """
+    with _configured(starts):
+        _begin(starts, current)
+
+
+def arm(starts: Sequence[CaptureStart]) -> list[ArmedCapture]:
+    """Arms captures: their rings are configured, and stay so until they are triggered or disarmed.
+
+    Raises:
+        CaptureRunning, NotReady, InputError, CalibrationMismatch, GroupRefused: As `start`.
+    """
+    with _configured(starts):
+        armed_utc = iso_utc(starts[0].device.clock.utc_now())
+        return [one.arm(armed_utc) for one in starts]
+
+
+def trigger(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:
+    """Starts armed captures, with as many fields from before the trigger as they want and the ring has.
+
+    Raises:
+        Conflict: One is not armed.
+        NotReady, CalibrationMismatch, StorageError, GroupRefused: As `start`; they stay armed.
+    """
+    with _locks_of(starts):
+        # Asked again under the locks: another request may have triggered or stopped one meanwhile.
+        _each(starts, lambda one: one.device.check_armed(one.new.id))
+        _each(starts, CaptureStart.check_streams)
+        _begin(starts, current)
+
+
+@contextmanager
+def _locks_of(starts: Sequence[CaptureStart]) -> Iterator[None]:
+    """Holds the locks of all devices."""
+    with ExitStack() as stack:
+        # Always in the order of the names: two groups that share devices would else wait for each other.
+        for one in sorted(starts, key=lambda one: one.device.name):
+            stack.enter_context(one.device.lock)
+        yield
+
+
+@contextmanager
+def _configured(starts: Sequence[CaptureStart]) -> Iterator[None]:
+    """Holds the locks of all devices, with their rings configured and their thresholds held."""
+    with _locks_of(starts):
+        # Before any ring is touched: a running capture's must stay as it is.
+        _each(starts, CaptureStart.check_free)
+        try:
+            _each(starts, CaptureStart.configure_ring)
+            yield
+        except GrabberdError:
+            # Of all: also of a device whose own ring was configured without an error.
+            for one in starts:
+                one.device.pipeline.thresholds.release()
+            raise
+
+
+def _begin(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:
+    _check_room(starts, current)
+    moment = Moment.now(starts[0].device.clock)
+    # All record before the first file is made: making one may take longer than the ring lasts (0.64 s).
+    for one in starts:
+        one.record(moment)
+    try:
+        _each(starts, lambda one: one.make_file(moment))
+    except GrabberdError:
+        for one in starts:
+            one.discard()
+        raise
+    # No capture is the device's before all files are there: until here everything can be undone.
+    for one in starts:
+        one.begin()
+
+
+def _check_room(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:
+    """Checks that captures fit on the disk, beside what running ones write there.
+
+    Raises:
+        StorageError: The disk has no room for all of them.
+    """
+    bytes_per_s = current.bytes_per_s + sum(one.device.bytes_per_s for one in starts)
+    lengths_s = [one.duration_s for one in starts]
+    longest_s = None if None in lengths_s else max(length or 0.0 for length in lengths_s)
+    starts[0].device.disk.check_fits(starts[0].new.part.parent, bytes_per_s, longest_s)
+
+
+def _each(starts: Sequence[CaptureStart], step: Callable[[CaptureStart], None]) -> None:
+    """Takes a step for all at the same time, so that one that takes long delays no other.
+
+    Raises:
+        GrabberdError: A single capture fails; GroupRefused: some of several fail.
+    """
+
+    def attempt(one: CaptureStart) -> GrabberdError | None:
+        try:
+            step(one)
+        except GrabberdError as error:
+            return error
+        return None
+
+    if len(starts) == 1:
+        step(starts[0])
+        return
+    with ThreadPoolExecutor(len(starts), "capture-start") as pool:
+        errors = list(pool.map(attempt, starts))
+    refusals = {one.device.name: error for one, error in zip(starts, errors, strict=True) if error}
+    if refusals:
+        raise GroupRefused(refusals)

@@ -1,0 +1,377 @@
+"""Recording: from the ring into the capture's own queue, with the capture's ledger."""
+
+import itertools
+import threading
+from collections import deque
+from typing import Generic, Protocol, TypeVar
+
+from grabberd.clock import UtcClock
+from grabberd.core.ledger import Ledger, LedgerEntry, Outcome, Slot
+from grabberd.errors import RingOverrun
+from grabberd.instrument.acquisition import RingReader, StreamInfo
+from grabberd.instrument.capture.edges import Begin, NumbersFromBegin, cut, number_at
+
+T = TypeVar("T")
+GRACE_NS = 1_000_000_000
+"""Time after its due end that a capture of given length still waits for missing fields."""
+SILENT_FIELDS = 5
+"""After this many field times without a field the stream may have stalled."""
+HEARINGS, HEARING_S = 12, 0.1
+"""How often, and for how long each time, a recorder that ends in silence waits for an explanation.
+
+Together 1.2 s: longer than the capture thread takes to notice a stall (0.8 s) and to enter its reason.
+"""
+TAKE_S = 0.1
+"""Longest wait for a slot; also how long a stop may go unnoticed while no fields come."""
+
+
+class Backlog(Generic[T]):
+    """An append-only list that forgets its head once it is on disk; indices count from the first item ever.
+
+    The writer must not fall behind by more than `capacity` items: then `append` refuses. The measuring
+    worker may fall behind as far as it likes: it reads from the file what has been forgotten meanwhile.
+
+    Attributes:
+        capacity: Number of items that the writer may fall behind.
+        deepest: The most items that ever waited for the writer.
+    """
+
+    def __init__(self, capacity: int) -> None:
+        self.capacity = capacity
+        self.deepest = 0
+        self._items: deque[T] = deque()
+        self._first = 0
+        self._written = 0
+        self._closed = False
+        self._changed = threading.Condition()
+
+    @property
+    def end(self) -> int:
+        """Index after the last item."""
+        with self._changed:
+            return self._end()
+
+    @property
+    def closed(self) -> bool:
+        """True if nothing will be appended any more."""
+        return self._closed
+
+    def append(self, item: T) -> bool:
+        """Appends an item; returns False, and appends nothing, if the writer is `capacity` items behind."""
+        with self._changed:
+            waiting = self._end() - self._written
+            if waiting >= self.capacity:
+                return False
+            self._items.append(item)
+            self.deepest = max(self.deepest, waiting + 1)
+            self._changed.notify_all()
+            return True
+
+    def close(self) -> None:
+        """Ends the list: nothing will be appended any more; whoever waits is woken."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+    @property
+    def room(self) -> int:
+        """Number of items that the writer may still fall behind."""
+        with self._changed:
+            return self.capacity - (self._end() - self._written)
+
+    def from_index(self, index: int, timeout_s: float) -> list[T]:
+        """All items from an index on that is not forgotten; waits up to `timeout_s` for the first of them."""
+        with self._changed:
+            self._changed.wait_for(lambda: index < self._end() or self._closed, timeout_s)
+            return list(itertools.islice(self._items, index - self._first, None))
+
+    def written(self, count: int) -> None:
+        """Marks the next `count` items as on disk; all but the latest `capacity` of them are forgotten."""
+        with self._changed:
+            self._written += count
+            # The latest stay in memory for the worker, which reads the file only for what is forgotten.
+            while self._first < self._written and len(self._items) > self.capacity:
+                self._items.popleft()
+                self._first += 1
+            self._changed.notify_all()
+
+    def at(self, index: int, timeout_s: float) -> T | None:
+        """The item at an index; None if it does not come in time, or never will.
+
+        Raises:
+            LookupError: It has been forgotten; it is on disk.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: index < self._end() or self._closed, timeout_s)
+            if index < self._first:
+                raise LookupError(f"item {index} is forgotten, the oldest is {self._first}")
+            return self._items[index - self._first] if index < self._end() else None
+
+    def oldest(self) -> tuple[int, T]:
+        """Index of the oldest item that is not forgotten, and the item.
+
+        Raises:
+            LookupError: Nothing was ever appended.
+        """
+        with self._changed:
+            if not self._items:
+                raise LookupError("nothing was ever appended")
+            return self._first, self._items[0]
+
+    def _end(self) -> int:
+        return self._first + len(self._items)
+
+
+class FieldSource(Protocol):
+    """The source of a ring's fields, as far as a recorder is concerned."""
+
+    @property
+    def interruption(self) -> str | None:
+        """Reason why no fields come at this moment, or None while they do."""
+        ...
+
+    @property
+    def rate_hz(self) -> float:
+        """Fields per second that come at this moment, lost ones included."""
+        ...
+
+
+class Recorder:
+    """Takes fields until the capture has its length or is stopped; numbers them from the capture's first.
+
+    Its account begins at the instant asked for and ends at that of the stop: no field exposed before or after
+    is in it, and every one between is, lost ones included. A capture of given length ends on time, whatever
+    comes: a device that does not come back makes it incomplete, not endless. A source that waits for its
+    reader has no pace of its own, so its captures have no due end unless it is interrupted.
+
+    Args:
+        reader: Place in the ring; closed at the end.
+        backlog: Queue that the fields go into; closed at the end.
+        clock: Source of time.
+        stream: The stream as the driver granted it.
+        source: Explains why no fields come, and tells at which rate they do.
+        fields: Length of the capture, or None.
+        begin: Instant that the capture begins at; None: with whatever field comes first.
+
+    Attributes:
+        reader: See above.
+        backlog: See above.
+        ledger: Account of the fields so far.
+        ended_because: Reason for the end; None while it records.
+        first_n: The stream's number of the capture's first field; None before that came.
+        fields: Number of fields that the file has or will have.
+        rate_hz: Fields per second.
+    """
+
+    def __init__(
+        self,
+        reader: RingReader,
+        backlog: Backlog[Slot],
+        clock: UtcClock,
+        stream: StreamInfo,
+        source: FieldSource,
+        fields: int | None = None,
+        begin: Begin | None = None,
+    ) -> None:
+        self.reader = reader
+        self.backlog = backlog
+        self.ledger = Ledger()
+        self.ended_because: str | None = None
+        self.first_n: int | None = None
+        self.fields = 0
+        self._fields = fields
+        self._clock = clock
+        self._source = source
+        self.rate_hz = stream.rate_hz
+        self._lossless = stream.waits_for_reader
+        self._keeps_pace = stream.live and not stream.waits_for_reader
+        self._begin = begin or Begin(None, round(1e9 / stream.rate_hz))
+        self._numbers = NumbersFromBegin(self._begin)
+        self._start_ns = self._newest_ns = clock.now_ns()
+        self._newest: Slot | None = None
+        self._end_ns: int | None = None
+        self._at_end = False
+        self._refused: tuple[LedgerEntry, ...] = ()
+        self._hearings = HEARINGS
+        self._started = False
+
+    def start(self, capture_id: str) -> None:
+        """Records in a thread of its own; does nothing the second time."""
+        if not self._started:
+            self._started = True
+            threading.Thread(target=self.run, name=f"recorder-{capture_id}", daemon=True).start()
+
+    @property
+    def length_fields(self) -> int | None:
+        """Length of the capture, lost fields included; None if it lasts until it is stopped."""
+        return self._fields
+
+    @property
+    def recording(self) -> bool:
+        """True while fields are taken."""
+        return self.ended_because is None
+
+    def stop(self, because: str) -> None:
+        """Ends the recording; the first reason given stays."""
+        if self.ended_because is None:
+            # The account goes up to this instant, however long the recorder takes to notice.
+            self._end_ns, self.ended_because = self._clock.now_ns(), because
+
+    def abandon(self) -> None:
+        """Ends the recording of a capture that could not be started."""
+        self.stop("it could not be started")
+        self.reader.close()
+
+    def run(self) -> None:
+        """Drains the ring until the recording ends, and then what is left in it."""
+        try:
+            while self.recording:
+                self._take_one()
+            self._take_until_end()
+            self._account_for_absence()
+        except RingOverrun as error:
+            self._overrun(error)
+        finally:
+            self.reader.close()
+            # Last: the writer takes a closed backlog to mean that the ledger is final.
+            self.backlog.close()
+
+    def take(self, slot: Slot) -> None:
+        """Enters one slot of the ring; a slot beyond the capture's end ends it."""
+        self._newest_ns, self._newest = self._clock.now_ns(), slot
+        if self.first_n is None:
+            first_n = self._begin.first_n(slot)
+            if slot.n < first_n:
+                return  # older than asked for
+            self.first_n = first_n
+        end_n = self._end_n(slot, self.first_n)
+        slot = renumbered(slot, self.first_n)
+        if end_n is not None and slot.n >= end_n:
+            self._close_at(end_n, slot)
+            return
+        events = self._numbers.events(slot)
+        self.ledger.events += events
+        self._enter(slot._replace(lost_before=(*self._refused, *slot.lost_before), rebases=events))
+        if slot.n + 1 == self._fields:
+            self.stop("length reached")
+
+    def _end_n(self, slot: Slot, first_n: int) -> int | None:
+        """Number after the last field of the capture; None while that is unknown."""
+        if self._end_ns is None or not self._keeps_pace or self._begin.time_ns is None:
+            return self._fields
+        stopped_n = max(number_at(slot, self._end_ns, self._period_ns) - first_n, 0)
+        return stopped_n if self._fields is None else min(stopped_n, self._fields)
+
+    def _close_at(self, end_n: int, slot: Slot) -> None:
+        """Enters what was lost before the end, and ends the capture there."""
+        self._at_end = True
+        for entry in (*self._refused, *cut(slot.lost_before, 0, end_n)):
+            self.ledger.add(entry)
+        self._refused = ()
+        reason = slot.lost_before[-1].reason if slot.lost_before else "time gap"
+        self.ledger.close(end_n, reason)
+        self.stop("length reached")
+
+    @property
+    def _period_ns(self) -> int:
+        return round(1e9 / self._source.rate_hz)
+
+    @property
+    def _wants_more(self) -> bool:
+        return self._fields is None or (self.ledger.end_n or 0) < self._fields
+
+    def _overrun(self, error: RingOverrun) -> None:
+        first_n = error.first_n - (self.first_n or 0)
+        if self.first_n is not None:
+            self.ledger.add(LedgerEntry(first_n, error.count, Outcome.OVERRUN, "ring overrun"))
+        self.stop(error.message)
+
+    def _take_one(self) -> None:
+        slot = self.reader.take(TAKE_S)
+        if slot is not None:
+            self.take(slot)
+        elif self._is_over and self._has_heard_enough():
+            self._end_short(self._source.interruption or "nothing came")
+
+    @property
+    def _is_over(self) -> bool:
+        """True if the time of a capture of given length has passed."""
+        if self._fields is None or (self._lossless and self._source.interruption is None):
+            return False
+        begin_ns, missing = self._start_ns, self._fields
+        # A source that waits goes at its reader's pace: only the fields still missing have a due time.
+        if self._lossless:
+            begin_ns, missing = self._newest_ns, self._fields - self.ledger.total
+        return self._clock.now_ns() > begin_ns + missing * self._period_ns + GRACE_NS
+
+    def _has_heard_enough(self) -> bool:
+        """Waits for an explanation once more; True if there is one, or it has waited for long enough.
+
+        The threads of a program that was stopped go on in any order: what the driver's buffers have kept may
+        still be on its way.
+        """
+        self._hearings -= 1
+        return self._hearings < 0 or not self._keeps_pace or self._source.interruption is not None
+
+    def _take_until_end(self) -> None:
+        """Takes what was exposed before the stop: the last fields are on their way, or in doubt.
+
+        If none come, it waits for an explanation: a stall may not have been noticed yet.
+        """
+        hearings = HEARINGS if self._keeps_pace else 0
+        while self._wants_more and not self._at_end:
+            heard_out = hearings == 0 or self._source.interruption is not None
+            slot = self.reader.take(0 if heard_out else HEARING_S)
+            if slot is not None:
+                self.take(slot)
+            elif heard_out or self.reader.ended:
+                return
+            else:
+                hearings -= 1
+
+    @property
+    def _is_silent(self) -> bool:
+        silent_ns = self._clock.now_ns() - self._newest_ns
+        return self._keeps_pace and silent_ns > SILENT_FIELDS * self._period_ns
+
+    def _account_for_absence(self) -> None:
+        """Enters the fields that a device which is away or stalled at the end has failed to deliver."""
+        for entry in self._refused:
+            self.ledger.add(entry)
+        self._refused = ()
+        reason = self._source.interruption or ("nothing came" if self._is_silent else None)
+        if reason is None or self._lossless or self._at_end:
+            return
+        assert self._end_ns is not None, "stop() comes first"
+        if self.first_n is None and self._begin.time_ns is not None:
+            end_n = (self._end_ns - self._begin.time_ns) // self._period_ns
+        elif self._newest is None or self.first_n is None or self._begin.time_ns is None:
+            end_n = (self.ledger.end_n or 0) + (self._end_ns - self._newest_ns) // self._period_ns
+        else:
+            end_n = number_at(self._newest, self._end_ns, self._period_ns) - self.first_n
+        self.ledger.close(end_n if self._fields is None else min(end_n, self._fields), reason)
+
+    def _end_short(self, reason: str) -> None:
+        assert self._fields is not None
+        for entry in self._refused:
+            self.ledger.add(entry)
+        self._refused = ()
+        self.ledger.close(self._fields, reason)
+        self.stop("length reached")
+
+    def _enter(self, slot: Slot) -> None:
+        self._refused = ()
+        if self.backlog.append(slot):
+            self.fields += slot.numbered is not None
+            self.ledger.enter(slot.n, slot.outcome, slot.reason, slot.lost_before)
+        else:
+            # Not in the ledger yet: the next slot that finds room carries it, as lost before that one.
+            self._refused = (*slot.lost_before, LedgerEntry(slot.n, 1, Outcome.OVERRUN, "disk too slow"))
+
+
+def renumbered(slot: Slot, first_n: int) -> Slot:
+    """The slot with its numbers counted from the capture's first field, and nothing before that."""
+    numbered = slot.numbered and slot.numbered._replace(n=slot.numbered.n - first_n)
+    lost = tuple(entry._replace(first_n=entry.first_n - first_n) for entry in cut(slot.lost_before, first_n))
+    rebases = tuple(event._replace(n=event.n - first_n) for event in slot.rebases)
+    return slot._replace(numbered=numbered, n=slot.n - first_n, lost_before=lost, rebases=rebases)

@@ -1,0 +1,161 @@
+"""The newest readings of a logger, from its thread to whoever wants them."""
+
+import threading
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.archive.capture.channels.reading_groups import ChannelCalibration
+from grabberd.core.channels import Anomaly, Dating
+from grabberd.instrument.channels.step_means import StepMeans
+
+KEPT_NS = 10_000_000_000
+"""Age of the readings that are kept for pre-triggers and for who looks at them."""
+MOST_KEPT = 200_000
+"""Readings that are kept, and that wait for a capture whose disk stalls."""
+DISK_TOO_SLOW = "disk too slow"
+
+
+class Part(NamedTuple):
+    """Readings that came together.
+
+    Attributes:
+        posted_ns: When they came.
+        time_ns: (K,) when each was taken, ascending.
+        values: (K, C) of the logger's channels in their order, in its own units; NaN where one has none.
+        kpa: (K, C) the same in kPa below atmosphere; of a light as it is.
+        calibrations: What turns one into the other; the same object for all parts of one opening.
+        dating: What the times go by.
+        time_sigma_ns: σ of each.
+        anomalies: What else came.
+        interruption: Why nothing comes from now on, or None.
+    """
+
+    posted_ns: int
+    time_ns: NDArray[np.int64]
+    values: NDArray[np.float64]
+    kpa: NDArray[np.float64]
+    calibrations: tuple[ChannelCalibration, ...]
+    dating: Dating
+    time_sigma_ns: int
+    anomalies: tuple[Anomaly, ...] = ()
+    interruption: str | None = None
+
+    @classmethod
+    def interrupted(cls, posted_ns: int, reason: str) -> "Part":
+        """No readings, and why."""
+        nothing = np.empty((0, 0))
+        return cls(posted_ns, np.empty(0, np.int64), nothing, nothing, (), Dating.ARRIVAL, 0, (), reason)
+
+    @property
+    def newest_ns(self) -> int:
+        """Time of its last reading, or when it came if it has none."""
+        return int(self.time_ns[-1]) if len(self.time_ns) else self.posted_ns
+
+    def until(self, time_ns: int) -> tuple["Part", "Part | None"]:
+        """The part up to a time, and the rest of it; anomalies go by their own times."""
+        if self.newest_ns <= time_ns:
+            return self, None
+        count = int(np.searchsorted(self.time_ns, time_ns, side="right"))
+        earlier = tuple(one for one in self.anomalies if one.time_ns <= time_ns)
+        later = tuple(one for one in self.anomalies if one.time_ns > time_ns)
+        first = self._rows(slice(None, count))._replace(anomalies=earlier, interruption=None)
+        return first, self._rows(slice(count, None))._replace(anomalies=later)
+
+    def _rows(self, rows: slice) -> "Part":
+        return self._replace(time_ns=self.time_ns[rows], values=self.values[rows], kpa=self.kpa[rows])
+
+
+class Follower:
+    """Parts that wait for one capture; what does not fit is counted."""
+
+    def __init__(self, feed: "Feed", kept: list[Part]) -> None:
+        self._feed = feed
+        self._parts = deque(kept)
+        self._waiting = sum(len(one.time_ns) for one in kept)
+        self._refused = 0
+
+    def take(self, until_ns: int) -> list[Part]:
+        """Hands over what was taken up to a time, in order; it no longer waits."""
+        taken = []
+        with self._feed.lock:
+            while self._parts:
+                first, rest = self._parts.popleft().until(until_ns)
+                self._waiting -= len(first.time_ns)
+                taken.append(first)
+                if rest is not None:
+                    self._parts.appendleft(rest)
+                    break
+        return taken
+
+    def close(self) -> None:
+        """Wants no more."""
+        with self._feed.lock:
+            self._feed.followers.discard(self)
+
+    def put(self, part: Part) -> None:
+        """Adds a part; called by the feed, which holds the lock."""
+        if self._waiting + len(part.time_ns) > MOST_KEPT:
+            self._refused += len(part.time_ns)
+            return
+        if self._refused:
+            lost = Anomaly(part.posted_ns, DISK_TOO_SLOW, "", self._refused)
+            part, self._refused = part._replace(anomalies=(lost, *part.anomalies)), 0
+        self._parts.append(part)
+        self._waiting += len(part.time_ns)
+
+
+class Feed:
+    """Takes parts from the logger's thread; looks at them cost the thread nothing.
+
+    Attributes:
+        lock: Held while a part is passed on.
+        followers: The captures that take all readings.
+        newest_ns: Time of the newest reading; None before the first.
+        newest_sigma_ns: Its σ.
+    """
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.followers: set[Follower] = set()
+        self.newest_ns: int | None = None
+        self.newest_sigma_ns: int | None = None
+        self._means: StepMeans | None = None
+        self._kept: deque[Part] = deque()
+        self._count = 0
+
+    def put(self, part: Part) -> None:
+        """Passes a part on to all followers, and forgets what is too old."""
+        with self.lock:
+            self._kept.append(part)
+            self._count += len(part.time_ns)
+            if len(part.time_ns):
+                self.newest_ns, self.newest_sigma_ns = part.newest_ns, part.time_sigma_ns
+                self._means = self._means or StepMeans(part.kpa.shape[1])
+                self._means.add(part.time_ns, part.kpa)
+            oldest_ns = part.posted_ns - KEPT_NS
+            while self._kept and (self._count > MOST_KEPT or self._kept[0].posted_ns < oldest_ns):
+                self._count -= len(self._kept.popleft().time_ns)
+            for follower in self.followers:
+                follower.put(part)
+
+    def follow(self) -> Follower:
+        """Follows the feed from now on, with all that is kept."""
+        with self.lock:
+            follower = Follower(self, list(self._kept))
+            self.followers.add(follower)
+            return follower
+
+    def newest(self, since_ns: int) -> list[Part]:
+        """Parts with readings that came since a time, in order."""
+        with self.lock:
+            return [one for one in self._kept if one.posted_ns >= since_ns and len(one.time_ns)]
+
+    def means_since(self, since_ns: int, channel: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """(K,) middle of each time of a field in which a channel said something, and (K,) its mean."""
+        with self.lock:
+            if self._means is None:
+                return np.empty(0, np.int64), np.empty(0)
+            return self._means.since(since_ns, channel)

@@ -1,0 +1,138 @@
+"""The only thread that touches a logger: opens it, takes its readings, and opens it anew when none come."""
+
+import logging
+import threading
+
+from grabberd.clock import UtcClock
+from grabberd.core.channels import LoggerInfo
+from grabberd.core.channels.vacuum import VacuumChannels
+from grabberd.documents.states import DeviceState
+from grabberd.errors import (
+    Cause,
+    DeviceRefused,
+    GrabberdError,
+    StreamEnded,
+    StreamFailed,
+)
+from grabberd.instrument.channels.calibrations import calibration_of
+from grabberd.instrument.channels.feed import Feed, Part
+from grabberd.instrument.channels.logger_board import LoggerBoard
+from grabberd.instrument.channels.logger_setup import LoggerSetup
+from grabberd.instrument.channels.reading_check import checked
+from grabberd.instrument.device.recovery import PROVEN_S, RETRIES, STATES, Trouble, reason_of, trouble_of
+
+log = logging.getLogger(__name__)
+
+READ_TIMEOUT_S = 0.1
+"""Longest wait for readings; also how long a stop may go unnoticed."""
+SILENT_S, SILENT_STEPS = 3.0, 10.0
+"""Silence after which a logger has failed: so long, and so many of its readings missing."""
+
+
+class LoggerThread(threading.Thread):
+    """Takes readings into the feed until it is stopped, and never waits for anybody.
+
+    Args:
+        setup: Parts of the logger.
+        feed: Where readings go.
+        board: Where its status is told.
+        clock: Source of time.
+        stopping: Set to end the thread.
+    """
+
+    def __init__(
+        self,
+        setup: LoggerSetup,
+        feed: Feed,
+        board: LoggerBoard,
+        clock: UtcClock,
+        stopping: threading.Event | None = None,
+    ) -> None:
+        super().__init__(name=f"logger-{setup.name}", daemon=True)
+        self._setup = setup
+        self._logger = setup.logger
+        self._feed = feed
+        self._board = board
+        self._clock = clock
+        self._stopping = stopping or threading.Event()
+        self._retries = 0
+        self._trouble: Trouble | None = None
+        self._last_fault: str | None = None
+
+    def stop(self) -> None:
+        """Ends the thread within a read's time-out; the logger is closed."""
+        self._stopping.set()
+
+    def run(self) -> None:
+        """Reads and opens anew until stopped."""
+        while not self._stopping.is_set():
+            opened_ns = self._clock.now_ns()
+            error = self._until_it_fails()
+            self._close()
+            if error is None:
+                return
+            self._feed.put(Part.interrupted(self._clock.now_ns(), reason_of(error)))
+            if isinstance(error, StreamEnded):
+                self._board.failed(error, DeviceState.ENDED)
+                return
+            proven = self._clock.now_ns() - opened_ns >= PROVEN_S * 1e9
+            self._stopping.wait(self._pause_s(error, proven=proven))
+
+    def _pause_s(self, error: GrabberdError, *, proven: bool) -> float:
+        """Wait before the next opening: the same as that of a grabber."""
+        trouble = trouble_of(error)
+        if proven or trouble is not self._trouble:
+            self._trouble, self._retries = trouble, 0
+        self._board.failed(error, STATES[trouble])
+        wait_s = RETRIES[trouble].wait_s(self._retries)
+        self._retries += 1
+        return wait_s
+
+    def _until_it_fails(self) -> GrabberdError | None:
+        """Opens the logger and reads; returns why no more comes, or None when it is stopped."""
+        try:
+            info = self._logger.open()
+            self._board.opened(info)
+            self._read(info, VacuumChannels(self._setup.channels, info, self._setup.config.delay_ns))
+        except GrabberdError as error:
+            return error
+        except Exception as error:
+            return self._fault(error)
+        return None
+
+    def _read(self, info: LoggerInfo, channels: VacuumChannels) -> None:
+        columns = [info.channels.index(one.column) for one in channels.channels]
+        calibrations = tuple(calibration_of(one, self._setup.config, info) for one in channels.channels)
+        silent_s = max(SILENT_S, SILENT_STEPS / info.rate_hz) if info.rate_hz else SILENT_S
+        came_ns = self._clock.now_ns()
+        while not self._stopping.is_set():
+            readings = self._logger.read(READ_TIMEOUT_S)
+            now_ns = self._clock.now_ns()
+            last_ns = (self._feed.newest_ns or 0) + self._setup.config.delay_ns
+            readings = checked(readings, info, last_ns, now_ns)
+            time_ns, kpa, sigma_ns, anomalies = channels.vacuum(readings)
+            if len(time_ns) or anomalies:
+                values = (readings.values[:, columns], kpa, calibrations)
+                about = (info.dating, sigma_ns or info.time_sigma_ns, anomalies)
+                self._feed.put(Part(now_ns, time_ns, *values, *about))
+            self._board.came(len(time_ns), anomalies)
+            if len(readings.time_ns):
+                came_ns = now_ns
+            elif now_ns - came_ns > silent_s * 1e9:
+                hint = "check its cable and its supply; it is reopened automatically"
+                raise StreamFailed(f"no reading for {silent_s:g} s", hint)
+
+    def _fault(self, error: Exception) -> GrabberdError:
+        """The error for a fault of the driver: the logger is retried like one that refuses."""
+        message = f"{type(error).__name__}: {error}"
+        # It is tried for ever, and a traceback each time would fill the journal.
+        if message != self._last_fault:
+            self._last_fault = message
+            log.exception("logger %s: its thread failed", self._board.name)
+        return DeviceRefused(message, "please report this", Cause.FAULT)
+
+    def _close(self) -> None:
+        try:
+            self._logger.close()
+        except Exception as error:
+            self._fault(error)

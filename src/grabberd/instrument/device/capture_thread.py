@@ -1,0 +1,356 @@
+"""The only thread that touches a device: opens it, takes its fields, and recovers it when none come."""
+
+import logging
+import math
+import threading
+from collections.abc import Callable, Iterable
+from typing import Protocol
+
+from grabberd.clock import UtcClock
+from grabberd.core.ledger import NO_SIGNAL, Slot
+from grabberd.documents.states import DeviceState, Rung
+from grabberd.errors import (
+    Cause,
+    DeviceError,
+    DeviceRefused,
+    GrabberdError,
+    PictureError,
+    StreamEnded,
+    StreamFailed,
+)
+from grabberd.instrument.acquisition.device import Grabber, Signal, StreamInfo
+from grabberd.instrument.device.field_pipeline import FieldPipeline
+from grabberd.instrument.device.recovery import Failure, Ladder, Step, reason_of, trouble_of
+from grabberd.instrument.device.scheduling import NoAccount, Scheduling, ThreadAccount
+from grabberd.instrument.device.status_board import StatusBoard, cause_of
+
+log = logging.getLogger(__name__)
+
+DEQUEUE_TIMEOUT_S = 0.05
+"""Longest wait for a field, unless two of them take longer; also how long a stop may go unnoticed."""
+TIMEOUT_PERIODS, STALLED_PERIODS = 2.5, 5.0
+"""Periods of a slow camera that a field is waited for, and of silence after which its stream has failed."""
+STALLED_AFTER_S = 0.8
+"""Silence after which the stream has failed."""
+SIGNAL_EVERY_NS = 500_000_000
+"""The signal is asked for between fields, since only this thread may touch the device."""
+POLL_S = 0.001
+"""Pause where there is no room for a field, or where a device says at once that it has none."""
+MOST_POLLS = 5
+"""Most pauses after a field: four fields are taken in the time in which one comes."""
+BEAT_EVERY_S = 1.0
+"""Far below half the watchdog's time, after which the heartbeat takes this thread for stuck."""
+
+
+class ThreadCaptures(Protocol):
+    """The captures of a device, as far as its capture thread is concerned."""
+
+    @property
+    def has_room(self) -> bool:
+        """True if a source that waits for its reader may deliver another field."""
+        ...
+
+    @property
+    def is_recording(self) -> bool:
+        """True if a capture is recording."""
+        ...
+
+    def interrupted(self, error: GrabberdError) -> None:
+        """Called whenever fields fail to come."""
+        ...
+
+    def source_ended(self, error: GrabberdError) -> None:
+        """Called when the stream of before is over: a recording at its end, or a device that grants another
+        picture than before.
+        """
+        ...
+
+
+class FieldFlow:
+    """Times of the first and the newest field since the last step of recovery, in ns of the clock."""
+
+    def __init__(self, now_ns: int) -> None:
+        self._first_ns: int | None = None
+        self._newest_ns = now_ns
+
+    @property
+    def flowed_s(self) -> float:
+        """Seconds for which fields came."""
+        return 0.0 if self._first_ns is None else (self._newest_ns - self._first_ns) / 1e9
+
+    def came(self, now_ns: int) -> None:
+        """Notes that a field has come."""
+        self._first_ns = now_ns if self._first_ns is None else self._first_ns
+        self._newest_ns = now_ns
+
+    def excuse(self, now_ns: int) -> None:
+        """Notes that silence was expected until now."""
+        self._newest_ns = max(self._newest_ns, now_ns)
+
+    def silent_s(self, now_ns: int) -> float:
+        """Seconds since the newest field, or since the last excuse."""
+        return (now_ns - self._newest_ns) / 1e9
+
+
+class CaptureThread(threading.Thread):
+    """Opens the device, takes its fields into the ring, and climbs the ladder when they fail to come.
+
+    It asks for real-time scheduling as soon as a camera streams.
+    It never waits for anybody, except with a source that waits for its reader: that is read only while there
+    is room. All other waiting is done on `stopping`, which `stop` sets. It beats on the board as long as it
+    lives.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        grabber: Grabber,
+        pipeline: FieldPipeline,
+        board: StatusBoard,
+        clock: UtcClock,
+        captures: ThreadCaptures,
+        stopping: threading.Event | None = None,
+        account: ThreadAccount | None = None,
+    ) -> None:
+        super().__init__(name=f"capture-{name}", daemon=True)
+        self._grabber = grabber
+        self._pipeline = pipeline
+        self._board = board
+        self._clock = clock
+        self._captures = captures
+        self._stopping = stopping or threading.Event()
+        self._open = False
+        self._flow = FieldFlow(clock.now_ns())
+        self._account = account or NoAccount()
+        self._scheduling = Scheduling(clock, self._account, lambda: grabber.called_ns)
+        self._asked_to_come_first = False
+        self._signal_due_ns = 0
+        self._timeout_s, self._stalled_s = DEQUEUE_TIMEOUT_S, STALLED_AFTER_S
+        self._signal = Signal.UNKNOWN
+        self._last_fault: str | None = None
+        self._take_step: dict[Rung, Callable[[], StreamInfo]] = {
+            Rung.RESTART: grabber.restart,
+            Rung.REOPEN: self._reopen,
+            Rung.RESET: self._reset,
+            Rung.RETRY: self._reopen,
+        }
+
+    def stop(self) -> None:
+        """Ends the thread within a dequeue's time-out; the device is closed."""
+        self._stopping.set()
+
+    def run(self) -> None:
+        """Streams and recovers until stopped."""
+        self._board.enter(DeviceState.OPENING)
+        ladder, rung = Ladder(), Rung.REOPEN
+        try:
+            while (error := self._until_it_fails(rung)) is not None:
+                failure = Failure(trouble_of(error), self._open, self._flow.flowed_s)
+                ladder, step = ladder.next(failure, self._clock.now_ns())
+                self._prepare(step, error)
+                rung = step.rung
+        finally:
+            self._close()
+
+    def _until_it_fails(self, rung: Rung) -> GrabberdError | None:
+        """Takes a step, then fields; returns why no more come, or None when it is stopped."""
+        asked_ns = self._clock.now_ns()
+        self._flow = FieldFlow(asked_ns)
+        self._board.beat()
+        try:
+            if not self._stopping.is_set():
+                self._stream(self._take_step[rung](), asked_ns)
+        except (StreamEnded, PictureError) as error:
+            self._ended(error)
+        except DeviceError as error:
+            return error
+        except Exception as error:
+            return self._fault(error)
+        return None
+
+    def _fault(self, error: Exception) -> GrabberdError:
+        """The error for a fault of the program: the device is retried like one that refuses."""
+        message = f"{type(error).__name__}: {error}"
+        # The ladder tries for ever, and a traceback each time would fill the journal.
+        if message != self._last_fault:
+            self._last_fault = message
+            log.exception("device %s: the capture thread failed", self._board.name)
+        return DeviceRefused(message, "please report this", Cause.FAULT)
+
+    def _prepare(self, step: Step, error: GrabberdError) -> None:
+        self._interrupted(reason_of(error))
+        self._captures.interrupted(error)
+        self._board.recovers(step, error)
+        if step.rung is not Rung.RESTART:
+            self._close()  # before the wait: a device that is held open cannot come back under its old name
+        self._wait(step.wait_s)
+
+    def _interrupted(self, reason: str) -> None:
+        """Keeps the first reason: what is found out later only follows from it."""
+        if self._pipeline.interruption is None:
+            self._count(self._pipeline.interrupted(reason))
+
+    def _count(self, slots: Iterable[Slot]) -> None:
+        for slot in slots:
+            self._board.count(slot)
+
+    def _close(self) -> None:
+        self._grabber.close()
+        self._open = False
+
+    def _reopen(self) -> StreamInfo:
+        self._close()
+        info = self._grabber.open()
+        self._open = True
+        return info
+
+    def _reset(self) -> StreamInfo:
+        self._close()
+        try:
+            self._grabber.reset()
+            self._board.reset_refused(None)
+        except DeviceRefused as refusal:
+            # Opened again all the same: closing and opening may help where a reset is not permitted.
+            self._board.reset_refused(refusal)
+        return self._reopen()
+
+    def _stream(self, info: StreamInfo, asked_ns: int) -> None:
+        self._opened(info, asked_ns)
+        while not self._stopping.is_set():
+            self._take(info)
+
+    def _opened(self, info: StreamInfo, asked_ns: int) -> None:
+        self._board.enter(DeviceState.OPENING)
+        change = self._pipeline.opened(info, asked_ns)
+        self._board.opened(info)
+        if change:
+            log.warning("device %s: %s", self._board.name, change)
+            self._captures.source_ended(DeviceRefused(change, "begin a new capture"))
+        self._timeout_s = max(DEQUEUE_TIMEOUT_S, TIMEOUT_PERIODS / info.rate_hz)
+        self._stalled_s = max(STALLED_AFTER_S, STALLED_PERIODS / info.rate_hz)
+        self._scheduling.paced(info.rate_hz)
+        # Opening takes its time, which is no silence of the stream.
+        self._scheduling.excuse()
+        self._flow = FieldFlow(self._clock.now_ns())
+        self._ask_signal()
+        if info.live:
+            self._come_first()
+        if info.waits_for_reader:
+            self._show_state()  # it delivers nothing before a capture runs, and a capture needs it ready
+
+    def _come_first(self) -> None:
+        """Asks once for real time; for a recording it would take the processors from everything else."""
+        if self._asked_to_come_first:
+            return
+        self._asked_to_come_first = True
+        if how := self._account.come_first():
+            log.info("device %s: fields are taken %s", self._board.name, how)
+
+    def _keep_to_share(self, now_ns: int) -> None:
+        if how := self._account.keep_to_share(now_ns):
+            log.warning("device %s: fields are taken %s", self._board.name, how)
+
+    def _take(self, info: StreamInfo) -> None:
+        self._board.beat()
+        if info.waits_for_reader and not self._captures.has_room:
+            self._flow.excuse(self._clock.now_ns())
+            self._scheduling.excuse()
+            self._show_state()
+            self._stopping.wait(POLL_S)
+            return
+        asked_ns = self._scheduling.asks()
+        with self._grabber.dequeue(self._timeout_s) as fields:
+            now_ns = self._clock.now_ns()
+            standstill = self._scheduling.came(
+                now_ns, self._timeout_s, len(fields), found_empty=self._grabber.found_empty
+            )
+            self._pipeline.shedding.saw(0 if standstill is None else standstill.time_ns, now_ns)
+            if fields and self._signal is Signal.ABSENT:
+                self._ask_signal()  # what came back may be half a second older than the next question
+            if standstill is not None and standstill.time_ns > info.buffered_ns:
+                self._board.stood_still(standstill)
+            for grabbed in fields:
+                self._count(
+                    self._pipeline.take(
+                        grabbed, self._signal, now_ns, standstill, in_time=self._scheduling.was_in_time
+                    )
+                )
+                standstill = None
+        if now_ns >= self._signal_due_ns:
+            self._ask_signal()
+            self._keep_to_share(now_ns)
+        if fields:
+            self._came(now_ns)
+            self._leave_room()
+        elif info.live or info.waits_for_reader:  # a recording at its own pace may pause
+            self._nothing_came(asked_ns, now_ns)
+
+    def _came(self, now_ns: int) -> None:
+        self._flow.came(now_ns)
+        if self._pipeline.ring.newest is not None:  # the first fields of a stream wait for their numbers
+            self._show_state()
+
+    def _leave_room(self) -> None:
+        """Lets others go on, where fields that have waited are taken faster than they came.
+
+        Else a thread in real time would keep a slow processor from the driver's own threads, and write over
+        what nobody had a processor to read. The driver's buffers hold what comes meanwhile.
+        """
+        ring = self._pipeline.ring
+        for _ in range(MOST_POLLS):
+            if self._grabber.found_empty or self._stopping.is_set():
+                return
+            self._stopping.wait(POLL_S)
+            if ring.waiting <= ring.slots // 2:
+                return
+
+    def _nothing_came(self, asked_ns: int, now_ns: int) -> None:
+        """Handles an empty dequeue.
+
+        Many grabbers deliver nothing without a camera; that is no fault of theirs.
+
+        Raises:
+            StreamFailed: The stream has stalled.
+        """
+        if now_ns - asked_ns < self._timeout_s * 0.5e9:
+            self._stopping.wait(POLL_S)  # a device that does not wait must not take a processor in real time
+        if self._signal is Signal.ABSENT:
+            self._flow.excuse(now_ns)
+            self._interrupted(NO_SIGNAL)
+            self._show_state()
+        # Silence counts until the empty dequeue began, not until now: else a computer that stood still for
+        # a second would be taken for a grabber that did.
+        elif self._flow.silent_s(asked_ns) > self._stalled_s - self._timeout_s:
+            raise StreamFailed(
+                f"no field for {self._stalled_s:g} s", "if it stays, check camera, cable and port"
+            )
+
+    def _ask_signal(self) -> None:
+        self._signal_due_ns = self._clock.now_ns() + SIGNAL_EVERY_NS
+        self._signal = self._grabber.signal()
+        self._board.saw_signal(self._signal)
+
+    def _show_state(self) -> None:
+        if self._signal is Signal.ABSENT:
+            self._board.enter(DeviceState.NO_SIGNAL, "no camera signal", None, Cause.NO_SIGNAL)
+        elif generated := self._pipeline.no_picture:
+            self._board.enter(DeviceState.NO_SIGNAL, generated, None, Cause.NO_PICTURE)
+        else:
+            self._board.enter(self._state())
+
+    def _state(self) -> DeviceState:
+        return DeviceState.CAPTURING if self._captures.is_recording else DeviceState.READY
+
+    def _ended(self, error: GrabberdError) -> None:
+        self._count(self._pipeline.settle())
+        self._board.enter(DeviceState.ENDED, error.message, error.hint, cause_of(error))
+        self._captures.source_ended(error)
+        self._wait(math.inf)  # the thread lives on, since the heartbeat listens for it
+
+    def _wait(self, seconds: float) -> None:
+        """Waits for so long, or until stopped, and beats meanwhile."""
+        end_ns = self._clock.now_ns() + seconds * 1e9
+        while (left_s := (end_ns - self._clock.now_ns()) / 1e9) > 0:
+            if self._stopping.wait(min(left_s, BEAT_EVERY_S)):
+                return
+            self._board.beat()

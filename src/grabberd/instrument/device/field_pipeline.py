@@ -1,0 +1,264 @@
+"""Field pipeline: from a grabbed field to a slot of the ring, by number, lines, threshold and bits."""
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.config import DeviceConfig
+from grabberd.core.field import PAL_HZ, FieldOrder, NumberedField, PackedField, Packing, pack
+from grabberd.core.ledger import Slot
+from grabberd.errors import InputError
+from grabberd.instrument.acquisition import (
+    Content,
+    ContentCheck,
+    FieldNumbering,
+    GrabbedField,
+    Numbered,
+    Ring,
+    Signal,
+    Standstill,
+    StreamInfo,
+)
+from grabberd.instrument.device.shedding import Shedding
+from grabberd.instrument.device.threshold_keeper import NewestField, ThresholdKeeper
+
+ARRIVALS = 16384
+"""Number of fields whose arrival is remembered: those of a minute at 250 fields a second."""
+
+
+log = logging.getLogger(__name__)
+
+NOT_DOUBLED = "a progressive picture lacks no lines that could be doubled"
+LEAST_SLOTS = 32
+"""Slots of a ring (paper 3.4)."""
+
+
+class _Unnumbered(NamedTuple):
+    """A field that is packed for a ring, and waits for its number."""
+
+    packed: PackedField
+    sequence: int | None
+    arrived_ns: int
+    ring: Ring
+
+
+class FieldPipeline:
+    """Takes grabbed fields into the ring.
+
+    A field whose number is in doubt is kept back until later ones have settled it: its slot comes with
+    theirs.
+
+    Used by the capture thread alone, except for `configure_ring` and the attributes.
+
+    Attributes:
+        ring: The ring in use.
+        thresholds: Keeper of the threshold in force.
+        newest: Leaves a copy of the newest field for whoever asks.
+        arrived_ns: Times at which the latest fields arrived, by their number modulo `ARRIVALS`.
+        interruption: Reason why no fields come, or None while they do.
+        shedding: Whether fields should be measured less often for a while.
+    """
+
+    def __init__(self, config: DeviceConfig) -> None:
+        bits, lines = config.ring.bits, config.ring.lines
+        self._slots_asked, self._asks_for_doubled = config.ring.slots, lines == "doubled"
+        self._slots = self._slots_at(PAL_HZ)
+        self._interpolation = config.ring.interpolation
+        self._configuring = threading.Lock()
+        self._default = bits, lines or _default_lines(bits)
+        self.ring = Ring(self._slots, *self._default)
+        self.thresholds = ThresholdKeeper(config)
+        self.newest = NewestField()
+        self.arrived_ns: NDArray[np.int64] = np.zeros(ARRIVALS, np.int64)
+        self.interruption: str | None = None
+        self.shedding = Shedding()
+        self._granted: StreamInfo | None = None
+        self._numbering: FieldNumbering | None = None
+        self._unnumbered: deque[_Unnumbered] = deque()
+        self._content: ContentCheck | None = None
+
+    def configure_ring(self, bits: int | None, lines: str | None) -> Ring:
+        """Provides the ring for these bits and lines; None: as configured.
+
+        It is a new one if they differ from those in use; readers of the old one get what is left in it.
+
+        Raises:
+            InputError: Lines are to be doubled, and the camera is progressive.
+        """
+        with self._configuring:
+            progressive = self.is_progressive
+            if lines == "doubled" and progressive:
+                raise InputError(NOT_DOUBLED, "leave out 'lines'")
+            default_bits, default_lines = self._default
+            bits = bits or default_bits
+            lines = lines or (default_lines if bits == default_bits else _default_lines(bits))
+            lines = "field" if progressive else lines
+            if (bits, lines) != (self.ring.bits, self.ring.lines):
+                self._exchange(bits, lines)
+            return self.ring
+
+    def opened(self, info: StreamInfo, since_ns: int | None = None) -> str | None:
+        """Notes that the device streams (again), and returns how its pictures differ from before, or None.
+
+        No field was exposed before `since_ns`, when the stream was asked for.
+
+        Numbering goes on through the gap. If the pictures differ, it begins anew in a new ring.
+        """
+        change = _change(self._granted, info)
+        if self._numbering is None or change:
+            self._numbering = FieldNumbering(info, since_ns)
+        else:
+            self._numbering.resume(since_ns)
+        lines = "field" if info.field_order is FieldOrder.PROGRESSIVE else self.ring.lines
+        if lines != self.ring.lines and self._asks_for_doubled:
+            log.warning("%s; 'ring.lines' of the configuration has no effect", NOT_DOUBLED)
+        self._slots = self._slots_at(info.rate_hz)
+        if change or (lines, self._slots) != (self.ring.lines, self.ring.slots):
+            with self._configuring:
+                self._exchange(self.ring.bits, lines)
+        self._granted = info
+        self._content = ContentCheck(rate_hz=info.rate_hz) if info.live else None
+        self.thresholds.opened(live=info.live)
+        return change
+
+    @property
+    def rate_hz(self) -> float:
+        """Fields per second: as granted, or of the pace that its camera keeps to instead; nominal until the
+        device has been opened.
+        """
+        return PAL_HZ if self._numbering is None else self._numbering.rate_hz
+
+    @property
+    def steady_hz(self) -> float | None:
+        """Rate of the latest pictures of a progressive camera that came steadily; None if none did."""
+        return None if self._numbering is None else self._numbering.steady_hz
+
+    @property
+    def is_progressive(self) -> bool:
+        """True if the device has granted pictures that have all lines, and so no parity."""
+        return self._granted is not None and self._granted.field_order is FieldOrder.PROGRESSIVE
+
+    @property
+    def no_picture(self) -> str | None:
+        """The picture that the grabber generates in place of the camera's, or None."""
+        return self._content.no_picture if self._content else None
+
+    def settle(self) -> list[Slot]:
+        """Numbers the fields that are in doubt by what is known now, since no more will come."""
+        return [] if self._numbering is None else self._release(self._numbering.settle())
+
+    def interrupted(self, reason: str) -> list[Slot]:
+        """Notes the reason for which fields that do not come from now on are lost.
+
+        Returns:
+            The slots of the fields that were still in doubt, which are in the ring now.
+        """
+        released = [] if self._numbering is None else self._release(self._numbering.interrupt(reason))
+        # Last: a capture that ends now takes what is in the ring, and then believes that nothing more comes.
+        self.interruption = reason
+        return released
+
+    def take(
+        self,
+        grabbed: GrabbedField,
+        signal: Signal,
+        now_ns: int,
+        standstill: Standstill | None = None,
+        *,
+        in_time: bool = True,
+    ) -> list[Slot]:
+        """Numbers, quantises and packs a field and puts it into the ring as soon as its number is certain.
+
+        Args:
+            grabbed: The field.
+            signal: The driver's last report.
+            now_ns: Arrival.
+            standstill: What kept the program from taking fields before it, or None.
+            in_time: False if it may have waited in the driver's buffers.
+
+        Returns:
+            The slots that are in the ring now: none while the field is in doubt, several after that.
+        """
+        assert self._numbering is not None, "opened() comes first"
+        self.interruption = None
+        # Read once: a capture's start may exchange the ring while this field is packed for the old one.
+        ring = self.ring
+        self.newest.offer(grabbed.field, ring, grabbed.time_ns)
+        content, packed = self._packed(grabbed, signal, ring)
+        self._unnumbered.append(_Unnumbered(packed, grabbed.sequence, now_ns, ring))
+        if standstill is not None:
+            self._numbering.stood_still(standstill.time_ns, standstill.reason)
+        return self._release(
+            self._numbering.number(
+                grabbed, signal, content.damage, now_ns, content.no_picture, in_time=in_time
+            )
+        )
+
+    def _release(self, numbered: Iterable[Numbered]) -> list[Slot]:
+        return [self._put(self._unnumbered.popleft(), number) for number in numbered]
+
+    def _put(self, waited: _Unnumbered, number: Numbered) -> Slot:
+        # Before the slot is in the ring: a worker may have published its points by the time `put` returns.
+        self.arrived_ns[number.n % ARRIVALS] = waited.arrived_ns
+        slot = Slot(
+            NumberedField(number.n, number.time_ns, waited.sequence, waited.packed),
+            number.n,
+            number.outcome,
+            number.reason,
+            number.lost_before,
+            number.time_ns,
+            number.rebases,
+        )
+        waited.ring.put(slot)
+        return slot
+
+    def _slots_at(self, rate_hz: float) -> int:
+        """Slots of a ring at this rate: unless configured, as many as last for as long as those of PAL."""
+        return self._slots_asked or max(LEAST_SLOTS, round(LEAST_SLOTS / PAL_HZ * rate_hz))
+
+    def _exchange(self, bits: int, lines: str) -> None:
+        # Exchanged before the old one is closed: the worker comes back at once for the ring in use.
+        old, self.ring = self.ring, Ring(self._slots, bits, lines)
+        old.close()
+
+    def _packed(self, grabbed: GrabbedField, signal: Signal, ring: Ring) -> tuple[Content, PackedField]:
+        """Looks at a live field while packing it; a recording's is shown first, to choose a threshold by."""
+        if self._content is not None:
+            content, packed = self._content.take(grabbed, self._packing(ring))
+            if signal is not Signal.ABSENT and content.no_picture is None:
+                self.thresholds.show(grabbed.field, ring)
+            return content, packed
+        if signal is not Signal.ABSENT:
+            self.thresholds.show(grabbed.field, ring)
+        return Content(), pack(grabbed.field, self._packing(ring))
+
+    def _packing(self, ring: Ring) -> Packing:
+        # Missing lines are interpolated on the grey field, before the threshold (paper 3.3).
+        level, by_pixel = self.thresholds.for_next_field()
+        return Packing(ring.bits, ring.lines == "doubled", level, by_pixel, self._interpolation)
+
+
+def _default_lines(bits: int) -> str:
+    """Lines of a ring unless configured: doubled at 1 bit, intact for grey (paper 3.3)."""
+    return "doubled" if bits == 1 else "field"
+
+
+def _change(before: StreamInfo | None, now: StreamInfo) -> str | None:
+    """Difference between the pictures of a stream and those before, in a sentence; None if there is none."""
+    if before is None or _pictures(before) == _pictures(now):
+        return None
+    return f"the grabber grants {_described(now)} now, not {_described(before)} as before"
+
+
+def _pictures(info: StreamInfo) -> tuple[object, ...]:
+    return (info.driver, info.standard, info.columns, info.field_rows, info.rate_hz, info.field_order)
+
+
+def _described(info: StreamInfo) -> str:
+    size = f"{info.columns} × {info.field_rows} at {info.rate_hz:g} Hz"
+    return f"{info.driver} {info.standard} {size}, {info.field_order}"

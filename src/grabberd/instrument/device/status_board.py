@@ -1,0 +1,287 @@
+"""Status of a device from moment to moment; written by its threads, read by everybody."""
+
+import logging
+import threading
+from collections import Counter, deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from grabberd.clock import UtcClock, iso_utc
+from grabberd.core.field import PAL_HZ
+from grabberd.core.ledger import LossCause, Outcome, Rebase, Slot, cause_of_loss
+from grabberd.documents.states import DeviceState, Rung
+from grabberd.errors import Cause, DeviceError, GrabberdError, PictureError
+from grabberd.instrument.acquisition import Standstill
+from grabberd.instrument.acquisition.device import Signal, StreamInfo
+from grabberd.instrument.device.recent_fields import RecentFields
+from grabberd.instrument.device.recovery import Step
+from grabberd.instrument.device.standstills import Standstills
+
+log = logging.getLogger(__name__)
+
+_S = DeviceState
+STREAMING = frozenset({_S.NO_SIGNAL, _S.READY, _S.CAPTURING})
+"""The device delivers fields; a capture can be started."""
+_TROUBLED = frozenset({_S.ABSENT, _S.RECOVERING, _S.FAILED})
+TRANSITIONS: Mapping[DeviceState, frozenset[DeviceState]] = {
+    _S.OPENING: STREAMING | _TROUBLED | {_S.ENDED},
+    **{state: (STREAMING - {state}) | _TROUBLED | {_S.ENDED} for state in STREAMING},
+    **{state: (_TROUBLED - {state}) | {_S.OPENING, _S.ENDED} for state in _TROUBLED},
+    _S.ENDED: frozenset({_S.OPENING}),
+}
+"""From trouble the way back leads through `opening`: the device is open, its first field still to come.
+
+`absent` and `failed` are retried automatically; `recovering` means that a step of the ladder is being taken.
+`ended` is a recording that was played to its end; a real grabber never gets there.
+"""
+
+RATE_S = 2.0
+"""Time that the rate is measured over."""
+_FEWEST = 5
+"""Fields that it is measured over at least."""
+STUCK_HINT = "the program is restarted if that lasts; if it comes again, unplug the grabber, then restart"
+SILENT_NS = 1_000_000_000
+"""Silence after which there is no rate; longer than a stall takes to be noticed."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceStatus:
+    """Status of a device at one moment.
+
+    Attributes:
+        state: State in one word.
+        since_utc: Time at which it came to this state.
+        cause: Cause of the state in a sentence, or None.
+        hint: What an operator can do about it, or None.
+        code: Machine-readable code of the cause, or None.
+        stream: The stream that the driver granted last, or None before the first opening.
+        signal: Camera signal as the driver reports it.
+        outcomes: Number of fields since the daemon started, by outcome.
+        losses: Number of those that are not good, by the cause.
+        rebases: Number of changes of what numbers and times go by, by kind.
+        openings: Number of times that the device has been opened.
+        recoveries: Number of times that each step of recovery has been taken.
+        last_failure: Failure that the last step was taken for.
+        last_failure_utc: Time since which it has been the last failure.
+        refusals: Steps that the device does not support, in sentences.
+    """
+
+    state: DeviceState
+    since_utc: str
+    cause: str | None = None
+    hint: str | None = None
+    code: Cause | None = None
+    stream: StreamInfo | None = None
+    signal: Signal = Signal.UNKNOWN
+    outcomes: Counter[Outcome] = field(default_factory=Counter)
+    losses: Counter[LossCause] = field(default_factory=Counter)
+    rebases: Counter[Rebase] = field(default_factory=Counter)
+    openings: int = 0
+    recoveries: Counter[Rung] = field(default_factory=Counter)
+    last_failure: str | None = None
+    last_failure_utc: str | None = None
+    refusals: tuple[str, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings for the operator, in sentences."""
+        return (*(self.stream.remarks if self.stream else ()), *self.refusals)
+
+
+class StatusBoard:
+    """The status of one device; logs each change of state or cause once.
+
+    Attributes:
+        name: Name of the device.
+        changed: Notified with every change of state; whoever waits for a state waits on it.
+        standstills: Times for which the program took no fields.
+        recent: Fields of the last minute.
+    """
+
+    def __init__(self, name: str, clock: UtcClock) -> None:
+        self.name = name
+        self.changed = threading.Condition()
+        self.standstills = Standstills(clock)
+        self.recent = RecentFields()
+        self._clock = clock
+        self._status = DeviceStatus(
+            DeviceState.ABSENT, iso_utc(clock.utc_now()), "not opened yet", code=Cause.NOT_OPENED
+        )
+        self._logged: tuple[DeviceState, str | None] | None = None
+        self._beat_ns = clock.now_ns()
+        self._stuck_since: str | None = None
+        self._arrivals_ns: deque[int] = deque(maxlen=_fields(PAL_HZ))
+
+    def beat(self) -> None:
+        """Notes that the capture thread lives; called by itself, whatever its device does."""
+        silent_s, self._beat_ns = self.silent_s, self._clock.now_ns()
+        if self._stuck_since is not None:
+            with self.changed:
+                self._stuck_since = None
+                self.changed.notify_all()
+            log.warning("device %s: the capture thread goes on after %.0f s", self.name, silent_s)
+
+    def find_stuck(self) -> None:
+        """Notes that the capture thread does not go on, until it beats again."""
+        if self._stuck_since is None:
+            with self.changed:
+                self._stuck_since = iso_utc(self._clock.utc_now())
+                self.changed.notify_all()
+            log.critical(
+                "device %s: the capture thread has not answered for %.0f s; %s",
+                self.name,
+                self.silent_s,
+                STUCK_HINT,
+            )
+
+    @property
+    def silent_s(self) -> float:
+        """Seconds since the last beat of the capture thread."""
+        return (self._clock.now_ns() - self._beat_ns) / 1e9
+
+    @property
+    def now(self) -> DeviceStatus:
+        """The present status; its counters are copies."""
+        with self.changed:
+            now = self._status
+            if self._stuck_since is not None:
+                now = replace(
+                    now,
+                    state=DeviceState.FAILED,
+                    since_utc=self._stuck_since,
+                    cause="the capture thread does not answer",
+                    hint=STUCK_HINT,
+                    code=Cause.CAPTURE_STUCK,
+                )
+            return replace(
+                now,
+                outcomes=now.outcomes.copy(),
+                losses=now.losses.copy(),
+                rebases=now.rebases.copy(),
+                recoveries=now.recoveries.copy(),
+            )
+
+    @property
+    def state(self) -> DeviceState:
+        """The state alone."""
+        return self._status.state if self._stuck_since is None else DeviceState.FAILED
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Fields per second over the last `RATE_S`; None while none come."""
+        arrivals_ns = list(self._arrivals_ns)  # a copy: the capture thread goes on appending
+        if len(arrivals_ns) < 2 or self._clock.now_ns() - arrivals_ns[-1] > SILENT_NS:
+            return None
+        return (len(arrivals_ns) - 1) * 1e9 / max(arrivals_ns[-1] - arrivals_ns[0], 1)
+
+    def enter(
+        self,
+        state: DeviceState,
+        cause: str | None = None,
+        hint: str | None = None,
+        code: Cause | None = None,
+    ) -> None:
+        """Changes the state to one that may follow the present one.
+
+        Raises:
+            ValueError: It may not; the fault is the program's.
+        """
+        with self.changed:
+            if not may_follow(self._status.state, state):
+                raise ValueError(f"device {self.name}: {state} may not follow {self._status.state}")
+            if (state, cause) == (self._status.state, self._status.cause):
+                return
+            since = iso_utc(self._clock.utc_now())
+            self._status = replace(
+                self._status, state=state, since_utc=since, cause=cause, hint=hint, code=code
+            )
+            self.changed.notify_all()
+        self._log_change(state, cause, hint)
+
+    def opened(self, stream: StreamInfo) -> None:
+        """Notes that the device has been opened and granted this stream."""
+        with self.changed:
+            known = self._status.warnings
+            self._arrivals_ns = deque(maxlen=_fields(stream.rate_hz))  # the rate must not span the gap
+            self._status = replace(self._status, stream=stream, openings=self._status.openings + 1)
+        self._warn(known)
+
+    def recovers(self, step: Step, error: GrabberdError) -> None:
+        """Notes that a step of recovery is about to be taken because of an error."""
+        with self.changed:
+            self._status.recoveries[step.rung] += 1
+            if error.message != self._status.last_failure:
+                since = iso_utc(self._clock.utc_now())
+                self._status = replace(self._status, last_failure=error.message, last_failure_utc=since)
+        self.enter(step.state, error.message, error.hint, cause_of(error))
+
+    def reset_refused(self, refusal: GrabberdError | None) -> None:
+        """Notes why the device cannot be reset; None: it can."""
+        with self.changed:
+            known = self._status.warnings
+            refusals = (f"{refusal.message}; {refusal.hint}",) if refusal else ()
+            self._status = replace(self._status, refusals=refusals)
+        self._warn(known)
+
+    def saw_signal(self, signal: Signal) -> None:
+        """Notes the camera signal as the driver reports it."""
+        with self.changed:
+            self._status = replace(self._status, signal=signal)
+
+    def stood_still(self, standstill: Standstill) -> None:
+        """Notes that the program took no fields for so long that the driver's buffers were full."""
+        if self.standstills.note(standstill):
+            hint = self.standstills.hint_of(standstill)
+            log.warning("device %s: %s; %s", self.name, standstill.reason, hint)
+
+    def count(self, slot: Slot) -> None:
+        """Counts a field, the ones lost before it, and what numbers and times go by from it on."""
+        if slot.outcome is not Outcome.NO_SIGNAL:
+            self._arrivals_ns.append(self._clock.now_ns())
+        with self.changed:
+            self._count(slot.outcome, slot.reason, 1)
+            for entry in slot.lost_before:
+                self._count(entry.outcome, entry.reason, entry.count)
+            self._status.rebases.update(event.kind for event in slot.rebases)
+        for event in slot.rebases:
+            log.warning("device %s: %s, from field %d on", self.name, event.reason, event.n)
+
+    def _count(self, outcome: Outcome, reason: str | None, count: int) -> None:
+        self.recent.count(self._clock.now_ns(), outcome, count)
+        self._status.outcomes[outcome] += count
+        if outcome is not Outcome.RECEIVED:
+            self._status.losses[cause_of_loss(outcome, reason or "")] += count
+
+    def _log_change(self, state: DeviceState, cause: str | None, hint: str | None) -> None:
+        """Logs a new state or cause: a device that is retried is logged once per cause."""
+        if state is DeviceState.OPENING or (state, cause) == self._logged:
+            return
+        self._logged = (state, cause)
+        reason = "; ".join(part for part in (cause, hint) if part)
+        log.log(_level(state), "device %s is %s%s", self.name, state, f": {reason}" if reason else "")
+
+    def _warn(self, known: tuple[str, ...]) -> None:
+        for warning in self._status.warnings:
+            if warning not in known:
+                log.warning("device %s: %s", self.name, warning)
+
+
+def _fields(rate_hz: float) -> int:
+    """Fields that a rate is measured over."""
+    return max(round(RATE_S * rate_hz), _FEWEST)
+
+
+def may_follow(current: DeviceState, following: DeviceState) -> bool:
+    """True if `following` may come after `current`; staying is always allowed."""
+    return following is current or following in TRANSITIONS[current]
+
+
+def cause_of(error: GrabberdError) -> Cause | None:
+    """Cause code of an error of a device or of a replayed recording; None for any other."""
+    if isinstance(error, PictureError):
+        return Cause.RECORDING_DAMAGED
+    return error.cause if isinstance(error, DeviceError) else None
+
+
+def _level(state: DeviceState) -> int:
+    return logging.WARNING if state in _TROUBLED else logging.INFO

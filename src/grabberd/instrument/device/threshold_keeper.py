@@ -1,0 +1,246 @@
+"""The threshold in force: chosen beside the capture thread, held during a capture (docs/decisions/0003).
+
+It is chosen by a copy of the newest 8-bit field, which is made on request: that costs the capture thread
+nothing while nobody asks.
+"""
+
+import logging
+import math
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.config import DeviceConfig
+from grabberd.core.chain.thresholds import field_threshold, field_threshold_map
+from grabberd.core.field import Field, map_level
+from grabberd.core.measurement import ThresholdRule
+from grabberd.errors import MeasurementError
+from grabberd.instrument.acquisition import Ring
+
+SHARED_S = 0.2
+"""A copy is shared by all who ask within this time: five copies per second at most, however many look."""
+log = logging.getLogger(__name__)
+EVERY_S = 1.0
+"""Pause between two choices: it follows the light of a barn, and a choice takes up to a tenth of a second."""
+FIELD_WITHIN_S = 0.25
+PACKED_WITHIN_S = 0.1
+"""Longest waits for a field: one comes far sooner, unless there is none."""
+SETTLED_WITHIN_S = 2.0
+"""Longest wait for a choice; far more than the next field and the first choice for it take."""
+UNDECIDED_THRESHOLD = 128
+"""Threshold while the picture has no contrast to choose by."""
+
+
+class Shown(NamedTuple):
+    """A copied field.
+
+    Attributes:
+        field: The field in memory of its own, with its lines as they came.
+        ring: The ring that it went into.
+        time_ns: Middle of its exposure, as the driver tells it; 0 where nobody asks for it.
+    """
+
+    field: Field
+    ring: Ring
+    time_ns: int = 0
+
+
+class NewestField:
+    """Hands the newest field from the capture thread, which offers every one, to those who ask."""
+
+    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._now_s = now_s
+        self._given = threading.Condition()
+        self._wanted = False
+        self._count = 0
+        self._shown: Shown | None = None
+        self._shown_s = -math.inf
+
+    def offer(self, field: Field, ring: Ring, time_ns: int = 0) -> None:
+        """Leaves a copy if one is asked for."""
+        # Read without the lock: the capture thread comes by with every field and mostly nobody asks.
+        if not self._wanted:
+            return
+        # The field is a view into the driver's buffer, which is requeued when the capture thread goes on.
+        copy = Shown(replace(field, luma=np.array(field.luma)), ring, time_ns)
+        with self._given:
+            self._shown, self._shown_s, self._wanted = copy, self._now_s(), False
+            self._count += 1
+            self._given.notify_all()
+
+    def ask(self, timeout_s: float) -> Shown | None:
+        """The next field that is offered, or None if none comes in time."""
+        with self._given:
+            before, self._wanted = self._count, True
+            self._given.wait_for(lambda: self._count > before, timeout_s)
+            return self._shown if self._count > before else None
+
+    def recent(self, timeout_s: float) -> Shown | None:
+        """The last copy if it is younger than `SHARED_S`, else the next field."""
+        with self._given:
+            if self._shown is not None and self._now_s() - self._shown_s < SHARED_S:
+                return self._shown
+        return self.ask(timeout_s)
+
+
+class Threshold(NamedTuple):
+    """A threshold for all pixels or for each.
+
+    Attributes:
+        level: Grey value for all pixels; the median if there is one for each.
+        by_pixel: (rows, columns) uint8, a grey value for each pixel, or None.
+    """
+
+    level: int
+    by_pixel: NDArray[np.uint8] | None = None
+
+
+class ThresholdKeeper:
+    """Chooses a threshold about once a second by a copy of the newest field, in a thread of its own.
+
+    For a replayed recording the choice is made by its first field, and by the first of every capture, before
+    that is packed: so the same recording gives the same threshold each time.
+
+    Attributes:
+        in_force: Threshold that the next field is quantised with.
+        held: True while a capture keeps the threshold as it is.
+    """
+
+    def __init__(self, config: DeviceConfig) -> None:
+        self._rule = _rule(config)
+        self._by_pixel = config.threshold.map
+        self.in_force = Threshold(UNDECIDED_THRESHOLD if self._rule.value is None else self._rule.value)
+        self._newest = NewestField()
+        self._deciding = threading.Condition()
+        self._live = True
+        self.held = False
+        self._tried_for: Ring | None = None
+        self._chosen_for: Ring | None = None
+        self._at_once = threading.Event()
+        self._packing_next = threading.Event()
+        self._stopping = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    @property
+    def _fixed(self) -> bool:
+        return self._rule.kind == "fixed"
+
+    def start(self, name: str) -> None:
+        """Starts the thread."""
+        self._thread = threading.Thread(target=self._run, name=f"threshold-{name}", daemon=True)
+        self._thread.start()
+
+    def use(self, config: DeviceConfig) -> None:
+        """Chooses by another rule from the next choice on; not during a capture."""
+        with self._deciding:
+            self._rule, self._by_pixel = _rule(config), config.threshold.map
+            self._tried_for = self._chosen_for = None
+            if self._rule.value is not None:
+                self.in_force = Threshold(self._rule.value)
+
+    def stop(self, timeout_s: float) -> None:
+        """Ends the thread."""
+        self._stopping.set()
+        self._at_once.set()
+        if self._thread is not None:
+            self._thread.join(timeout_s)
+
+    def opened(self, *, live: bool) -> None:
+        """Notes that the capture thread has opened a live device, or a recording."""
+        self._live = live
+
+    def for_next_field(self) -> Threshold:
+        """The threshold for the field that the capture thread packs next."""
+        self._packing_next.set()
+        return self.in_force
+
+    def show(self, field: Field, ring: Ring) -> None:
+        """Shows a field with a picture; a recording's before it is packed for this ring."""
+        if self._fixed:
+            return
+        if self._live or not self.held:
+            self._newest.offer(field, ring)
+        if not self._live and self._chosen_for is not ring:
+            self._try(field, ring)
+
+    def settle(self, ring: Ring) -> None:
+        """Waits, not for long, until a choice has been tried for this ring on a live device's picture."""
+        if self._fixed or not self._live:
+            return
+        self._at_once.set()
+        with self._deciding:
+            self._deciding.wait_for(lambda: self._tried_for is ring, SETTLED_WITHIN_S)
+        self._at_once.clear()
+
+    def hold(self) -> None:
+        """Keeps the threshold for a capture that begins; for a recording it is chosen once more."""
+        with self._deciding:
+            self.held = True
+            if not self._live:
+                self._chosen_for = None
+        if self._live and not self._fixed:
+            # The field that is being packed now may have the threshold of before: wait for the next.
+            self._packing_next.clear()
+            self._packing_next.wait(PACKED_WITHIN_S)
+
+    def release(self) -> None:
+        """Lets the threshold follow the light again: the capture is over, or did not start."""
+        self.held = False
+
+    def choose_again(self) -> None:
+        """Asks for the newest field and chooses by it, unless the threshold is held or fixed."""
+        if self._fixed:
+            return
+        shown = self._newest.ask(FIELD_WITHIN_S)
+        if shown is not None and self._may_choose(shown.ring):
+            self._try(shown.field, shown.ring, beside=True)
+
+    def _run(self) -> None:
+        while not self._stopping.is_set():
+            try:
+                self.choose_again()
+            except Exception:
+                log.exception("choosing a threshold failed; the one in force stays")
+                self._stopping.wait(EVERY_S)
+            # Before its first choice it does not pause: the first capture waits for that.
+            self._at_once.wait(EVERY_S if self._tried_for or self._fixed else 0)
+
+    def _may_choose(self, ring: Ring) -> bool:
+        """True if this thread may choose: a held threshold only if none has been chosen for the ring yet."""
+        return not self.held or (self._live and self._chosen_for is not ring)
+
+    def _try(self, field: Field, ring: Ring, *, beside: bool = False) -> None:
+        """Chooses by a field; `beside`: in the keeper's own thread, where a capture may begin meanwhile."""
+        rule = self._rule
+        try:
+            chosen = self._choose(field, ring)
+        except MeasurementError:
+            chosen = None  # nothing to choose by, e.g. a dark picture: the one in force stays
+        with self._deciding:
+            if rule is not self._rule:
+                return  # another one is in force by now
+            if chosen and (not beside or self._may_choose(ring)):
+                self.in_force, self._chosen_for = chosen, ring
+            self._tried_for = ring
+            self._deciding.notify_all()
+
+    def _choose(self, field: Field, ring: Ring) -> Threshold:
+        doubled = ring.lines == "doubled"
+        if not (self._by_pixel and ring.bits == 1):
+            return Threshold(field_threshold(field, self._rule, ring.bits, doubled=doubled))
+        by_pixel = field_threshold_map(field, self._rule, doubled=doubled)
+        return Threshold(map_level(by_pixel), by_pixel)
+
+
+def _rule(config: DeviceConfig) -> ThresholdRule:
+    return ThresholdRule(
+        config.threshold.kind,
+        config.threshold.value,
+        spread_px=config.spread_px,
+        line_jitter_px=config.line_jitter_px,
+    )

@@ -1,0 +1,364 @@
+"""Judges a device: each part of the instrument by itself, and the verdict that all of them make.
+
+Whoever tells an operator how it is goes by this: the page, the broker, /readyz. A part that is not known is
+not called good, and what nobody measures any longer is not told as if it were so now.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from grabberd.clock import UtcClock
+from grabberd.core.reconstruction.accuracy.drift_check import RigVerdict
+from grabberd.documents.devices import DeviceLackDocument
+from grabberd.documents.faults import FaultDocument
+from grabberd.documents.health import (
+    DeviceHealth,
+    HealthLevel,
+    HealthPart,
+    HealthPartDocument,
+    StartAdvice,
+)
+from grabberd.documents.state import StorageDocument
+from grabberd.documents.states import DeviceState
+from grabberd.errors import Cause
+from grabberd.instrument.acquisition import Signal, StreamInfo
+from grabberd.instrument.device.recent_fields import LATELY_S
+from grabberd.instrument.device.rig_health import WHAT_TO_DO
+from grabberd.instrument.device.status_board import STREAMING, DeviceStatus
+from grabberd.instrument.instrument import Instrument
+from grabberd.instrument.live.live_document import CURRENT_NS
+
+LEVELS: tuple[HealthLevel, ...] = ("good", "unknown", "warning", "bad")
+_ORDER: tuple[HealthPart, ...] = (
+    *("device", "signal", "rate", "lost", "computer", "ring", "disk"),
+    *("calibration", "measurement", "rig", "order", "records", "clock"),
+)
+"""Of several parts that are equally bad the first is told: it is likely to be the others' cause."""
+_NEEDED: tuple[HealthPart, ...] = (
+    *("device", "signal", "rate", "lost", "ring", "disk", "calibration", "measurement", "rig", "order"),
+)
+"""Parts without which a device does not measure as it should; the others are the daemon's own."""
+_RATE_OFF, _RATE_BAD = 0.04, 0.2
+"""Departure from the rate that is told, and that is bad; counting over two seconds errs by 1 %."""
+_LOST_BAD = 0.01
+"""Share of fields lost in the last seconds that is bad: two pulsations in five then have a gap."""
+_RING_FULL, _RING_BAD = 0.6, 0.95
+_FEW_TARGETS = 0.25
+"""Share of the object's targets below which something covers the view; of a liner two thirds are seen."""
+_DISK_SHORT_MIN, _DISK_BAD_MIN = 60.0, 10.0
+_EARLIEST = 2026
+"""The year that this program was written in: a clock that shows an earlier one is not set."""
+
+_GOOD = HealthPartDocument(level="good", word="good")
+_UNKNOWN = HealthPartDocument(level="unknown", word="unknown")
+
+
+class Surroundings(NamedTuple):
+    """Surroundings of a device, which it shares with others.
+
+    Attributes:
+        storage: The disk that holds the captures.
+        faults: Faults of the daemon itself, the worst first.
+        clock: Source of time.
+    """
+
+    storage: StorageDocument
+    faults: Sequence[FaultDocument]
+    clock: UtcClock
+
+
+def device_health(instrument: Instrument, around: Surroundings) -> DeviceHealth:
+    """The health of a device at this moment."""
+    status = instrument.board.now
+    streams = status.state in STREAMING
+    found: dict[HealthPart, HealthPartDocument] = {
+        "device": _grabber(status),
+        "signal": _signal(status) if streams else _UNKNOWN,
+        "rate": _rate(instrument) if streams else _UNKNOWN,
+        "lost": _lost(instrument, around.clock) if streams else _UNKNOWN,
+        "computer": _computer(instrument),
+        "ring": _ring(instrument),
+        "disk": _disk(around.storage),
+        "calibration": _calibration(instrument),
+        "measurement": _measurement(instrument, around.clock) if streams else _UNKNOWN,
+        "rig": _rig(instrument) if streams else _UNKNOWN,
+        "order": _order(instrument) if streams else _UNKNOWN,
+        "records": _records(around),
+        "clock": _clock(around.clock),
+    }
+    if instrument.pipeline.is_progressive:
+        del found["order"]  # progressive pictures have no fields whose order could be wrong
+    parts = {name: found[name] for name in _ORDER if name in found}
+    worst = max(parts, key=lambda name: _gravity(parts[name]))
+    level = parts[worst].level
+    wrong = level in ("warning", "bad")
+    return DeviceHealth(
+        level=level if wrong or parts["device"].level == "good" else "unknown",
+        part=worst if wrong else None,
+        message=parts[worst].message if wrong else "",
+        hint=parts[worst].hint if wrong else "",
+        start=_start(instrument, parts, around.storage),
+        parts=parts,
+    )
+
+
+def lacks_of(parts: Mapping[HealthPart, HealthPartDocument]) -> list[DeviceLackDocument]:
+    """List of all that keeps a device from measuring as it should; empty if it does."""
+    lacking = {part: parts[part] for part in _NEEDED if part in parts and parts[part].level == "bad"}
+    if parts["device"].level != "good":
+        # It is being opened, or was played to its end: no fault, but it does not measure either.
+        lacking = {"device": parts["device"], **lacking}
+    return [
+        DeviceLackDocument(lacks=part, message=one.message, hint=one.hint, cause_code=one.cause_code)
+        for part, one in lacking.items()
+    ]
+
+
+def _gravity(part: HealthPartDocument) -> int:
+    return 0 if part.level == "unknown" else LEVELS.index(part.level)
+
+
+def _start(
+    instrument: Instrument, parts: Mapping[HealthPart, HealthPartDocument], storage: StorageDocument
+) -> StartAdvice:
+    if not instrument.accepts or not storage.minutes_left:
+        return "refused"
+    return (
+        "doubtful"
+        if any(part in _NEEDED and one.level == "bad" for part, one in parts.items())
+        else "allowed"
+    )
+
+
+def _grabber(status: DeviceStatus) -> HealthPartDocument:
+    if status.state in STREAMING:
+        return _GOOD
+    level: HealthLevel = "warning" if status.state is DeviceState.RECOVERING else "bad"
+    word = str(status.state)
+    if status.state is DeviceState.OPENING or status.code is Cause.NOT_OPENED:
+        level, word = "unknown", "opening"
+    elif status.state is DeviceState.ENDED:
+        level = "unknown"
+    return HealthPartDocument(
+        level=level,
+        word=word,
+        message=f"it is {status.state}" + (f": {status.cause}" if status.cause else ""),
+        hint=status.hint or "wait; the daemon keeps trying",
+        cause_code=status.code,
+        since_utc=status.since_utc,
+    )
+
+
+def _signal(status: DeviceStatus) -> HealthPartDocument:
+    if status.state is not DeviceState.NO_SIGNAL and status.signal is not Signal.ABSENT:
+        return _GOOD
+    return HealthPartDocument(
+        level="bad",
+        word="absent",
+        message=status.cause or "the camera gives no signal",
+        hint=status.hint or "check camera and cable",
+        cause_code=status.code or Cause.NO_SIGNAL,
+        since_utc=status.since_utc,
+    )
+
+
+def _rate(instrument: Instrument) -> HealthPartDocument:
+    rate_hz, stream = instrument.board.rate_hz, instrument.board.now.stream
+    if rate_hz is None or stream is None:
+        return HealthPartDocument(level="unknown", word="counting")
+    if _waits(instrument):
+        return _UNKNOWN  # what waits for its reader has no rate of its own
+    wanted_hz = stream.rate_hz
+    off = abs(rate_hz / wanted_hz - 1)
+    if off <= _RATE_OFF:
+        return _GOOD
+    steady_hz = instrument.pipeline.steady_hz
+    if steady_hz is not None and steady_hz < wanted_hz and abs(rate_hz / steady_hz - 1) <= _RATE_OFF:
+        return _own_pace(steady_hz, stream, instrument.pipeline.rate_hz)
+    return HealthPartDocument(
+        level="bad" if off > _RATE_BAD else "warning",
+        word="off",
+        message=f"{rate_hz:.1f} fields a second arrive instead of {wanted_hz:g}",
+        hint="close other programs, unplug other USB devices, check the camera's standard",
+    )
+
+
+def _own_pace(steady_hz: float, stream: StreamInfo, followed_hz: float) -> HealthPartDocument:
+    """The rate of a camera that delivers fewer pictures than it granted, one as long after the other."""
+    is_followed = abs(steady_hz / followed_hz - 1) <= _RATE_OFF
+    uncertain = "" if is_followed else "; it does not count them, so their numbers may be uncertain"
+    return HealthPartDocument(
+        level="warning" if is_followed or steady_hz > (1 - _RATE_BAD) * stream.rate_hz else "bad",
+        word="off",
+        message=f"the camera delivers {steady_hz:.1f} pictures a second, {stream.rate_hz:.4g} were granted"
+        f"{uncertain}",
+        hint="shorten the camera's exposure (exposure_dynamic_framerate=0) with more light, or set its "
+        f"option rate_hz: {steady_hz:.3g}",
+    )
+
+
+def _waits(instrument: Instrument) -> bool:
+    stream = instrument.board.now.stream
+    return stream is not None and stream.waits_for_reader
+
+
+def _lost(instrument: Instrument, clock: UtcClock) -> HealthPartDocument:
+    recent = instrument.board.recent
+    now_ns = clock.now_ns()
+    minute, lately = recent.within(now_ns), recent.within(now_ns, LATELY_S)
+    if not minute.lost:
+        return HealthPartDocument(level="good", word="none")
+    return HealthPartDocument(
+        level="bad" if lately.share > _LOST_BAD else "warning",
+        word="some",
+        message=f"{minute.lost} of {minute.due} fields of the last minute were lost or damaged, "
+        f"{lately.lost} of them in the last {LATELY_S} s",
+        hint="close other programs; use a shorter USB cable, straight into the computer",
+    )
+
+
+def _computer(instrument: Instrument) -> HealthPartDocument:
+    shown = instrument.board.standstills.shown
+    if shown is None:
+        return _GOOD
+    words = {Cause.PROGRAM_STOPPED: "stopped", Cause.DRIVER_HUNG: "hung"}
+    return HealthPartDocument(
+        level="warning",
+        word=words.get(shown.code, "busy"),
+        message=shown.cause,
+        hint=shown.hint,
+        cause_code=shown.code,
+        since_utc=shown.utc,
+    )
+
+
+def _ring(instrument: Instrument) -> HealthPartDocument:
+    ring = instrument.pipeline.ring
+    share = ring.waiting / ring.slots
+    if share < _RING_FULL:
+        return _GOOD
+    return HealthPartDocument(
+        level="bad" if share >= _RING_BAD else "warning",
+        word="full",
+        message=f"{ring.waiting} of the ring's {ring.slots} slots wait for a reader",
+        hint="close other programs, or close live pictures: the computer does not keep up",
+    )
+
+
+def _disk(storage: StorageDocument) -> HealthPartDocument:
+    left = storage.minutes_left
+    if left is None:
+        return HealthPartDocument(
+            level="bad",
+            word="broken",
+            message=storage.problem or "the disk cannot be read",
+            hint="check the disk that holds the captures",
+            cause_code=storage.cause_code,
+        )
+    if left >= _DISK_SHORT_MIN:
+        return _GOOD
+    return HealthPartDocument(
+        level="bad" if left < _DISK_BAD_MIN else "warning",
+        word="short" if left > 0 else "full",
+        message=f"the disk has room for {left:.0f} minutes of capturing",
+        hint="download captures, then delete them here",
+    )
+
+
+def _calibration(instrument: Instrument) -> HealthPartDocument:
+    documents = instrument.setup.documents
+    if not documents.get("calibration"):
+        word, message, hint, code = (
+            *("none", "it has no calibration", "calibrate, or activate a calibration"),
+            Cause.NO_CALIBRATION,
+        )
+    elif not documents.get("object"):
+        word, message, hint, code = (
+            *("noObject", "it has no object model", "name one in the configuration"),
+            Cause.NO_OBJECT,
+        )
+    elif instrument.misfit:
+        word, message, hint, code = (
+            *("misfit", instrument.misfit, "check camera and standard, or calibrate with these pictures"),
+            Cause.CALIBRATION_MISFIT,
+        )
+    else:
+        return _GOOD
+    return HealthPartDocument(level="bad", word=word, message=message, hint=hint, cause_code=code)
+
+
+def _measurement(instrument: Instrument, clock: UtcClock) -> HealthPartDocument:
+    setup, live = instrument.setup.measuring, instrument.worker.live
+    # Between captures nobody reads what waits for its reader.
+    if setup is None or live is None or _waits(instrument) or instrument.misfit:
+        return _UNKNOWN
+    points, targets = len(live.measured.points), len(setup.object_model.target)
+    age_ns = clock.now_ns() - live.measured.time_ns
+    if age_ns > CURRENT_NS:
+        return HealthPartDocument(
+            level="warning",
+            word="behind",
+            message=f"the newest points are {age_ns / 1e9:.0f} s old",
+            hint="close other programs: the computer does not keep up; a capture's points are measured later",
+        )
+    if points >= _FEW_TARGETS * targets:
+        return _GOOD
+    return HealthPartDocument(
+        level="warning",
+        word="few" if points else "none",
+        message=f"{points} of the object's {targets} targets have a point",
+        hint="look at the live picture: light, focus, something in the way, or no object",
+    )
+
+
+def _rig(instrument: Instrument) -> HealthPartDocument:
+    fit = instrument.worker.rig.fit
+    if fit is None or fit.verdict is RigVerdict.UNKNOWN:
+        return _UNKNOWN
+    if fit.verdict is RigVerdict.FITS:
+        return HealthPartDocument(level="good", word="fits")
+    return HealthPartDocument(
+        level="warning" if fit.verdict is RigVerdict.DOUBTFUL else "bad",
+        word=str(fit.verdict),
+        message=instrument.worker.rig.problem or "",
+        hint=WHAT_TO_DO,
+    )
+
+
+def _order(instrument: Instrument) -> HealthPartDocument:
+    found = instrument.worker.field_order.document
+    word = str(found.order) if found else "unknown"
+    if word == "right":
+        return HealthPartDocument(level="good", word=word)
+    if found is None or found.problem is None:
+        return HealthPartDocument(level="unknown", word=word)
+    message, hint = found.problem
+    return HealthPartDocument(level="bad", word=word, message=message, hint=hint)
+
+
+def _records(around: Surroundings) -> HealthPartDocument:
+    # What the disk's part tells is left to it.
+    of_disk = around.storage.cause_code
+    worst = next((one for one in around.faults if one.cause_code != of_disk), None)
+    if worst is None:
+        return _GOOD
+    return HealthPartDocument(
+        level="bad" if worst.level == "fault" else "warning",
+        word=worst.level,
+        message=worst.message,
+        hint=worst.hint,
+        cause_code=worst.cause_code,
+        since_utc=worst.since_utc,
+    )
+
+
+def _clock(clock: UtcClock) -> HealthPartDocument:
+    now_utc = clock.utc_now()
+    if now_utc.year >= _EARLIEST:
+        return _GOOD
+    return HealthPartDocument(
+        level="warning",
+        word="unset",
+        message=f"the computer's clock is not set: it shows {now_utc:%Y-%m-%d}, and captures carry that date",
+        hint="set it, or let it reach a time server",
+    )

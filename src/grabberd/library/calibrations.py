@@ -1,0 +1,163 @@
+"""Calibrations: made from captures of the calibration frame, loaded, saved and judged."""
+
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+from pydantic import ValidationError
+
+from grabberd.config import RigConfig, load_config, only_device
+from grabberd.core import geometry
+from grabberd.documents.calibration_reports import CalibrationReport
+from grabberd.documents.requests import CalibrationOptions
+from grabberd.errors import InputError
+from grabberd.files.checked_file import write_checked
+from grabberd.files.documents import read_documents
+from grabberd.files.text_check import text_check
+from grabberd.library.documents import PathLike, document_of
+from grabberd.library.jobs.calibration import calibrate_files
+from grabberd.library.threads import one_thread
+
+Progress = Callable[[float], None]
+"""Told the share that is done, from 0 to 1."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A calibration of both virtual cameras.
+
+    Attributes:
+        document: The calibration as its file has it.
+        report: What it rests on, with the acceptance; None for one that was loaded.
+    """
+
+    document: Mapping[str, Any]
+    report: CalibrationReport | None = None
+
+    @classmethod
+    def load(cls, path: PathLike) -> Self:
+        """Loads a calibration file.
+
+        Raises:
+            InputError: It cannot be read, or is not a calibration.
+        """
+        document = read_documents(Path(path), None)["calibration"]
+        geometry.Calibration.from_document(document)
+        return cls(document)
+
+    @property
+    def id(self) -> str:
+        """Id of the calibration."""
+        return str(self.document["id"])
+
+    @property
+    def model(self) -> geometry.Calibration:
+        """Both cameras as the functional model takes them."""
+        return geometry.Calibration.from_document(self.document)
+
+    @property
+    def verdict(self) -> str | None:
+        """Verdict of the acceptance: "passed", "passed_with_remarks" or "failed"; None without one."""
+        acceptance = (self.document.get("details") or {}).get("acceptance") or {}
+        return acceptance.get("verdict")
+
+    @property
+    def sigma0(self) -> float | None:
+        """σ0 of the adjustment, 1 where residuals are as large as their σ; None if it is not known."""
+        return (self.document.get("details") or {}).get("sigma0")
+
+    def save(self, path: PathLike) -> Path:
+        """Saves the calibration as a new file.
+
+        Raises:
+            StorageError: It exists, or cannot be written.
+        """
+        return _write(Path(path), json.dumps(self.document, indent=2))
+
+    def save_report(self, path: PathLike) -> Path:
+        """Saves the report as a new file, NAME.html to read or NAME.json for programs.
+
+        Raises:
+            InputError: It was loaded and has no report, or the name has another ending.
+            ExtraMissing: matplotlib, which draws the figures of the page, is not installed.
+            StorageError: The file exists, or cannot be written.
+        """
+        from grabberd.reports import calibration_html, document_json  # noqa: PLC0415 - it draws
+
+        out = Path(path)
+        if self.report is None:
+            raise InputError(f"calibration {self.id} was loaded and has no report", "calibrate again")
+        if out.suffix not in {".html", ".json"}:
+            raise InputError(f"{out} is neither .html nor .json", "call the report NAME.html or NAME.json")
+        document = self.report.model_dump(mode="json", by_alias=True)
+        return _write(out, calibration_html(document) if out.suffix == ".html" else document_json(document))
+
+    def __repr__(self) -> str:
+        return f"<Calibration {self.id}, acceptance: {self.verdict or 'not judged'}>"
+
+
+@one_thread
+def calibrate(
+    captures: PathLike | Sequence[PathLike],
+    calibration_frame: PathLike | Mapping[str, Any],
+    *,
+    config: PathLike | None = None,
+    device: str | None = None,
+    previous: Calibration | None = None,
+    note: str = "",
+    progress: Progress = lambda _: None,
+    **options: Any,
+) -> Calibration:
+    """Calibrates both virtual cameras from captures of the calibration frame.
+
+    Args:
+        captures: A capture of the calibration frame, or one for each of its poses before the same rig.
+        calibration_frame: File or document of the calibration frame.
+        config: A configuration with the rig's nominal geometry; by default that of the capture.
+        device: The device in it, where it has several.
+        previous: An earlier calibration of the rig to compare with.
+        note: Free text, kept with the calibration.
+        progress: Told the share that is done.
+        **options: Options of the adjustment, as `POST /api/v1/calibrations` takes them: `weights`, `frame`,
+            `shared`, `tied`, `free`, `alpha`, `local_field`, `handedness`, `check_length`.
+
+    Raises:
+        InputError: The calibration frame, an option or the rig is invalid.
+        CaptureFileError: A capture cannot be read.
+        MeasurementError: The captures determine no calibration; the message says why.
+    """
+    single = isinstance(captures, str | os.PathLike)
+    paths = [Path(captures)] if single else [Path(one) for one in captures]  # type: ignore[arg-type,union-attr]
+    made = calibrate_files(
+        progress,
+        paths=paths,
+        calibration_frame=document_of(calibration_frame),
+        options=_options(options),
+        note=note,
+        previous=None if previous is None else dict(previous.document),
+        rig=None if config is None else _rig(Path(config), device),
+    )
+    return Calibration(made.calibration.to_document(), made.report)
+
+
+def _rig(config: Path, device: str | None) -> RigConfig:
+    known = load_config(config)
+    return known.devices[only_device(known, device, config)].rig
+
+
+def _options(given: Mapping[str, Any]) -> CalibrationOptions:
+    try:
+        return CalibrationOptions.model_validate(given)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        known = ", ".join(CalibrationOptions.model_fields)
+        raise InputError(f"option {where}: {first['msg']}", f"the options are {known}") from error
+
+
+def _write(path: Path, text: str) -> Path:
+    whole = text + "\n"
+    return write_checked(path, [whole.encode()], text_check(whole))

@@ -1,0 +1,319 @@
+"""A capture file: its fields, points, ledger and runs; measured, analysed, judged and exported."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+from grabberd import archive as storage
+from grabberd.archive import CaptureMeta, CaptureReader, RunInfo
+from grabberd.archive.input_files import read_truth, read_vacuum_log
+from grabberd.archive.measure_setups import settings_of_capture
+from grabberd.core.chain.accuracy import Investigation, InvestigationSettings, investigate
+from grabberd.core.ledger import Ledger
+from grabberd.errors import InputError, NotReady
+from grabberd.library.calibrations import Calibration, Progress
+from grabberd.library.documents import PathLike, document_of
+from grabberd.library.fields import Fields
+from grabberd.library.jobs.measurement import measure_file
+from grabberd.library.point_table import Chosen, PointTable, read_points
+from grabberd.library.threads import one_thread
+from grabberd_liner.analyses.job import AnalysisOptions, analyse_file, with_log
+from grabberd_liner.analyses.library import Analysis
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_EXPORTS: Mapping[str, Callable[[Path, Path, int | None], int]] = {
+    "csv": storage.export_csv,
+    "parquet": storage.export_parquet,
+    "hdf5": storage.export_hdf5,
+    "mat": storage.export_mat,
+    "c3d": storage.export_c3d,
+    "ply": storage.export_ply,
+}
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A run added by `Capture.measure`.
+
+    Attributes:
+        run: Number of the run, as `Capture.points` takes it.
+        fields: Number of fields measured; `points`: number of points found in them.
+        verdict: "measured_well", "measured_with_gaps" or "not_measured"; `in_words`: with the reason.
+        warnings: What else a reader of the points should know, as sentences.
+    """
+
+    run: int
+    fields: int
+    points: int
+    verdict: str | None
+    in_words: str = field(repr=False)
+    warnings: Sequence[str] = ()
+
+
+class Capture:
+    """A capture file, opened by `grabberd.open`.
+
+    Whatever is asked for is read from the file at that moment. It is closed by `close`, at the end of a
+    `with` block, or with its last reference.
+
+    Attributes:
+        path: The file.
+        fields: Its fields, by number.
+    """
+
+    def __init__(self, path: PathLike) -> None:
+        self.path = Path(path)
+        self._reader = CaptureReader(self.path)
+        self.fields = Fields(self._reader)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Closes the file."""
+        self._reader.close()
+
+    def __repr__(self) -> str:
+        state = {None: self.meta.state, True: "complete", False: "incomplete"}[self.meta.complete]
+        return f"<Capture {self.id}: {len(self.fields)} fields at {self.rate_hz:g} Hz, {state}>"
+
+    @property
+    def meta(self) -> CaptureMeta:
+        """Metadata of the capture as a whole, such as device, configuration, site and note."""
+        return self._reader.meta
+
+    @property
+    def id(self) -> str:
+        """Id of the capture."""
+        return self.meta.id
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """Its labels as recorded, e.g. cow, teat and liner."""
+        return dict(self.meta.labels)
+
+    @property
+    def rate_hz(self) -> float:
+        """Nominal fields per second."""
+        return self.meta.rate_hz
+
+    @property
+    def ledger(self) -> Ledger:
+        """Ledger of the capture: outcomes of all expected fields."""
+        return self._reader.ledger
+
+    @property
+    def runs(self) -> list[RunInfo]:
+        """The runs: sets of points, each with its calibration and configuration."""
+        return self._reader.runs
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """The calibration of the newest run; None if the capture has not been measured."""
+        document = self._newest().get("calibration")
+        return Calibration(document) if document else None
+
+    def points(
+        self, run: int | None = None, *, first_n: int = 0, end_n: int | None = None, every: int = 1
+    ) -> PointTable:
+        """The points of a run, a row for each target found in each field.
+
+        Args:
+            run: Number of the run; None for the newest.
+            first_n: Number of the first field.
+            end_n: Number after the last field; None for all that follow.
+            every: 2 for every second field, and so on.
+
+        Raises:
+            NotFound: The run does not exist, or none of these fields has points.
+            CaptureFileError: The points are damaged.
+        """
+        return read_points(self._reader, Chosen(run, first_n, end_n, every))
+
+    @one_thread
+    def measure(
+        self,
+        calibration: Calibration | PathLike,
+        object_model: PathLike | Mapping[str, Any] | None = None,
+        *,
+        method: str | None = None,
+        line_jitter_px: float | None = None,
+        include_damaged: bool = False,
+        progress: Progress = lambda _: None,
+    ) -> Measurement:
+        """Re-measures all fields; the points are added to the file as a new run.
+
+        Args:
+            calibration: The calibration to measure with.
+            object_model: File or document of the object model; by default that of the newest run.
+            method: Location method in place of the capture's own.
+            line_jitter_px: Standard deviation of the lines' shifts, in place of the capture's own.
+            include_damaged: True to measure damaged fields as well.
+            progress: Told the share that is done.
+
+        Raises:
+            NotReady: There is no object model.
+            InputError: A setting is invalid.
+            CalibrationMismatch: The calibration is for pictures of another size.
+            MeasurementError: No target was found in any field; no run was added.
+        """
+        given = {"method": method, "line_jitter_px": line_jitter_px, "include_damaged": include_damaged}
+        chosen = {name: value for name, value in given.items() if value is not None}
+        known = calibration if isinstance(calibration, Calibration) else Calibration.load(calibration)
+        made_with = {
+            "calibration": dict(known.document),
+            "object": self._object(object_model),
+            "settings": settings_of_capture(self.meta.config) | chosen,
+        }
+        made = measure_file(progress, path=self.path, made_with=made_with)
+        covered = made.coverage
+        verdict, words = (str(covered.verdict), covered.in_words) if covered else (None, "")
+        return Measurement(made.run, made.fields, made.points, verdict, words, made.warnings)
+
+    @one_thread
+    def analyse(
+        self,
+        inputs: PathLike | Mapping[str, Any] | None = None,
+        *,
+        run: int | None = None,
+        bursts: Sequence[PathLike] = (),
+        vacuum_log: PathLike | None = None,
+        progress: Progress = lambda _: None,
+    ) -> Analysis:
+        """Computes shape, strain, tension and pressure from the points of a run; nothing is written.
+
+        Args:
+            inputs: File or document of what is known besides the points, docs/howto/analyse.md; without it
+                only the shape is analysed.
+            run: Number of the run; None for the newest.
+            bursts: Other captures of the same liner, combined with it by phase.
+            vacuum_log: CSV file of a vacuum logger.
+            progress: Told the share that is done.
+
+        Raises:
+            InputError: An input does not suit this capture.
+            NotFound: The run does not exist.
+            AnalysisError: The points make no surface.
+        """
+        given = {} if inputs is None else document_of(inputs)
+        log = None if vacuum_log is None else read_vacuum_log(Path(vacuum_log))
+        source = "the program" if inputs is None or isinstance(inputs, Mapping) else str(inputs)
+        made = analyse_file(
+            progress,
+            path=self.path,
+            inputs=with_log(given, log),
+            bursts=[Path(one) for one in bursts],
+            sources={**dict.fromkeys(given, source), **({"vacuum.log": str(vacuum_log)} if log else {})},
+            options=AnalysisOptions(run=run),
+        )
+        return Analysis(made)
+
+    @one_thread
+    def accuracy(
+        self, truth: PathLike, *, run: int | None = None, fit: bool = False, limit_mm: float = 0.2
+    ) -> Investigation:
+        """Compares the points of a run with the truth, as the paper's Table 1.
+
+        Args:
+            truth: CSV file with the columns target, x_mm, y_mm, z_mm and, if it moves, n.
+            run: Number of the run; None for the newest.
+            fit: True to turn and shift the points onto the truth first.
+            limit_mm: Greatest allowed length-measuring error.
+
+        Raises:
+            InputError: The truth cannot be read.
+            MeasurementError: No point could be matched.
+        """
+        settings = InvestigationSettings(fit=fit, limit_mm=limit_mm, bits=self.meta.bits)
+        return investigate(self._reader.timed_points(run), read_truth(Path(truth)), settings)
+
+    def export(self, file_format: str, folder: PathLike, *, run: int | None = None) -> Path:
+        """Writes the points of a run, or the pictures, into a new folder.
+
+        Args:
+            file_format: One of csv, parquet, hdf5, mat, c3d, ply, png.
+            folder: The folder.
+            run: Number of the run; None for the newest.
+
+        Raises:
+            InputError: The format is unknown.
+            ExtraMissing: What it needs is not installed.
+            StorageError: The folder exists and is not empty, or cannot be written.
+        """
+        out = Path(folder)
+        if file_format == "png":
+            storage.export_png(self.path, out)
+        elif file_format in _EXPORTS:
+            _EXPORTS[file_format](self.path, out, run)
+        else:
+            known = ", ".join([*_EXPORTS, "png"])
+            raise InputError(f"a capture cannot be written as {file_format}", f"choose from {known}")
+        return out
+
+    def plot_field(self, n: int, ax: "Axes | None" = None) -> "Axes":
+        """Draws a field in frame pixels.
+
+        Raises:
+            NotFound: The field is not in the file.
+            ExtraMissing: matplotlib is not installed.
+        """
+        from grabberd.library.plots import draw_field  # noqa: PLC0415 - needs matplotlib
+
+        return draw_field(self.fields[n], ax)
+
+    def plot_points(self, n: int, run: int | None = None, ax: "Axes | None" = None) -> "Axes":
+        """Draws the points of a field as seen along z; the colour is z.
+
+        Raises:
+            NotFound: The field has no points.
+            ExtraMissing: matplotlib is not installed.
+        """
+        from grabberd.library.plots import draw_points  # noqa: PLC0415 - needs matplotlib
+
+        axes = draw_points(self.points(run, first_n=n, end_n=n + 1), ax)
+        axes.set_title(f"points of field {n}")
+        return axes
+
+    def plot_target(
+        self, target: int, axis: str = "z", run: int | None = None, ax: "Axes | None" = None
+    ) -> "Axes":
+        """Draws a coordinate of a target over time, with its σ.
+
+        Raises:
+            NotFound: The capture has no points.
+            InputError: There is no such axis.
+            ExtraMissing: matplotlib is not installed.
+        """
+        from grabberd.library.plots import draw_target  # noqa: PLC0415 - needs matplotlib
+
+        return draw_target(self.points(run), target, axis, ax)
+
+    def _newest(self) -> Mapping[str, Any]:
+        """Calibration, object model and settings of the newest run; nothing if there is none."""
+        runs = self.runs
+        return runs[-1].made_with if runs else {}
+
+    def _object(self, given: PathLike | Mapping[str, Any] | None) -> dict[str, Any]:
+        if given is not None:
+            return document_of(given)
+        if known := self._newest().get("object"):
+            return dict(known)
+        raise NotReady(f"capture {self.id} has no object model", "give the file or document of one")
+
+
+def open_capture(path: PathLike) -> Capture:
+    """Opens a capture file.
+
+    Args:
+        path: The file, NAME.grab, or NAME.grab.part while it is being recorded.
+
+    Raises:
+        CaptureFileError: It is missing, damaged, not a capture, or of a later version.
+    """
+    return Capture(path)

@@ -1,0 +1,124 @@
+"""The application: every route, the error handlers, and the lifespan of the service."""
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from weakref import WeakValueDictionary
+
+from fastapi import Depends, FastAPI
+from fastapi.routing import APIRoute
+from starlette.concurrency import run_in_threadpool
+
+from grabberd import __version__
+from grabberd.server.api import problems
+from grabberd.server.api.docs.openapi import describe
+from grabberd.server.api.guard.authentication import Attempts, Authenticator
+from grabberd.server.api.guard.front import Front
+from grabberd.server.api.guard.gate import Gate, HeadAsGet
+from grabberd.server.api.guard.refusals import Refusal, answer_refusal
+from grabberd.server.api.guard.roles import check_declared
+from grabberd.server.api.guard.stream_limit import Streams
+from grabberd.server.api.idempotency import KeptSince
+from grabberd.server.api.reading.contents import Contents
+from grabberd.server.api.reading.readings import Readings
+from grabberd.server.api.routes import (
+    calibrations,
+    capture_batches,
+    capture_contents,
+    capture_groups,
+    capture_replay,
+    captures,
+    devices,
+    jobs,
+    live,
+    metrics,
+    page,
+    sessions,
+    settings,
+    site,
+    system,
+)
+from grabberd.server.api.shortcuts import Shortcuts
+from grabberd.server.api.snapshots import Snapshots
+from grabberd.server.api.streams.feeds import Feeds
+from grabberd.server.daemon.service import Service
+from grabberd.server.web import Files, Site
+from grabberd_liner.analyses import routes as analyses
+from grabberd_liner.guided_tests import routes as liner_tests
+from grabberd_liner.profiles import routes as profiles
+from grabberd_liner.studies import routes as studies
+
+
+def create_app(service: Service, front: Front | None = None) -> FastAPI:
+    """The application over a service, which it starts and stops.
+
+    Args:
+        service: The service that the routes call.
+        front: How the daemon is reached; default: on a loopback address.
+    """
+    front = front or Front()
+    app = FastAPI(
+        title="grabberd",
+        version=__version__,
+        description="A 50 Hz three-dimensional measuring instrument.",
+        openapi_url="/api/v1/openapi.json",
+        docs_url=None,
+        redoc_url=None,
+        lifespan=_life,
+        generate_unique_id_function=_name_of,
+        dependencies=[Depends(check_declared)],
+    )
+    app.state.service = service
+    app.state.front = front
+    app.state.once = WeakValueDictionary()
+    app.state.kept_since = KeptSince(service.clock)
+    app.state.streams = streams = Streams(front.limits)
+    app.state.metrics = metrics.registry_of(service, lambda: streams.count)
+    app.state.feeds = Feeds(service)
+    app.state.readings = Readings(front.limits)
+    app.state.contents = Contents(front.limits)
+    problems.install(app)
+    app.add_exception_handler(Refusal, answer_refusal)
+    app.state.files = Files()
+    app.state.site = Site()
+    app.state.authenticator = authenticator = Authenticator(service.access, front.private, Attempts())
+    app.state.snapshots = snapshots = Snapshots(service)
+    app.add_middleware(Shortcuts, snapshots=snapshots)
+    app.add_middleware(HeadAsGet)
+    app.add_middleware(Gate, front=front, authenticator=authenticator)
+    for part in (
+        captures,
+        capture_batches,
+        capture_groups,
+        capture_contents,
+        capture_replay,
+        analyses,
+        calibrations,
+        profiles,
+        studies,
+        liner_tests,
+        jobs,
+        sessions,
+        live,
+        settings,
+    ):
+        app.include_router(part.router, prefix="/api/v1")
+    for part in (devices, system, metrics, page, site):
+        app.include_router(part.router)
+    describe(app)
+    return app
+
+
+@asynccontextmanager
+async def _life(app: FastAPI) -> AsyncIterator[None]:
+    service: Service = app.state.service
+    await run_in_threadpool(service.start)
+    yield
+    try:
+        app.state.readings.close()
+        await app.state.contents.close()
+    finally:
+        await run_in_threadpool(service.stop)
+
+
+def _name_of(route: APIRoute) -> str:
+    return route.name

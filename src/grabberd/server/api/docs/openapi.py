@@ -1,0 +1,114 @@
+"""Completes the OpenAPI description: required roles, refusals, binary content."""
+
+from collections.abc import Iterator, MutableMapping
+from typing import Any
+
+from fastapi import FastAPI
+
+from grabberd.documents.problems import Problem
+from grabberd.server.api.guard.authentication import COOKIE
+from grabberd.server.api.guard.roles import LEAST_ROLE
+
+SCHEMES = {
+    "token": {"type": "http", "scheme": "bearer", "description": "As `grabberd token add` printed it."},
+    "session": {"type": "apiKey", "in": "cookie", "name": COOKIE, "description": "POST /api/v1/session."},
+}
+REFUSALS = {
+    "401": "The token or session is unknown.",
+    "403": "The role is not sufficient, or a page of another site sent the request.",
+    "408": "The request body took too long.",
+    "413": "The request body is too large.",
+    "421": "The daemon does not have this host name.",
+    "429": "Too many attempts or streams.",
+    "500": "An internal error.",
+}
+"""Refusals that every route can answer with."""
+PROBLEM_DESCRIPTIONS = {
+    **REFUSALS,
+    "404": "There is nothing of that name.",
+    "409": "The request conflicts with the present state.",
+    "410": "The capture's file is damaged.",
+    "422": "A value is invalid.",
+    "501": "An optional part of grabberd that this requires is not installed.",
+    "503": "The device is not delivering, or too much is asked at the same time, or it takes too long.",
+    "507": "The disk is full, read-only or broken.",
+}
+PROBLEM_JSON = "application/problem+json"
+BINARY = {"type": "string", "format": "binary"}
+_PROBLEM = "#/components/schemas/Problem"
+_OF_FASTAPI = ("HTTPValidationError", "ValidationError")
+"""FastAPI's own error documents, which no route answers with."""
+Tree = MutableMapping[str, Any]
+
+
+def describe(app: FastAPI) -> None:
+    """Completes the application's description at the first request for it."""
+    plain = app.openapi
+
+    def openapi() -> dict[str, Any]:
+        if app.openapi_schema is None:
+            _complete(plain())
+        assert app.openapi_schema is not None
+        return app.openapi_schema
+
+    app.openapi = openapi  # type: ignore[method-assign]
+
+
+def _complete(description: Tree) -> None:
+    components = description.setdefault("components", {})
+    schemas = components.setdefault("schemas", {})
+    schemas["Problem"] = Problem.model_json_schema()
+    for name in _OF_FASTAPI:
+        schemas.pop(name, None)
+    components["responses"] = {_name(status): _of_problem(status) for status in sorted(PROBLEM_DESCRIPTIONS)}
+    components["securitySchemes"] = SCHEMES
+    description["security"] = [{name: []} for name in SCHEMES]
+    for path, operations in description["paths"].items():
+        for method, operation in operations.items():
+            _add_role(f"{method.upper()} {path}", operation)
+            _add_refusals(operation)
+
+
+def _add_role(key: str, operation: Tree) -> None:
+    least = LEAST_ROLE.get(key)
+    if least is None and key in LEAST_ROLE:
+        operation["security"] = []
+    else:
+        operation["x-least-role"] = least
+
+
+def _add_refusals(operation: Tree) -> None:
+    responses = operation["responses"]
+    responses.update({status: {} for status in REFUSALS})
+    operation["responses"] = {status: _answer(status, responses[status]) for status in sorted(responses)}
+
+
+def _answer(status: str, response: Tree) -> Tree:
+    if status < "400":
+        _mark_binary(response)
+        return response
+    if "text/plain" in response.get("content", {}):
+        return response
+    own = [schema for schema in _schemas(response) if schema.get("$ref") not in (None, _PROBLEM)]
+    if status in PROBLEM_DESCRIPTIONS and (not own or own[0]["$ref"].endswith(_OF_FASTAPI)):
+        return {"$ref": f"#/components/responses/{_name(status)}"}
+    return {"description": response["description"], "content": {PROBLEM_JSON: {"schema": own[0]}}}
+
+
+def _schemas(response: Tree) -> Iterator[Tree]:
+    return (content["schema"] for content in response.get("content", {}).values() if "schema" in content)
+
+
+def _mark_binary(response: Tree) -> None:
+    for kind, content in response.get("content", {}).items():
+        if not content and kind != "application/json":
+            content["schema"] = {"type": "string"} if kind.startswith("text/") else BINARY
+
+
+def _name(status: str) -> str:
+    return f"Problem{status}"
+
+
+def _of_problem(status: str) -> Tree:
+    content = {PROBLEM_JSON: {"schema": {"$ref": _PROBLEM}}}
+    return {"description": PROBLEM_DESCRIPTIONS[status], "content": content}

@@ -1,0 +1,272 @@
+"""Contents of a capture: its file, its runs and points, its fields."""
+
+from functools import partial
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Query, Response, status
+from fastapi.responses import FileResponse, StreamingResponse
+
+from grabberd.archive import field_png, points_csv, points_ply
+from grabberd.archive.capture.reader import stat_at_rest
+from grabberd.archive.catalogue.capture_documents import whole_run
+from grabberd.archive.export.channels_document import channels_json
+from grabberd.archive.export.channels_export import channels_csv
+from grabberd.archive.export.child_stream import mat_stream, parquet_stream
+from grabberd.archive.export.points_c3d import points_c3d
+from grabberd.archive.export.points_document import PointsQuery, points_json
+from grabberd.archive.export.thumbnail import thumbnail_png
+from grabberd.documents.capture_library import WidthCourse
+from grabberd.documents.captures import WholeRunDocument
+from grabberd.documents.channels import CaptureChannelsDocument
+from grabberd.documents.points import PointsDocument
+from grabberd.documents.problems import Problem
+from grabberd.server.api.etags import IMMUTABLE, NOT_MODIFIED, REVALIDATE, IfNoneMatch, is_known, tagged
+from grabberd.server.api.reading.contents import Content
+from grabberd.server.api.reading.readings import reads
+from grabberd.server.api.rendering import JSON, RenderedRoute
+from grabberd.server.api.routes.dependencies import OF_A_FILE, CaptureId, ServiceOf
+from grabberd.server.api.streams.downloads import Download, WholeFile, download
+
+router = APIRouter(prefix="/captures", tags=["captures"], responses=OF_A_FILE, route_class=RenderedRoute)
+
+_json = partial(Response, media_type=JSON)
+FIELD_END = 2**53
+SQLITE = "application/vnd.sqlite3"
+PLY = "application/ply"
+PARQUET = "application/vnd.apache.parquet"
+MAT = "application/x-matlab-data"
+C3D = "application/octet-stream"
+"""Nobody has registered a type for it."""
+
+RunNumber = Annotated[
+    int | None, Query(ge=1, le=2**53, description="Number of the run; default: the latest completed one.")
+]
+PlyField = Annotated[
+    int | None, Query(ge=0, le=FIELD_END, description="Only the points of this field; default: all.")
+]
+FieldNumber = Annotated[int, Path(ge=0, le=FIELD_END, description="Number of the field.")]
+
+
+@router.get(
+    "/{capture_id}/file",
+    response_class=FileResponse,
+    summary="Download a capture",
+    responses={
+        200: {"content": {SQLITE: {}}},
+        206: {"description": "The requested range.", "content": {SQLITE: {}}},
+        **NOT_MODIFIED,
+        416: {"description": "The range lies outside the file.", "content": {"text/plain": {}}},
+    },
+)
+@reads
+def get_capture_file(
+    capture_id: CaptureId, service: ServiceOf, if_none_match: IfNoneMatch = None
+) -> Response:
+    """The whole sealed capture: one SQLite file. Range requests are supported. Adding a run changes the ETag,
+    and aborts a download in progress.
+    """
+    path = service.archive.sealed_path(capture_id)
+    headers = {"Cache-Control": REVALIDATE}
+    answer = WholeFile(path, 200, headers, SQLITE, filename=path.name, stat_result=stat_at_rest(path))
+    if is_known(answer.headers["etag"], if_none_match):
+        known = {**headers, "ETag": answer.headers["etag"]}
+        return Response(status_code=status.HTTP_304_NOT_MODIFIED, headers=known)
+    return answer
+
+
+@router.get("/{capture_id}/runs/{run}", summary="Look up a run")
+@reads
+def get_run(
+    capture_id: CaptureId,
+    run: Annotated[int, Path(ge=1, le=2**53, description="Number of the run.")],
+    service: ServiceOf,
+) -> WholeRunDocument:
+    """A run with the calibration, the object model and the settings that its points were measured with."""
+    return whole_run(service.archive.path(capture_id), run)
+
+
+@router.get(
+    "/{capture_id}/points",
+    response_class=Response,
+    summary="Get points as JSON, thinned out",
+    responses={200: {"model": PointsDocument}},
+)
+@reads
+def get_points(
+    capture_id: CaptureId,
+    service: ServiceOf,
+    run: RunNumber = None,
+    first_n: Annotated[int, Query(ge=0, le=FIELD_END, description="First field.")] = 0,
+    end_n: Annotated[int, Query(ge=0, le=FIELD_END, description="Field after the last one.")] = FIELD_END,
+    every: Annotated[
+        int,
+        Query(
+            ge=1,
+            le=1_000_000,
+            description="Only fields whose number is a multiple of this; odd: fields of both parities.",
+        ),
+    ] = 1,
+    max_points: Annotated[
+        int,
+        Query(
+            ge=1000, le=200_000, description="Maximum number of points; `every` is raised to stay below it."
+        ),
+    ] = 20_000,
+    target: Annotated[
+        list[Annotated[int, Query(ge=0, le=2**31 - 1)]] | None,
+        Query(max_length=1000, description="Only this target; can be given several times."),
+    ] = None,
+) -> Content:
+    """The points of a run, field by field, with their standard deviations."""
+    query = PointsQuery(run, first_n, end_n, every, max_points, target or ())
+    return Content(points_json, (service.archive.path(capture_id), query), _json)
+
+
+@router.get(
+    "/{capture_id}/points.csv",
+    response_class=StreamingResponse,
+    summary="Get points as CSV",
+    responses={200: {"content": {"text/csv": {}}}},
+)
+@reads
+def get_points_csv(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> Content:
+    """The points as CSV, a row for each target and field, with their standard deviations."""
+    arguments = service.archive.path(capture_id), run
+    return Content(points_csv, arguments, media_type="text/csv", name=f"{capture_id}-points.csv")
+
+
+@router.get(
+    "/{capture_id}/points.ply",
+    response_class=StreamingResponse,
+    summary="Get points as a PLY cloud",
+    responses={200: {"content": {PLY: {}}}},
+)
+@reads
+def get_points_ply(
+    capture_id: CaptureId, service: ServiceOf, run: RunNumber = None, field: PlyField = None
+) -> Content:
+    """The points of all fields or of one field as a point cloud: x, y, z in mm, with field number, target and
+    standard deviations as further properties.
+    """
+    arguments = service.archive.path(capture_id), run, field
+    suffix = "points" if field is None else f"field-{field:08d}"
+    return Content(points_ply, arguments, media_type=PLY, name=f"{capture_id}-{suffix}.ply")
+
+
+@router.get(
+    "/{capture_id}/points.parquet",
+    response_class=StreamingResponse,
+    summary="Get points as Parquet",
+    responses={200: {"content": {PARQUET: {}}}, 501: {"model": Problem}},
+)
+@reads
+def get_points_parquet(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> Download:
+    """The points as Parquet, the columns of the CSV with their units as metadata. 501 if the optional package
+    that writes it is not installed.
+    """
+    parts = parquet_stream(service.archive.path(capture_id), run)
+    return download(parts, PARQUET, f"{capture_id}-points.parquet")
+
+
+@router.get(
+    "/{capture_id}/points.mat",
+    response_class=StreamingResponse,
+    summary="Get points as a MAT-file",
+    responses={200: {"content": {MAT: {}}}},
+)
+@reads
+def get_points_mat(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> Download:
+    """The points as a MAT-file of version 5 for MATLAB and Octave: dense arrays over fields and targets, NaN
+    where there is no point, with units, meanings, ledger and origin. 422 if it would take more than 600 MB.
+    """
+    parts = mat_stream(service.archive.path(capture_id), run)
+    return download(parts, MAT, f"{capture_id}-points.mat")
+
+
+@router.get(
+    "/{capture_id}/points.c3d",
+    response_class=StreamingResponse,
+    summary="Get points as C3D",
+    responses={200: {"content": {C3D: {}}}},
+)
+@reads
+def get_points_c3d(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> Content:
+    """The points as C3D for motion analysis programs: a marker for each target, and a frame for each field,
+    including lost ones.
+    """
+    arguments = service.archive.path(capture_id), run
+    return Content(points_c3d, arguments, media_type=C3D, name=f"{capture_id}-points.c3d")
+
+
+@router.get(
+    "/{capture_id}/channels",
+    response_class=Response,
+    summary="Get channels as JSON, thinned out",
+    responses={200: {"model": CaptureChannelsDocument}},
+)
+@reads
+def get_channels(
+    capture_id: CaptureId,
+    service: ServiceOf,
+    max_readings: Annotated[
+        int, Query(ge=100, le=200_000, description="Maximum number of readings of each channel.")
+    ] = 2000,
+) -> Content:
+    """The vacuum and other quantities measured beside the picture, in kPa on the time axis of the points,
+    with gaps and their reasons. Empty if no channels were recorded.
+    """
+    return Content(channels_json, (service.archive.path(capture_id), max_readings), _json)
+
+
+@router.get(
+    "/{capture_id}/channels.csv",
+    response_class=StreamingResponse,
+    summary="Get channels as CSV",
+    responses={200: {"content": {"text/csv": {}}}},
+)
+@reads
+def get_channels_csv(capture_id: CaptureId, service: ServiceOf) -> Content:
+    """All readings of all channels as CSV, a row for each, as measured and in kPa."""
+    arguments = (service.archive.path(capture_id),)
+    return Content(channels_csv, arguments, media_type="text/csv", name=f"{capture_id}-channels.csv")
+
+
+@router.get(
+    "/{capture_id}/fields/{n}.png",
+    response_class=Response,
+    summary="Get a field as a picture",
+    responses={200: {"content": {"image/png": {}}}, **NOT_MODIFIED},
+)
+@reads
+def get_field_png(
+    capture_id: CaptureId, n: FieldNumber, service: ServiceOf, if_none_match: IfNoneMatch = None
+) -> Content:
+    """One field as recorded, as a picture that never changes."""
+
+    def answer(png: bytes) -> Response:
+        return tagged(png, "image/png", if_none_match, IMMUTABLE)
+
+    return Content(field_png, (service.archive.path(capture_id), n), answer)
+
+
+@router.get(
+    "/{capture_id}/thumbnail.png",
+    response_class=Response,
+    summary="Get a small picture of a capture",
+    responses={200: {"content": {"image/png": {}}}, **NOT_MODIFIED},
+)
+@reads
+def get_thumbnail(capture_id: CaptureId, service: ServiceOf, if_none_match: IfNoneMatch = None) -> Content:
+    """A small picture of the field in the middle of a sealed capture, which never changes."""
+
+    def answer(png: bytes) -> Response:
+        return tagged(png, "image/png", if_none_match, IMMUTABLE)
+
+    return Content(thumbnail_png, (service.archive.sealed_path(capture_id),), answer)
+
+
+@router.get("/{capture_id}/widths", summary="Get the course of the wall's width in few numbers")
+@reads
+def get_widths(capture_id: CaptureId, service: ServiceOf) -> WidthCourse:
+    """Widths across the middle row over six seconds in the middle of a sealed capture, for a small curve."""
+    return WidthCourse(widths_mm=service.width_courses.of(capture_id))

@@ -1,0 +1,184 @@
+"""Captures: start, arm, trigger, stop, list, look up, annotate, delete, re-measure."""
+
+from dataclasses import replace
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response, status
+
+from grabberd.archive.catalogue.capture_list import list_captures as page_of_captures
+from grabberd.archive.catalogue.capture_list_document import list_document
+from grabberd.archive.catalogue.capture_table import captures_csv
+from grabberd.archive.measure_setups import INCLUDE_DAMAGED
+from grabberd.documents.capture_library import CaptureList
+from grabberd.documents.captures import CaptureDocument
+from grabberd.documents.jobs import JobDocument
+from grabberd.documents.named_types import Labels
+from grabberd.documents.requests import CaptureOptions, CapturePatch, MeasurementRequest, NewCapture
+from grabberd.instrument.capture.capture_request import CaptureRequest
+from grabberd.library.jobs.measurement import MeasurementJob
+from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
+from grabberd.server.api.reading.readings import reads
+from grabberd.server.api.routes.capture_filter import (
+    Filter,
+    ListCursor,
+    Zone,
+    cursor_at,
+    position_in,
+    zone_of,
+)
+from grabberd.server.api.routes.dependencies import PROBLEMS, CaptureId, ServiceOf, accepted
+from grabberd.server.api.routes.paging import Limit
+
+router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=OnceRoute)
+
+
+TableLimit = Annotated[int, Query(ge=1, le=10_000, description="Maximum number of rows.")]
+
+
+@router.post(
+    "", status_code=status.HTTP_202_ACCEPTED, dependencies=[TAKES_KEY], summary="Start or arm a capture"
+)
+def start_capture(
+    new: NewCapture, service: ServiceOf, request: Request, response: Response
+) -> CaptureDocument:
+    """Start a capture, or arm one that waits for its trigger. 409 with the id of the other capture while one
+    is running or armed.
+    """
+    start = service.capture_control.arm if new.armed else service.capture_control.start
+    capture = start(new.device, request_of(new, service.capture_control.rate_hz(new.device)))
+    response.headers["Location"] = str(request.url_for("get_capture", capture_id=capture.id))
+    return capture
+
+
+@router.get("", summary="List captures")
+@reads
+def list_captures(
+    service: ServiceOf,
+    matching: Filter,
+    limit: Limit = 100,
+    cursor: ListCursor = None,
+    facets: Annotated[bool, Query(description="Count the values of what captures have in common.")] = False,
+    zone: Zone = "UTC",
+) -> CaptureList:
+    """Captures, newest first unless sorted otherwise, page by page. Captures added or deleted meanwhile do
+    not shift the pages.
+    """
+    days_in = zone_of(zone) if facets else None
+    query = replace(matching, limit=limit, after=position_in(matching.order, cursor))
+    return list_document(page_of_captures(service.archive, query, days_in), cursor_at)
+
+
+@router.get(
+    ".csv",
+    response_class=Response,
+    summary="List captures as CSV",
+    responses={200: {"content": {"text/csv": {}}}},
+)
+@reads
+def list_captures_as_csv(service: ServiceOf, matching: Filter, limit: TableLimit = 1000) -> Response:
+    """Captures, newest first unless sorted otherwise, one row each: verdicts, labels, and the main quantities
+    of the latest analysis with their standard deviations.
+    """
+    text = captures_csv(page_of_captures(service.archive, replace(matching, limit=limit)).captures)
+    headers = {"Content-Disposition": 'attachment; filename="captures.csv"'}
+    return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
+
+
+@router.get("/{capture_id}", summary="Look up a capture")
+@reads
+def get_capture(capture_id: CaptureId, service: ServiceOf) -> CaptureDocument:
+    """One capture with its ledger."""
+    return service.archive.document(capture_id)
+
+
+@router.patch("/{capture_id}", summary="Pin or annotate a capture")
+def patch_capture(capture_id: CaptureId, patch: CapturePatch, service: ServiceOf) -> CaptureDocument:
+    """Change the note, the labels, the marks or the pin. They are stored separately from the file, which is
+    not modified.
+    """
+    service.annotations.annotate(
+        capture_id, pinned=patch.pinned, note=patch.note, labels=patch.labels, marks=patch.marks
+    )
+    return service.archive.document(capture_id)
+
+
+@router.delete(
+    "/{capture_id}",
+    status_code=status.HTTP_204_NO_CONTENT,
+    response_class=Response,
+    summary="Delete a capture",
+)
+def delete_capture(capture_id: CaptureId, service: ServiceOf) -> None:
+    """Delete a capture and its file permanently. 409 while it is armed, running, pinned or used by a job."""
+    service.annotations.delete(capture_id)
+
+
+@router.post(
+    "/{capture_id}/trigger",
+    status_code=status.HTTP_202_ACCEPTED,
+    dependencies=[TAKES_KEY],
+    summary="Trigger an armed capture",
+)
+def trigger_capture(capture_id: CaptureId, service: ServiceOf) -> CaptureDocument:
+    """Start recording an armed capture, including its pre-trigger fields, and all others of its
+    group with it. 409 if it is not armed.
+    """
+    service.capture_control.trigger(capture_id)
+    return service.archive.document(capture_id)
+
+
+@router.post("/{capture_id}/stop", status_code=status.HTTP_202_ACCEPTED, summary="Stop a capture")
+def stop_capture(capture_id: CaptureId, service: ServiceOf) -> CaptureDocument:
+    """Stop a running capture and seal its file. Nothing remains of an armed capture."""
+    before = service.archive.document(capture_id)
+    service.capture_control.stop(capture_id)
+    return before.disarmed if before.state == "armed" else service.archive.document(capture_id)
+
+
+@router.post(
+    "/{capture_id}/measure",
+    status_code=status.HTTP_202_ACCEPTED,
+    dependencies=[TAKES_KEY],
+    summary="Re-measure a capture",
+)
+def measure_capture(
+    capture_id: CaptureId,
+    service: ServiceOf,
+    request: Request,
+    response: Response,
+    options: MeasurementRequest | None = None,
+) -> JobDocument:
+    """Re-measure a sealed capture with the device's present calibration: a job that adds a run.
+
+    Damaged fields are left out unless requested, fields without a signal always.
+    """
+    service.archive.sealed_path(capture_id)
+    setup = service.instrument(service.archive.document(capture_id).device).setup
+    made_with = dict(setup.made_with)
+    if options is not None and options.include_damaged:
+        made_with["settings"] = {**made_with["settings"], INCLUDE_DAMAGED: True}
+    job = service.jobs.submit(MeasurementJob(subject=capture_id, made_with=made_with))
+    return accepted(job, request, response)
+
+
+def request_of(options: CaptureOptions, rate_hz: float, labels: Labels | None = None) -> CaptureRequest:
+    """The service's request for a capture of one device.
+
+    Args:
+        options: Options of the request body.
+        rate_hz: Fields per second of the device.
+        labels: Labels of this device's capture alone; they take precedence over those of `options`.
+    """
+    fields = options.post_trigger_fields if options.armed else options.fields
+    if options.duration_s is not None:
+        fields = max(1, round(options.duration_s * rate_hz))
+    return CaptureRequest(
+        fields,
+        options.bits,
+        options.lines,
+        options.pre_trigger_fields,
+        options.overrun,
+        options.on_interruption,
+        options.note,
+        {**options.labels, **(labels or {})},
+    )

@@ -1,0 +1,191 @@
+"""Metrics for Prometheus, read on request from counters that the daemon keeps anyway."""
+
+from collections.abc import Callable, Iterable, Iterator
+
+from fastapi import APIRouter, Request, Response
+from prometheus_client import CollectorRegistry, ProcessCollector, generate_latest
+from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
+from prometheus_client.metrics_core import (
+    HistogramMetricFamily,
+    InfoMetricFamily,
+    Metric,
+)
+from prometheus_client.registry import Collector
+
+from grabberd import __version__
+from grabberd.core.ledger import LossCause, Outcome, Rebase
+from grabberd.core.reconstruction.accuracy.field_order import Order
+from grabberd.core.reconstruction.coverage.verdict import CoverageVerdict
+from grabberd.documents.states import DeviceState, Rung
+from grabberd.instrument.acquisition import Signal
+from grabberd.instrument.device.worker import BOUNDS_S
+from grabberd.instrument.instrument import Instrument
+from grabberd.server.api.rendering import RenderedRoute
+from grabberd.server.api.routes.health_metrics import fault_metrics, health_metrics
+from grabberd.server.api.routes.logger_metrics import logger_metrics
+from grabberd.server.api.routes.metric_families import counter, gauge
+from grabberd.server.daemon.service import Service
+
+router = APIRouter(tags=["system"], route_class=RenderedRoute)
+
+
+@router.get(
+    "/metrics",
+    response_class=Response,
+    responses={200: {"content": {"text/plain": {}}}},
+    summary="Get metrics for Prometheus",
+)
+def get_metrics(request: Request) -> Response:
+    """Counters and gauges in Prometheus' text format."""
+    registry: CollectorRegistry = request.app.state.metrics
+    return Response(generate_latest(registry), media_type=CONTENT_TYPE_PLAIN_0_0_4)
+
+
+def registry_of(service: Service, streams: Callable[[], int]) -> CollectorRegistry:
+    """The metrics of a service and of this process.
+
+    Args:
+        service: The service to read.
+        streams: Returns the number of live streams to clients.
+    """
+    registry = CollectorRegistry()
+    registry.register(ServiceMetrics(service, streams))
+    ProcessCollector(registry=registry)
+    return registry
+
+
+class ServiceMetrics(Collector):
+    """Reads the service's counters; it keeps none of its own."""
+
+    def __init__(self, service: Service, streams: Callable[[], int]) -> None:
+        self._service = service
+        self._streams = streams
+
+    def describe(self) -> Iterable[Metric]:
+        """Returns nothing, because the service may not have been started at registration."""
+        return []
+
+    def collect(self) -> Iterator[Metric]:
+        """Yields every metric at this moment."""
+        instruments = list(self._service.instruments.values())
+        yield InfoMetricFamily("grabberd", "The program.", {"version": __version__})
+        yield from _fields(instruments)
+        yield from _ring(instruments)
+        yield from _device(instruments)
+        yield from _points(instruments)
+        yield from _captures(instruments, self._service)
+        yield from logger_metrics(self._service.loggers)
+        yield from health_metrics(self._service)
+        yield from fault_metrics(self._service)
+        yield from _mqtt(self._service)
+        yield gauge("grabberd_streams", "Live streams to clients.", (), [((), self._streams())])
+
+
+def _fields(instruments: list[Instrument]) -> Iterator[Metric]:
+    counts = [(one.name, one.board.now.outcomes) for one in instruments]
+    samples = (((name, outcome), count[outcome]) for name, count in counts for outcome in Outcome)
+    yield counter("grabberd_fields", "Expected fields by outcome.", ("device", "outcome"), samples)
+    boards = [(one.name, one.board.now) for one in instruments]
+    losses = (((name, cause), board.losses[cause]) for name, board in boards for cause in LossCause)
+    rebases = (((name, kind), board.rebases[kind]) for name, board in boards for kind in Rebase)
+    yield counter("grabberd_fields_missing", "Fields not received, by cause.", ("device", "cause"), losses)
+    yield counter(
+        "grabberd_rebases", "Changes of the reference of numbers and times.", ("device", "kind"), rebases
+    )
+    yield from _standstills(instruments)
+
+
+def _standstills(instruments: list[Instrument]) -> Iterator[Metric]:
+    known = [(one.name, one.board.standstills) for one in instruments]
+    counts = (((name, code), one.counts[code]) for name, one in known for code in one.seconds)
+    seconds = (((name, code), one.seconds[code]) for name, one in known for code in one.seconds)
+    yield counter(
+        "grabberd_standstills", "Times the program stopped taking fields.", ("device", "cause"), counts
+    )
+    yield counter(
+        "grabberd_standstill_seconds", "Total duration of standstills.", ("device", "cause"), seconds
+    )
+
+
+def _ring(instruments: list[Instrument]) -> Iterator[Metric]:
+    rings = [(one.name, one.pipeline.ring) for one in instruments]
+    slots = (((name,), ring.slots) for name, ring in rings)
+    waiting = (((name,), ring.waiting) for name, ring in rings)
+    deepest = (((name,), ring.deepest) for name, ring in rings)
+    yield gauge("grabberd_ring_slots", "Slots of the ring in use.", ("device",), slots)
+    yield gauge("grabberd_ring_waiting_slots", "Not yet read by the slowest reader.", ("device",), waiting)
+    yield gauge("grabberd_ring_deepest_slots", "Maximum of waiting slots.", ("device",), deepest)
+
+
+def _device(instruments: list[Instrument]) -> Iterator[Metric]:
+    boards = [(one.name, one.board.now) for one in instruments]
+    states = (((name, s), float(board.state is s)) for name, board in boards for s in DeviceState)
+    signals = (((name, s), float(board.signal is s)) for name, board in boards for s in Signal)
+    openings = (((name,), board.openings) for name, board in boards)
+    steps = (((name, rung), board.recoveries[rung]) for name, board in boards for rung in Rung)
+    yield gauge("grabberd_device_state", "1 for the current state.", ("device", "state"), states)
+    yield gauge("grabberd_device_signal", "1 for the signal's current state.", ("device", "signal"), signals)
+    yield counter("grabberd_device_openings", "Times it was opened.", ("device",), openings)
+    yield counter("grabberd_device_recoveries", "Recovery steps taken.", ("device", "step"), steps)
+
+
+def _points(instruments: list[Instrument]) -> Iterator[Metric]:
+    lives = [(one.name, live) for one in instruments if (live := one.worker.live) is not None]
+    points = (((name,), len(live.measured.points)) for name, live in lives)
+    yield gauge("grabberd_live_points", "Points of the newest measured field.", ("device",), points)
+    fits = [(one.name, fit) for one in instruments if (fit := one.worker.field_order.fit) is not None]
+    verdicts = (((name, order), float(fit.order is order)) for name, fit in fits for order in Order)
+    yield gauge("grabberd_field_order", "1 for the current verdict.", ("device", "order"), verdicts)
+    yield _latency(instruments)
+
+
+def _latency(instruments: list[Instrument]) -> Metric:
+    family = HistogramMetricFamily(
+        "grabberd_latency_seconds", "From a field's arrival to its points.", labels=("device",)
+    )
+    for one in instruments:
+        histogram = one.worker.latency.histogram
+        family.add_metric((one.name,), list(_cumulative(histogram.counts)), histogram.sum_s)
+    return family
+
+
+def _cumulative(counts: tuple[int, ...]) -> Iterator[tuple[str, float]]:
+    total = 0
+    for bound, count in zip((*map(str, BOUNDS_S), "+Inf"), counts, strict=True):
+        total += count
+        yield bound, total
+
+
+def _captures(instruments: list[Instrument], service: Service) -> Iterator[Metric]:
+    running = (((one.name,), float(one.running is not None)) for one in instruments)
+    ended = (
+        ((one.name, v), one.captures.ended[v]) for one in instruments for v in ("complete", "incomplete")
+    )
+    measured = (((one.name, v), one.captures.measured[v]) for one in instruments for v in CoverageVerdict)
+    free = service.storage_document().free_bytes
+    yield gauge("grabberd_capture_running", "1 while a capture is recorded.", ("device",), running)
+    yield counter("grabberd_captures", "Captures sealed or given up.", ("device", "verdict"), ended)
+    yield counter(
+        "grabberd_captures_measured", "Measured captures, by coverage.", ("device", "verdict"), measured
+    )
+    yield gauge(
+        "grabberd_disk_free_bytes", "Free space for captures.", (), [] if free is None else [((), free)]
+    )
+
+
+def _mqtt(service: Service) -> Iterator[Metric]:
+    if service.publisher is None:
+        return
+    now = service.publisher.document()
+    yield gauge(
+        "grabberd_mqtt_connected", "1 while connected to the broker.", (), [((), float(now.connected))]
+    )
+    waiting, acknowledged = now.waiting_captures, now.acknowledged_captures
+    yield gauge("grabberd_mqtt_waiting_captures", "Summaries not yet acknowledged.", (), [((), waiting)])
+    yield counter("grabberd_mqtt_acknowledged_captures", "Summaries acknowledged.", (), [((), acknowledged)])
+    yield counter(
+        "grabberd_mqtt_missed_captures",
+        "Captures deleted before their summary could be published.",
+        (),
+        [((), now.missed_captures)],
+    )

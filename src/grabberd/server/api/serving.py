@@ -1,0 +1,159 @@
+"""The server: runs the application on sockets, with TLS and limits, and notifies systemd."""
+
+import asyncio
+import contextlib
+import logging
+import socket
+import ssl
+import sys
+import threading
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import uvicorn
+from fastapi import FastAPI
+
+from grabberd.config import TlsConfig
+from grabberd.errors import ConfigError, Problem
+from grabberd.server.api.forced_end import ForcedEnd
+from grabberd.server.api.guard.connections import connection_class
+from grabberd.server.api.guard.front import Front
+from grabberd.server.api.sockets import describe
+from grabberd.server.api.streams.feeds import Feeds
+from grabberd.server.daemon.descriptors import AT_ONCE, exhaustion
+from grabberd.server.daemon.heartbeat import Heartbeat
+from grabberd.server.daemon.service import Service
+
+log = logging.getLogger(__name__)
+
+HEAD_BYTES = 32_768
+WEBSOCKET_BYTES = 65_536
+"""Enough for any client message: clients have nothing to send on the preview's WebSocket."""
+SHUTDOWN_S = 3
+"""Time for responses to end; captures are sealed meanwhile."""
+GREETING_AFTER_S = 3.0
+WAITING = 1024
+"""Connections that the kernel keeps until they are accepted."""
+
+
+def tls_context(tls: TlsConfig, file: Path) -> ssl.SSLContext:
+    """The TLS context with the certificate, TLS 1.2 or later.
+
+    Raises:
+        ConfigError: the files cannot be read, are not PEM, or do not belong together.
+    """
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    try:
+        context.load_cert_chain(tls.certificate, tls.key, password="")  # None would prompt on the terminal
+    except (OSError, ssl.SSLError) as error:
+        reason = getattr(error, "reason", None) or error.strerror or "no PEM"
+        message = f"{tls.certificate} and {tls.key} cannot be used: {reason}"
+        raise ConfigError([Problem(str(file), "http.tls", message)]) from error
+    return context
+
+
+class BeatingServer(uvicorn.Server):
+    """Tells systemd when it serves and when it stops, and sends a heartbeat while its event loop runs."""
+
+    def __init__(self, config: uvicorn.Config, heartbeat: Heartbeat | None) -> None:
+        super().__init__(config)
+        self._heartbeat = heartbeat
+        self.forced_end: ForcedEnd | None = None
+        self.greeting = ""
+        """Line for the person who started it, printed when the devices have had time to say how they are."""
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Handles a signal to end."""
+        if self.forced_end is not None:
+            self.forced_end.told_to_end()
+        super().handle_exit(sig, frame)
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Starts to serve; as many clients as before may wait in the kernel's queue for being accepted."""
+        await super().startup(sockets)
+        for one in sockets or ():
+            one.listen(WAITING)
+
+    async def main_loop(self) -> None:
+        """Serves until it is told to stop."""
+        loop = asyncio.get_running_loop()
+        loop.set_exception_handler(_explain)
+        if self.greeting:
+            loop.call_later(GREETING_AFTER_S, _greet, self.greeting)
+        if self._heartbeat is None:
+            await super().main_loop()
+            return
+        self._heartbeat.notifier.ready()
+        beating = asyncio.create_task(_beat(self._heartbeat))
+        try:
+            await super().main_loop()
+        finally:
+            beating.cancel()
+            self._heartbeat.notifier.stopping()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Ends captures and live streams first: sealing takes time, and the server waits for responses."""
+        state = getattr(self.config.app, "state", None)
+        service: Service | None = getattr(state, "service", None)
+        feeds: Feeds | None = getattr(state, "feeds", None)
+        if service is not None:
+            # Not in the server's pool, whose threads may all be held up.
+            threading.Thread(target=service.end_captures, name="end-captures", daemon=True).start()
+        if feeds is not None:
+            feeds.close()
+        await super().shutdown(sockets)
+
+
+def _greet(words: str) -> None:
+    print(words, file=sys.stderr, flush=True)
+
+
+def _explain(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Counts what fails for want of descriptors, such as accepting a client; logs everything else."""
+    if not exhaustion.explains(context.get("exception")):
+        loop.default_exception_handler(context)
+
+
+async def _beat(heartbeat: Heartbeat) -> None:
+    """Beats by the loop's own clock; uvicorn's callback_notify uses the time of day, which can jump."""
+    while True:
+        heartbeat.beat(asyncio.get_running_loop().time())
+        await asyncio.sleep(heartbeat.every_s)
+
+
+def server_of(
+    app: FastAPI, front: Front, context: ssl.SSLContext | None = None, heartbeat: Heartbeat | None = None
+) -> BeatingServer:
+    """The server of an application; what a proxy reports about its clients is for the gate to judge."""
+    config = uvicorn.Config(
+        app,
+        http=connection_class(front),
+        ssl_context_factory=None if context is None else lambda *_: context,
+        h11_max_incomplete_event_size=HEAD_BYTES,
+        ws_max_size=WEBSOCKET_BYTES,
+        ws_per_message_deflate=False,  # messages are deflated already, once for all clients
+        proxy_headers=False,
+        server_header=False,
+        access_log=False,
+        # As many as are accepted at one go, before the limit of connections sees any of them.
+        backlog=AT_ONCE,
+        log_config=None,  # logging is configured in the daemon's own format
+        timeout_graceful_shutdown=SHUTDOWN_S,
+    )
+    return BeatingServer(config, heartbeat)
+
+
+def run(server: BeatingServer, sockets: list[socket.socket]) -> bool:
+    """Serves until a signal ends it; returns True if it has started at all.
+
+    What has not ended some seconds after the signal is ended with the process.
+    """
+    scheme = "https" if server.config.is_ssl else "http"
+    log.info("listening on %s", ", ".join(describe(one, scheme) for one in sockets))
+    server.forced_end = forced_end = ForcedEnd()
+    forced_end.start()
+    with contextlib.suppress(KeyboardInterrupt):
+        server.run(sockets)
+    forced_end.close()
+    return server.started

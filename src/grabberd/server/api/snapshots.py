@@ -1,0 +1,160 @@
+"""Snapshots: documents that are made once for everybody who asks for them meanwhile."""
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable, Hashable, Mapping
+from typing import NamedTuple
+
+from fastapi.responses import Response
+from pydantic import BaseModel
+from starlette.concurrency import run_in_threadpool
+
+from grabberd import __version__
+from grabberd.documents.state import HealthDocument, StateDocument
+from grabberd.instrument.device.worker import Live
+from grabberd.instrument.instrument import Instrument
+from grabberd.instrument.live.live_document import newest_points
+from grabberd.instrument.live.state_revision import revision_of
+from grabberd.server.api.etags import REVALIDATE, etag_of, is_known
+from grabberd.server.api.rendering import JSON
+from grabberd.server.daemon.service import Service
+
+STATE_S = 0.2
+"""Age up to which the state is shared, if nothing but numbers may have changed; events are as rare."""
+
+
+class Snapshot(NamedTuple):
+    """A document as JSON, and its ETag."""
+
+    content: bytes
+    etag: str
+
+    @classmethod
+    def of(cls, document: BaseModel) -> "Snapshot":
+        """The snapshot of a document."""
+        content = document.model_dump_json(by_alias=True).encode()
+        return cls(content, etag_of(content))
+
+    def response(self, if_none_match: str | None) -> Response:
+        """The document, or 304 if the client has it."""
+        headers = {"ETag": self.etag, "Cache-Control": REVALIDATE}
+        if is_known(self.etag, if_none_match):
+            return Response(status_code=304, headers=headers)
+        return Response(self.content, media_type=JSON, headers=headers)
+
+
+class _Making(NamedTuple):
+    """A snapshot that is made, or is there, of a revision."""
+
+    revision: Hashable
+    until_s: float
+    task: "asyncio.Task[Snapshot]"
+
+
+class Shared:
+    """A snapshot made in a thread: once for each revision, and again when it has become old.
+
+    Used within one event loop.
+
+    Args:
+        make: Makes the document; called in a thread of the server's pool.
+        revision: Tells at once what has changed in it that nobody may miss.
+        life_s: Age up to which it is shared.
+        now_s: Source of monotonic time.
+    """
+
+    def __init__(
+        self,
+        make: Callable[[], BaseModel],
+        revision: Callable[[], Hashable],
+        life_s: float,
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._make = make
+        self._revision = revision
+        self._life_s = life_s
+        self._now_s = now_s
+        self._newest: _Making | None = None
+
+    async def get(self) -> Snapshot:
+        """The snapshot; one that is being made already is waited for."""
+        revision, now_s = self._revision(), self._now_s()
+        newest = self._newest
+        if newest is None or newest.revision != revision or now_s >= newest.until_s or _failed(newest.task):
+            task = asyncio.create_task(run_in_threadpool(self._snapshot))
+            self._newest = newest = _Making(revision, now_s + self._life_s, task)
+        # A client that leaves must not take it from the others.
+        return newest.task.result() if newest.task.done() else await asyncio.shield(newest.task)
+
+    def _snapshot(self) -> Snapshot:
+        return Snapshot.of(self._make())
+
+
+def _failed(task: "asyncio.Task[Snapshot]") -> bool:
+    return task.done() and (task.cancelled() or task.exception() is not None)
+
+
+class NewestPointsSnapshot:
+    """The points of a device's newest field, made once a field; used within one event loop."""
+
+    def __init__(self, instrument: Instrument, service: Service) -> None:
+        self._instrument = instrument
+        self._service = service
+        self._of: Live | None = None
+        self._snapshot: Snapshot | None = None
+
+    async def get(self) -> Snapshot:
+        """The snapshot of the newest field.
+
+        Raises:
+            NotReady: The device has not measured a field yet.
+        """
+        live = self._instrument.worker.live
+        if self._snapshot is None or live is None or live is not self._of:
+            self._snapshot = Snapshot.of(newest_points(self._instrument, self._service.clock))
+            self._of = live
+        return self._snapshot
+
+
+class Snapshots:
+    """The snapshots of a service.
+
+    Attributes:
+        state: The state at a glance.
+        points: Points of the newest field, by device.
+    """
+
+    def __init__(self, service: Service) -> None:
+        self._service = service
+        self._changes = 0
+        self.state = Shared(self._state, self._revision, STATE_S)
+        self.points = {name: NewestPointsSnapshot(one, service) for name, one in service.instruments.items()}
+
+    def changed(self) -> None:
+        """Notes that a client may have changed something, which it has to find in the next answer."""
+        self._changes += 1
+
+    def shortcuts(self) -> Mapping[str, Callable[[], Awaitable[Snapshot | None]]]:
+        """Sources of the snapshots that are asked for most often, by their addresses."""
+        points = {f"/api/v1/devices/{name}/points": one.get for name, one in self.points.items()}
+        return {
+            "/api/v1/state": self.state.get,
+            "/api/v1/settings": self.settings,
+            "/healthz": self.health,
+            **points,
+        }
+
+    async def settings(self) -> Snapshot:
+        """The settings in force."""
+        return Snapshot.of(self._service.settings.document())
+
+    async def health(self) -> Snapshot | None:
+        """Proof that the daemon serves; None if a capture thread is stuck."""
+        return Snapshot.of(HealthDocument(version=__version__)) if self._service.liveness.is_well else None
+
+    def _state(self) -> StateDocument:
+        return self._service.state()
+
+    def _revision(self) -> Hashable:
+        service = self._service
+        return self._changes, revision_of(service.instruments.values(), service.faults.now)

@@ -1,0 +1,118 @@
+"""Downloads: files that are made while they are sent, and files that must not change while they are sent."""
+
+import io
+import logging
+import os
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any, Protocol
+
+from anyio import AsyncFile, wrap_file
+from fastapi.responses import StreamingResponse
+from starlette.concurrency import iterate_in_threadpool, run_in_threadpool
+from starlette.responses import FileResponse
+from starlette.types import Message, Receive, Scope, Send
+from typing_extensions import Buffer
+
+from grabberd.files.held_files import hold
+
+log = logging.getLogger(__name__)
+
+
+class Source(Protocol):
+    """Maker of the pieces of a download, in threads or in a process."""
+
+    def close(self) -> None:
+        """Makes no further piece; safe twice."""
+
+
+class Download(StreamingResponse):
+    """A file made piece by piece; its source is closed as soon as the client has gone.
+
+    Attributes:
+        source: Makes the pieces.
+        pieces: Has them made.
+    """
+
+    source: Source
+    pieces: Callable[[Any], AsyncIterator[str | bytes]] = staticmethod(iterate_in_threadpool)
+
+    async def stream_response(self, send: Send) -> None:
+        """Sends the pieces."""
+        self.body_iterator = self.pieces(self.source)
+        try:
+            await super().stream_response(send)
+        finally:
+            self.source.close()
+
+
+def download(source: Source, media_type: str, name: str) -> Download:
+    """A download that the client saves under a name."""
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    answer = Download((), media_type=media_type, headers=headers)
+    answer.source = source
+    return answer
+
+
+class _Changed(Exception):
+    """The file has changed since the download began."""
+
+
+class WholeFile(FileResponse):
+    """A file download that aborts if the file is written meanwhile, as when a run is added to a capture.
+
+    The client knows the length, so it notices that the file is incomplete and retries; half of the old file
+    followed by half of the new one would look like a whole capture.
+
+    It is a database that this program may have open: its descriptor is not closed while that is so.
+    """
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Sends the file."""
+        began = _version(self.stat_result or os.stat(self.path))
+
+        async def send_if_same(message: Message) -> None:
+            if message.get("body") and _version(os.stat(self.path)) != began:
+                raise _Changed
+            await send(message)
+
+        try:
+            await super().__call__(scope, receive, send_if_same)
+        except (_Changed, FileNotFoundError):
+            log.warning(
+                "%s has changed while a client was downloading it: the client has to retry", self.path
+            )
+
+    @asynccontextmanager
+    async def _open_file(self) -> AsyncIterator[AsyncFile[bytes]]:
+        with await run_in_threadpool(hold, Path(self.path)) as held:
+            yield wrap_file(io.BufferedReader(_HeldFile(held.descriptor), self.chunk_size))
+
+
+class _HeldFile(io.RawIOBase):
+    """A file that is read by a descriptor of others', with a position of its own, and is not closed here."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._position = 0
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Moves to a place, as a response does it: from the beginning, or not at all to ask for it."""
+        self._position = offset + (self._position if whence == os.SEEK_CUR else 0)
+        return self._position
+
+    def readinto(self, buffer: Buffer) -> int:
+        read = os.preadv(self._descriptor, [buffer], self._position)
+        self._position += read
+        return read
+
+
+def _version(stat: os.stat_result) -> tuple[int, int]:
+    return stat.st_mtime_ns, stat.st_size

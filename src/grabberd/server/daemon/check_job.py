@@ -1,0 +1,121 @@
+"""The job that checks a calibration: captures the calibration frame, and compares."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from grabberd.archive.calibrations.calibration_frames import calibration_frame_document
+from grabberd.archive.capture.schema import SUFFIX
+from grabberd.documents.named_types import JsonObject
+from grabberd.documents.requests import CHECK_S
+from grabberd.documents.results import CheckResult
+from grabberd.errors import NotReady
+from grabberd.instrument.capture.capture_request import CaptureRequest
+from grabberd.work.job_spec import JobContext, JobSpec
+from grabberd.work.progress import Progress, portion
+
+if TYPE_CHECKING:  # the job process carries values, not the daemon's own objects
+    from grabberd.instrument.capture.capture_control import CaptureControl
+    from grabberd.instrument.instrument import Instrument
+
+SEALING_S = 60.0
+"""A capture that is not sealed this long after its end never will be."""
+POLL_S = 0.1
+_CAPTURED = 0.5
+"""Share of the work that the capture is."""
+NOTE = "check of the calibration"
+
+
+class CheckJob(JobSpec):
+    """Checks a calibration as soon as a capture is sealed; see `check_file` for the result.
+
+    Attributes:
+        seconds: Length of the capture.
+        calibration_frame: Document of the calibration frame.
+        calibration: Document of the calibration to check.
+        in_place: True if the calibration frame stands exactly where it stood at the calibration.
+    """
+
+    kind = "check"
+    seconds: float
+    calibration_frame: JsonObject
+    calibration: JsonObject
+    in_place: bool
+
+    @property
+    def captures(self) -> tuple[str, ...]:
+        """None: it may still be recorded."""
+        return ()
+
+    @classmethod
+    def start(
+        cls,
+        captures: "CaptureControl",
+        instrument: "Instrument",
+        calibration_frame: str | JsonObject | None = None,
+        *,
+        in_place: bool = False,
+        seconds: float = CHECK_S,
+    ) -> "CheckJob":
+        """Starts a capture of the calibration frame and declares its check with the device's calibration.
+
+        The calibration frame is named or given as a document; None if there is only one.
+
+        Raises:
+            NotFound: No calibration frame has that name.
+            NotReady: The device does not stream, or has no calibration.
+            CaptureRunning: A capture is running already.
+        """
+        calibration = instrument.setup.documents.get("calibration")
+        if not calibration:
+            raise NotReady(
+                f"device {instrument.name} has no calibration to check", "calibrate it, or activate one"
+            )
+        # Before the capture starts: a wrong name must not leave one behind.
+        document = calibration_frame_document(calibration_frame)
+        request = CaptureRequest(
+            fields=round(seconds * instrument.rate_hz),
+            bits=8,
+            lines="field",
+            note=NOTE,
+            labels={"purpose": NOTE},
+        )
+        capture_id = captures.start(instrument.name, request).id
+        return cls(
+            subject=capture_id,
+            seconds=seconds,
+            calibration_frame=document,
+            calibration=calibration,
+            in_place=in_place,
+        )
+
+    def run(self, progress: Progress, context: JobContext) -> CheckResult:
+        """Waits until the capture has its final name, then runs `check_file`.
+
+        Raises:
+            NotReady: The capture was not sealed in time.
+        """
+        from grabberd.library.jobs.check import check_file  # noqa: PLC0415 - the daemon does without it
+
+        path = context.captures / f"{self.subject}{SUFFIX}"
+        self._wait_until_sealed(path, portion(progress, 0.0, _CAPTURED))
+        return check_file(
+            portion(progress, _CAPTURED, 1.0),
+            path=path,
+            calibration_frame=self.calibration_frame,
+            calibration=self.calibration,
+            in_place=self.in_place,
+        )
+
+    def _wait_until_sealed(self, path: Path, progress: Progress) -> None:
+        # The job process knows nothing of the daemon's captures; the file's name tells it all it needs.
+        began_s = time.monotonic()
+        while not path.exists():
+            waited_s = time.monotonic() - began_s
+            if waited_s > self.seconds + SEALING_S:
+                raise NotReady(
+                    f"capture {self.subject} was not sealed within {waited_s:.0f} s",
+                    "look at the device's state, and check again",
+                )
+            progress(min(waited_s / self.seconds, 1.0))
+            time.sleep(POLL_S)

@@ -1,0 +1,398 @@
+"""The service: all instruments, their captures and the jobs, on which the API and the commands stand."""
+
+import logging
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from grabberd import __version__
+from grabberd.archive.access import Access
+from grabberd.archive.calibrations.calibration_catalog import CalibrationCatalog
+from grabberd.archive.calibrations.calibration_documents import Document
+from grabberd.archive.capture.captures_folder import CapturesFolder
+from grabberd.archive.catalogue.annotations import CaptureAnnotations
+from grabberd.archive.catalogue.archive import Archive
+from grabberd.archive.catalogue.disk_guard import GB, DiskGuard
+from grabberd.archive.catalogue.retention import Policy, Retention
+from grabberd.archive.catalogue.scrub import Scrub
+from grabberd.archive.catalogue.width_courses import WidthCourses
+from grabberd.archive.state.annotation_store import AnnotationStore
+from grabberd.archive.state.calibration_store import CalibrationRecord
+from grabberd.archive.state.idempotency_store import IdempotencyStore
+from grabberd.archive.state.job_store import JobStore
+from grabberd.archive.state.state_backups import CAPTURES_FOLDER, STATE
+from grabberd.archive.state.state_keeper import StateKeeper
+from grabberd.archive.state.state_store import StateStore
+from grabberd.clock import SystemClock, UtcClock, iso_utc
+from grabberd.config import Config
+from grabberd.config.secrets import without_secrets
+from grabberd.core.geometry import Calibration
+from grabberd.core.kernel import what_is_slower
+from grabberd.documents.devices import DeviceDocument
+from grabberd.documents.jobs import JobDocument
+from grabberd.documents.state import StateDocument, StorageDocument
+from grabberd.errors import StorageError
+from grabberd.fault_board import FaultBoard
+from grabberd.instrument.active_calibrations import ActiveCalibrations
+from grabberd.instrument.capture.capture_control import CaptureControl
+from grabberd.instrument.capture.device_captures import CurrentCaptures, of_device
+from grabberd.instrument.capture.recording import Recording
+from grabberd.instrument.capture.unsealed_captures import UnsealedCaptures
+from grabberd.instrument.capture_end import CaptureEnd
+from grabberd.instrument.channels.logger_setup import LoggerSetup
+from grabberd.instrument.channels.loggers import Loggers
+from grabberd.instrument.device.worker import FairLock
+from grabberd.instrument.instrument import Instrument
+from grabberd.instrument.live.device_document import device_document
+from grabberd.instrument.live.health import Surroundings
+from grabberd.instrument.liveness import Liveness
+from grabberd.instrument.settings import Settings, configuration_document
+from grabberd.instrument.setup import DeviceSetup, configured_calibrations
+from grabberd.server.daemon.job_contexts import JobContexts
+from grabberd.server.daemon.kinds import KINDS
+from grabberd.server.daemon.upkeep import Upkeep
+from grabberd.server.mqtt.publisher_setup import create_publisher
+from grabberd.work.job_queue import JobQueue
+from grabberd.work.own_process import OwnProcesses
+from grabberd.work.runner import JobRunner
+from grabberd_liner.analyses.capture_analyses import CaptureAnalyses
+from grabberd_liner.analyses.sealed_analyses import SealedAnalyses
+from grabberd_liner.analyses.store import AnalysisStore
+from grabberd_liner.guided_tests.liner_tests import LinerTests
+from grabberd_liner.guided_tests.store import LinerTestStore
+from grabberd_liner.profiles.profiles import Profiles
+from grabberd_liner.profiles.quantity_process import problems_in_process
+
+if TYPE_CHECKING:  # an optional extra
+    from grabberd.server.mqtt.publisher import Publisher
+
+log = logging.getLogger(__name__)
+
+
+class Service:
+    """The daemon without its server: instruments, archive, jobs, stores; it lives from `start` to `stop`.
+
+    Attributes:
+        instruments: The instruments, by the name of their device.
+        loggers: The data loggers beside them.
+        liveness: Whether their capture threads go on.
+        capture_control: Starts, arms, triggers and stops captures.
+        archive: The captures on disk.
+        annotations: Pins, notes and labels of captures, and their deletion by hand.
+        retention: Deletion of old captures, where it is configured.
+        analyses: Analyses of the captures' points.
+        liner_tests: Guided tests of liners.
+        profiles: Profiles of liners, pulsators, cups and cows.
+        job_contexts: Where a job finds its captures and leaves its results.
+        capture_analyses: The latest of each capture, and of each device.
+        sealed_analyses: Queues analyses and tests of captures that are sealed.
+        width_courses: The course of the wall's width of each capture in few numbers.
+        calibrations: The calibrations that there are.
+        active: The calibration that each device measures with.
+        access: Tokens and browser sessions.
+        faults: What is wrong with the daemon itself.
+        state_keeper: Backs up and recovers the state database.
+        unsealed: Captures whose files could not be sealed yet.
+        upkeep: Looks after all of these.
+        settings: Settings that an operator has made in place of the configuration.
+        configuration: The configuration as it was read, without secrets.
+        jobs: The jobs that wait, run, and have ended.
+        job_runner: Runs them.
+        processes: What takes the core to answer.
+        idempotency: Requests that must take effect once only.
+        publisher: Publishes states and captures to a broker; None if none is configured.
+    """
+
+    def __init__(
+        self,
+        setups: Mapping[str, DeviceSetup],
+        directory: Path,
+        *,
+        clock: UtcClock | None = None,
+        site: dict[str, str] | None = None,
+        queue_s: float = 10.0,
+        disk: DiskGuard | None = None,
+        retention: Policy | None = None,
+        loggers: Mapping[str, LoggerSetup] | None = None,
+    ) -> None:
+        self._clock = clock = clock or SystemClock()
+        self._disk = disk or DiskGuard()
+        fair_lock = FairLock()
+        self.faults = FaultBoard(clock)
+        self.processes = OwnProcesses()
+        self.loggers = Loggers(loggers or {}, clock, self.faults)
+        self.instruments = {
+            name: Instrument(
+                setup,
+                clock,
+                site=site,
+                queue_s=queue_s,
+                disk=self._disk,
+                on_sealed=self._ended,
+                fair_lock=fair_lock,
+                loggers=self.loggers,
+            )
+            for name, setup in setups.items()
+        }
+        self.liveness = Liveness(one.board for one in self.instruments.values())
+        self._current = CurrentCaptures({name: one.captures for name, one in self.instruments.items()})
+        self.state_keeper = StateKeeper(directory, self.faults, clock)
+        state, heal = directory / STATE, self.state_keeper.heal
+        self._state_store = StateStore(state, heal)
+        store = AnnotationStore(state, heal)
+        self.archive = Archive(
+            directory / "captures",
+            self.recordings,
+            self._current.armed,
+            store.get,
+            store.all,
+            folder=CapturesFolder.kept_in(self._state_store, CAPTURES_FOLDER, directory / "captures"),
+            faults=self.faults,
+        )
+        self._capture_end = end = CaptureEnd(self.archive, self.instruments)
+        self.unsealed = UnsealedCaptures(
+            self.archive.check, end.sealed_after_all, end.count, self.faults, clock
+        )
+        end.unsealed, end.told = self.unsealed.add, self._sealed
+        self.capture_control = CaptureControl(self._current, self.archive, store, clock)
+        self.calibrations = CalibrationCatalog(directory / "calibrations", configured_calibrations(setups))
+        self.access = Access(directory, clock, heal)
+        self.settings = Settings(self._state_store, self.instruments)
+        self.configuration = configuration_document(setups)
+        self.active = ActiveCalibrations(self.calibrations, self._state_store, self.instruments, clock)
+        self.profiles = Profiles(state, partial(problems_in_process, self.processes), clock, heal)
+        self.analyses = AnalysisStore(directory / "analyses")
+        job_store = JobStore(directory)
+        self.jobs = JobQueue(clock, job_store, KINDS, self.faults)
+        tests = LinerTestStore(directory / "tests")
+        self.liner_tests = LinerTests(tests, self.archive, self.profiles)
+        self.job_contexts = JobContexts(self.archive, self.analyses, self.calibrations.store, tests)
+        self.job_runner = JobRunner(self.jobs, job_store, self.job_contexts.of, self.faults)
+        self.capture_analyses = CaptureAnalyses(self.analyses, self.jobs, self.archive.index)
+        self.archive.analysis = self.capture_analyses.of
+        self.archive.library.analysed = self.analyses.among
+        self.width_courses = WidthCourses(self.archive)
+        self.jobs.ended = self._job_ended
+        self.sealed_analyses = SealedAnalyses(
+            self.jobs, self.archive, self.capture_analyses, self._state_store, setups, self.profiles, clock
+        )
+        self.annotations = CaptureAnnotations(self.archive, store, self.jobs, self.analyses)
+        self.idempotency = IdempotencyStore(state, heal)
+        self.retention = Retention(
+            self.archive,
+            retention or Policy(),
+            self._disk,
+            clock,
+            self._spared,
+            self.annotations.delete,
+        )
+        self.scrub = Scrub(
+            self.archive,
+            self._state_store,
+            self.faults,
+            clock,
+            lambda: bool(self._current.recordings()),
+        )
+        looks = self.sealed_analyses.look, self.width_courses.look
+        self.upkeep = Upkeep(self.archive, self.unsealed, self.state_keeper, self.loggers, looks)
+        self.state_keeper.restored = self._keep_what_is_in_force
+        self.publisher: Publisher | None = None
+        self._started = False
+
+    @property
+    def clock(self) -> UtcClock:
+        """Source of time."""
+        return self._clock
+
+    @classmethod
+    def from_config(
+        cls,
+        config: Config,
+        setups: Mapping[str, DeviceSetup],
+        loggers: Mapping[str, LoggerSetup] | None = None,
+    ) -> "Service":
+        """Makes the service that a configuration describes."""
+        service = cls(
+            setups,
+            config.state_directory,
+            site=dict(config.site),
+            queue_s=config.storage.queue_s,
+            disk=DiskGuard(round(config.storage.reserve_gb * GB)),
+            retention=Policy.from_config(config.storage.retention),
+            loggers=loggers,
+        )
+        service.configuration = without_secrets(config.model_dump(mode="json"))
+        service.publisher = create_publisher(
+            config, service.archive, service.state, service.clock, service.state_keeper.heal
+        )
+        return service
+
+    def start(self) -> None:
+        """Seals what a crash left, then starts all instruments; does nothing the second time.
+
+        Raises:
+            StorageError: The state directory cannot be used.
+        """
+        if self._started:
+            return
+        self.open()
+        self.archive.open()
+        self.open_stores()
+        self.access.key.make()
+        self.capture_analyses.open(reversed(self.jobs.list()))
+        self.liner_tests.open(reversed(self.jobs.list()))
+        self._started = True
+        if slower := what_is_slower():
+            log.warning("%s", slower)
+        self.upkeep.start()
+        self.job_runner.start()
+        self.retention.start()
+        self.scrub.start()
+        if self.publisher is not None:
+            self.publisher.start()
+        self.loggers.start()
+        for instrument in self.instruments.values():
+            instrument.start()
+
+    def open(self) -> None:
+        """Locks the state directory and opens its database, which tells who is let in; safe twice.
+
+        A second daemon fails here, before it touches anything.
+
+        Raises:
+            StorageError: The state directory cannot be used.
+        """
+        self.state_keeper.open()
+
+    def open_stores(self) -> None:
+        """Opens calibrations, analyses, jobs, profiles, tokens and settings; applies the stored choices.
+
+        Raises:
+            StorageError: The state directory cannot be used.
+        """
+        self.calibrations.store.open()
+        self.analyses.open()
+        self.liner_tests.store.open()
+        self.jobs.open()
+        self._state_store.open()
+        self.profiles.open()
+        self.access.open()
+        self.settings.open()
+        self.active.open()
+        self.sealed_analyses.open()
+
+    def end_captures(self) -> None:
+        """Ends running captures, all at the same moment; their files are sealed meanwhile."""
+        for recording in self._current.recordings():
+            recording.stop("the daemon stopped")
+
+    def stop(self) -> None:
+        """Ends and seals running captures, then stops everything."""
+        self.retention.stop()
+        self.scrub.stop()
+        # First: sealing takes its time, and no capture should last longer for another's.
+        self.end_captures()
+        for instrument in self.instruments.values():
+            instrument.stop()
+        self.loggers.stop()
+        if self.publisher is not None:
+            self.publisher.stop()
+        self.job_runner.stop()
+        self.processes.end()
+        self.upkeep.stop()
+        self.access.key.remove()
+        self.archive.close()
+        self.state_keeper.close()  # last: it lets another daemon have the folder
+
+    def instrument(self, name: str | None) -> Instrument:
+        """An instrument by its device's name, which may be left out where there is only one.
+
+        Raises:
+            NotFound: No device has that name, or the name is needed.
+        """
+        return of_device(self.instruments, name)
+
+    def import_calibration(self, document: Document, device: str | None, note: str) -> str:
+        """Stores a complete calibration that fits a device, and returns its id.
+
+        Raises:
+            NotFound: There is no such device.
+            InputError: The document is not a calibration.
+            CalibrationMismatch: It is for another rig or stream.
+            Conflict: There is one of that id already.
+        """
+        instrument = self.instrument(device)
+        instrument.check_fits(Calibration.from_document(document))
+        stored_utc = iso_utc(self._clock.utc_now())
+        return self.calibrations.add(document, CalibrationRecord(instrument.name, "import", stored_utc, note))
+
+    def state(self) -> StateDocument:
+        """State of the devices, the disk and the daemon at a glance."""
+        around = self.surroundings()
+        return StateDocument(
+            version=__version__,
+            devices={name: self.device_document(one, around) for name, one in self.instruments.items()},
+            loggers=self.loggers.document(),
+            storage=around.storage,
+            faults=list(around.faults),
+            mqtt=self.publisher.document() if self.publisher else None,
+        )
+
+    def storage_document(self) -> StorageDocument:
+        """The disk at this moment, and what has been removed from it since the start."""
+        return self._disk.document(
+            self.archive.directory,
+            sum(instrument.bytes_per_s for instrument in self.instruments.values()),
+            check=self.archive.check,
+            removed=self.retention.removed,
+            removed_bytes=self.retention.removed_bytes,
+        )
+
+    def surroundings(self) -> Surroundings:
+        """Surroundings of all devices at this moment."""
+        return Surroundings(self.storage_document(), self.faults.now, self._clock)
+
+    def device_document(self, instrument: Instrument, around: Surroundings | None = None) -> DeviceDocument:
+        """A device at this moment."""
+        return device_document(
+            instrument,
+            self.active,
+            around or self.surroundings(),
+            self.capture_analyses.latest.get(instrument.name),
+            self.liner_tests.latest.get(instrument.name),
+        )
+
+    def recordings(self) -> list[Recording]:
+        """The captures that are being recorded or sealed, or could not be sealed yet."""
+        current = self._current.recordings()
+        return [*current, *(one for one in self.unsealed.captures if one not in current)]
+
+    def _keep_what_is_in_force(self) -> None:
+        """Stores again what a recovered state has lost, as far as it is known."""
+        self.archive.folder.identify()
+        self.archive.library.note()
+        self.settings.keep()
+        self.active.keep()
+        self.sealed_analyses.keep()
+
+    def _spared(self) -> set[str]:
+        if not self.state_keeper.pins_known:
+            raise StorageError(
+                "pins may have been lost with state.sqlite", "check them, then: grabberd storage accept"
+            )
+        return self.annotations.spared()
+
+    def _ended(self, recording: Recording) -> None:
+        self._capture_end.ended(recording)
+
+    def _sealed(self, capture_id: str, device: str) -> None:
+        self.width_courses.sealed(capture_id)
+        self.sealed_analyses.sealed(capture_id, device)
+        if self.publisher is not None:
+            self.publisher.capture_ended()
+
+    def _job_ended(self, job: JobDocument, captures: Sequence[str]) -> None:
+        self.archive.ended(job.subject, captures)
+        self.capture_analyses.ended(captures)
+        self.liner_tests.ended(job)

@@ -1,0 +1,208 @@
+"""MQTT topics and the messages on them."""
+
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+from urllib.parse import quote
+
+from grabberd.core.ledger import Outcome
+from grabberd.documents.capture_analyses import DeviceAnalysis
+from grabberd.documents.captures import CaptureDocument
+from grabberd.documents.devices import DeviceDocument
+from grabberd.documents.document import Document
+from grabberd.documents.mqtt import (
+    AnalysisMessage,
+    CaptureSummary,
+    DeviceStateMessage,
+    LedgerSummary,
+    LinerTestMessage,
+    MeasuredValue,
+)
+from grabberd.documents.named_types import JsonObject
+from grabberd.documents.state import StorageDocument
+from grabberd_liner.analyses.documents import QuantityDocument
+from grabberd_liner.guided_tests.documents import DeviceTest
+
+SCHEMA = 1
+"""Schema version of all messages; a new key does not change it, a new meaning of a key does."""
+
+
+class Topic(NamedTuple):
+    """A topic below PREFIX/BARN: whether the broker retains its latest message, and what that tells."""
+
+    name: str
+    retained: bool
+    words: str
+
+
+ONLINE = Topic("online", True, "whether the daemon is connected; `false` is its last will")
+STATE = Topic("devices/{device}/state", True, "the state of a device")
+ANALYSIS = Topic(
+    "devices/{device}/analysis", True, "the analysis of one of the device's captures that ended last"
+)
+TEST = Topic("devices/{device}/test", True, "the guided test of one of the device's captures that ended last")
+LAST_CAPTURE = Topic(
+    "devices/{device}/capture",
+    True,
+    "the summary of the device's capture that ended last; only with `home_assistant`",
+)
+CAPTURE = Topic("captures", False, "the summary of a capture that has ended")
+TOPICS = (ONLINE, STATE, ANALYSIS, TEST, LAST_CAPTURE, CAPTURE)
+
+
+class Message(NamedTuple):
+    """A JSON object and its topic; None removes what the broker retains there. All go out with QoS 1."""
+
+    topic: str
+    content: JsonObject | None
+    retained: bool
+
+
+class Topics:
+    """The topics of one barn.
+
+    Args:
+        prefix: Prefix of every topic.
+        barn: Name of the barn; every character but letters and digits becomes %XX, as in a data set's
+            folders.
+    """
+
+    def __init__(self, prefix: str, barn: str) -> None:
+        self._start = f"{prefix}/{quote(barn, safe='')}"
+
+    def name(self, topic: Topic, **parts: str) -> str:
+        """A topic in full."""
+        return f"{self._start}/{topic.name.format(**parts)}"
+
+    def message(self, topic: Topic, document: Document | JsonObject, **parts: str) -> Message:
+        """A message on a topic, with its schema version.
+
+        Args:
+            topic: Where it goes.
+            document: A document, or the JSON of one that was stored, perhaps by an earlier version.
+            parts: Values of the placeholders in the topic's name.
+        """
+        content = document.model_dump(mode="json") if isinstance(document, Document) else document
+        return Message(self.name(topic, **parts), {"schema": SCHEMA, **content}, topic.retained)
+
+
+def device_state(device: DeviceDocument, storage: StorageDocument) -> DeviceStateMessage:
+    """The state of a device in short; values that always fluctuate are rounded until they are stable.
+
+    Args:
+        device: The device.
+        storage: The disk with its captures.
+    """
+    calibration, health = device.calibration, device.health
+    lacks = {one.lacks for one in device.lacks}
+    return DeviceStateMessage(
+        device=device.name,
+        state=device.state,
+        since_utc=device.since_utc,
+        cause=device.cause,
+        cause_code=device.cause_code,
+        health=health.level,
+        health_part=health.part,
+        health_word=health.parts[health.part].word if health.part else None,
+        hint=health.hint,
+        signal=device.signal,
+        rate_hz=None if device.rate_hz is None else round(device.rate_hz),
+        fields_lost=device.fields[Outcome.LOST],
+        fields_damaged=device.fields[Outcome.DAMAGED],
+        fields_no_signal=device.fields[Outcome.NO_SIGNAL],
+        fields_overrun=device.fields[Outcome.OVERRUN],
+        calibration_id=calibration.id if calibration else None,
+        calibration_fits="calibration" not in lacks if calibration else None,
+        rig=device.rig.verdict if device.rig else None,
+        capture_id=device.capture_id,
+        disk_minutes_left=_two_digits(storage.minutes_left),
+    )
+
+
+def device_analysis(device: str, latest: DeviceAnalysis) -> AnalysisMessage:
+    """The latest analysis of a device: its main quantities by name, or why there are none."""
+    return AnalysisMessage(
+        device=device,
+        capture_id=latest.capture,
+        state=latest.state,
+        analysis=latest.analysis,
+        created_utc=latest.created_utc,
+        quantities=_by_name(latest.quantities),
+        problem=latest.problem.message if latest.problem else None,
+        hint=latest.problem.hint if latest.problem else None,
+    )
+
+
+def device_test(device: str, latest: DeviceTest) -> LinerTestMessage:
+    """The latest guided test of a device: its verdict and quantities, or why there are none."""
+    test, problem = latest.test, latest.problem
+    return LinerTestMessage(
+        device=device,
+        capture_id=latest.capture,
+        state=latest.state,
+        test=test and test.id,
+        kind=test and test.kind,
+        liner=test and test.liner,
+        verdict=test and test.verdict,
+        created_utc=test and test.created_utc,
+        quantities=_by_name(test.quantities if test else ()),
+        offers=test is not None and test.offers,
+        problem=problem and problem.message,
+        hint=problem and problem.hint,
+    )
+
+
+def _by_name(quantities: Iterable[QuantityDocument]) -> dict[str, MeasuredValue]:
+    """Quantities that were found."""
+    return {
+        one.name: MeasuredValue(value=one.value, sigma=one.sigma, unit=one.unit)
+        for one in quantities
+        if one.value is not None
+    }
+
+
+def capture_summary(
+    document: CaptureDocument,
+    *,
+    file: str,
+    site: Mapping[str, str],
+    rate_hz: float,
+    calibration_id: str | None,
+) -> CaptureSummary:
+    """The summary of a finished capture; receivers use its id to detect one that came twice.
+
+    Args:
+        document: The capture.
+        file: Name of its file.
+        site: Where it was recorded.
+        rate_hz: Fields per second.
+        calibration_id: Calibration that its latest points were measured with; None without points.
+    """
+    ledger, covered = document.ledger, document.coverage
+    return CaptureSummary(
+        capture_id=document.id,
+        group_id=document.group.id if document.group else None,
+        device=document.device,
+        state=document.state,
+        verdict=document.verdict,
+        coverage_verdict=covered.verdict if covered else None,
+        coverage_in_words=covered.in_words if covered else None,
+        share_found=covered.share if covered else None,
+        channels_verdict=document.channels.verdict if document.channels else None,
+        channels_in_words=document.channels.in_words if document.channels else None,
+        ended_because=document.ended_because,
+        started_utc=document.created_utc,
+        duration_s=round(sum(ledger.counts.values()) / rate_hz, 3),
+        fields=document.fields,
+        ledger=LedgerSummary(in_words=ledger.in_words, counts=ledger.counts),
+        bits=document.bits,
+        lines=document.lines,
+        labels=document.labels,
+        site=dict(site),
+        calibration_id=calibration_id,
+        file=file,
+        size_bytes=document.size_bytes,
+    )
+
+
+def _two_digits(value: float | None) -> float | None:
+    return None if value is None else float(f"{value:.2g}")

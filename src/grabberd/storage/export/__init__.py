@@ -1,6 +1,0 @@
-"""Points, pictures, analyses and data sets in the formats of other programs.
-
-Tables consist of `grabberd.processes.columns.Column`: points and data sets of those in `points_columns`,
-analyses of those in `grabberd.processes.analysis.columns`. Each format has one writer, `FORMAT_file`, which
-takes any such table; a new column therefore is one line in a specification.
-"""

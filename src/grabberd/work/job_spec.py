@@ -1,0 +1,85 @@
+"""Declaration of a job: what has to be known to do it, now or after a restart."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+from pydantic import ConfigDict
+
+from grabberd.documents.document import Document
+from grabberd.documents.requests import CaptureName
+from grabberd.documents.results import JobResult
+from grabberd.errors import NotFound
+from grabberd.work.progress import Progress
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobContext:
+    """Surroundings of a job when it is begun, which its declaration leaves out: they may differ every time.
+
+    Attributes:
+        job: Id of the job, written into what it makes, by which its next attempt knows that it is made.
+        files: Paths of the captures that it reads, by id.
+        captures: Folder of the captures.
+        analyses: Folder of the `AnalysisStore`.
+        calibrations: Folder of the `CalibrationStore`.
+        tests: Folder of the `LinerTestStore`.
+        calibrator: Function that calibrates; None for that of the program.
+    """
+
+    job: str
+    files: Mapping[str, Path] = field(default_factory=dict)
+    captures: Path = Path()
+    analyses: Path = Path()
+    calibrations: Path = Path()
+    tests: Path = Path()
+    calibrator: Callable[..., Any] | None = None
+
+    def file(self, capture_id: str) -> Path:
+        """Path of a capture.
+
+        Raises:
+            NotFound: It is none of those that the job reads.
+        """
+        if capture_id not in self.files:
+            raise NotFound(f"no capture {capture_id!r}", "GET /api/v1/captures lists all captures")
+        return self.files[capture_id]
+
+
+class JobSpec(Document, ABC):
+    """Declaration of a job: its name, its parameters as fields, and what it runs.
+
+    A subclass is a document at module level: it waits on the disk as JSON, and is pickled to the job process.
+    The process may be killed at any instant, and the job begins again then. So whatever `run` writes appears
+    whole or not at all, and bears the job's id; before it begins, `run` looks whether it is there already.
+
+    Attributes:
+        kind: Public name of the job.
+        subject: What the job works on: the id of a capture.
+    """
+
+    # Inputs from outside may hold NaN, which JSON proper lacks: as null, it would be taken for left out.
+    model_config = ConfigDict(ser_json_inf_nan="constants")
+
+    kind: ClassVar[str]
+    subject: CaptureName
+
+    @property
+    def captures(self) -> tuple[str, ...]:
+        """Ids of the sealed captures that it reads."""
+        return (self.subject,)
+
+    @property
+    def analyses(self) -> tuple[str, ...]:
+        """Ids of the captures whose analysis it makes."""
+        return ()
+
+    @abstractmethod
+    def run(self, progress: Progress, context: JobContext) -> JobResult:
+        """Does the work in the job process and returns the result.
+
+        Raises:
+            GrabberdError: The job fails; message and hint become its `problem`.
+        """

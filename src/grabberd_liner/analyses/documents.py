@@ -1,0 +1,162 @@
+"""Analyses of a capture."""
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from grabberd.documents.document import Document
+from grabberd.documents.named_types import JsonObject
+from grabberd_liner.profiles.documents import ProfileUse
+
+_METHOD = (
+    "How pressures were found: `equilibrium`, as the load of a wall in equilibrium; null in earlier ones, "
+    "whose pressures are wrong."
+)
+
+
+class QuantityDocument(Document):
+    """One of the field's own quantities, as in the table `quantities`, whose rows have its definition."""
+
+    name: str
+    unit: str
+    value: float | None = Field(description="Null if nothing was found.")
+    sigma: float | None = Field(description="Its standard deviation, in the same unit.")
+    sigma_common: float | None = Field(
+        None,
+        description="Part of `sigma` that captures analysed with the same liner values, gauges and model "
+        "share: averaging them does not lessen it. Null in earlier ones.",
+    )
+    verdict: str = Field("", description="By the limit that a standard sets; empty if there is none.")
+    reason: str = Field("", description="Why nothing was found.")
+
+
+class AnalysisRecord(Document):
+    """Origin of an analysis, and a summary of its results."""
+
+    created_utc: str | None = None
+    version: str | None = None
+    job: str | None = Field(None, description="Id of the job that made it; null in earlier ones.")
+    device: str | None = Field(None, description="Name of the device that captured it.")
+    run: int | None = Field(None, description="Run whose points were analysed.")
+    pressure_method: str | None = Field(None, description=_METHOD)
+    bursts: list[str] = Field(
+        default_factory=list, description="Further captures that were merged with it by phase."
+    )
+    inputs: JsonObject = Field(
+        default_factory=dict, description="Inputs as they were given, and as profiles completed them."
+    )
+    profiles: list[ProfileUse] = Field(
+        default_factory=list, description="Versions of the profiles that inputs came from."
+    )
+    lacks: list[str] = Field(default_factory=list, description="Missing inputs and their consequences.")
+    problems: list[str] = Field(
+        default_factory=list, description="Problems in spite of which the analysis was completed."
+    )
+    summary: dict[str, float | None] = Field(
+        default_factory=dict, description="The row of the table `summary`, by column name."
+    )
+    quantities: list[QuantityDocument] = Field(
+        default_factory=list, description="The table `quantities`; empty in earlier ones."
+    )
+    missing_extra: str | None = Field(
+        None, description="Optional part that draws the report and was not installed."
+    )
+    page_problem: str | None = Field(None, description="Any other reason why there is no page.")
+
+
+class AnalysisRow(AnalysisRecord):
+    """An analysis in a list; of a damaged one only `analysis` and `problem` are known."""
+
+    analysis: int = Field(description="Number of the analysis, from 1; no analysis is ever overwritten.")
+    outdated_pressure: bool = Field(
+        False,
+        description="True if its pressures were found in the earlier, wrong way: analyse the capture again.",
+    )
+    problem: str | None = Field(None, description="Why the analysis cannot be used.")
+
+
+class AnalysisList(Document):
+    """A capture's analyses, newest first."""
+
+    analyses: list[AnalysisRow]
+
+
+class AnalysisPreparation(Document):
+    """Inputs that an analysis would be made with if it were asked for now; nothing is computed or kept."""
+
+    run: int = Field(description="Run whose points would be analysed.")
+    inputs: JsonObject = Field(description="The inputs, completed; the text of a vacuum log is left out.")
+    sources: dict[str, str] = Field(
+        default_factory=dict,
+        description="Where inputs come from that the request lacks, by name, such as `vacuum.liner`.",
+    )
+    profiles: list[ProfileUse] = Field(
+        default_factory=list, description="Versions of the profiles that inputs come from."
+    )
+    obtained: dict[str, str] = Field(
+        default_factory=dict,
+        description="How the values of the wall were obtained, by name, as the liner's profile tells.",
+    )
+    recorded: list[str] = Field(
+        default_factory=list, description="Quantities that were recorded with the capture."
+    )
+    lacks: list[str] = Field(default_factory=list, description="Missing inputs and their consequences.")
+    problems: list[str] = Field(
+        default_factory=list, description="Everything for which the analysis would be refused."
+    )
+    hint: str = Field("", description="What to do about these.")
+
+
+class ColumnDocument(Document):
+    """A column of a table."""
+
+    name: str
+    unit: str
+    meaning: str
+    values: list[float | str | None] = Field(description="One value per row; null where there is none.")
+
+
+class TableDocument(Document):
+    """A table, column by column."""
+
+    meaning: str
+    columns: list[ColumnDocument]
+
+
+class TargetState(Document):
+    """The targets of one field, or of one phase of the mean cycle."""
+
+    name: str
+    n: int | None = Field(None, description="Number of the field.")
+    phase: float | None = None
+    targets: TableDocument
+
+
+class AnalysisDocument(Document):
+    """An analysis in numbers, from which its report is drawn."""
+
+    schema_: Literal["grabberd/analysis-report/1"] = Field(alias="schema")
+    id: str = Field(description="Id of the capture.")
+    created_utc: str
+    version: str
+    pressure_method: str | None = Field(None, description=_METHOD)
+    about: JsonObject = Field(description="What was analysed: capture, run, calibration, object, ledger, …")
+    inputs: JsonObject = Field(description="Inputs as given, what they lack, and where they come from.")
+    problems: list[str]
+    grid: JsonObject = Field(description="The target grid: target, row, column, u_mm, v_mm, triangles.")
+    wall_phases: list[JsonObject] | None = Field(description="Bounds of each wall phase, from 0 to 1.")
+    tables: dict[str, TableDocument] = Field(
+        description="summary, fields, sections, phases, phase_sections, cycles and gaps."
+    )
+    states: list[TargetState] = Field(description="The targets in the middle of each wall phase.")
+
+
+class MapDocument(Document):
+    """The targets of one field, or of one phase of the mean cycle."""
+
+    field: int | None
+    phase: float | None
+    units: dict[str, str] = Field(description="Unit of each column, by column name.")
+    columns: dict[str, list[Any]] = Field(
+        description="One value per target, in the same sequence in every column; null where there is none."
+    )

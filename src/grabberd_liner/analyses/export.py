@@ -1,0 +1,197 @@
+"""An analysis as files in a folder, in the formats that are asked for."""
+
+import json
+from collections.abc import Callable, Collection, Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from grabberd import __version__
+from grabberd.archive.export.csv_file import csv_text
+from grabberd.archive.export.hdf5_file import ArrayGroup, check_hdf5, write_hdf5
+from grabberd.archive.export.mat_check import mat_check
+from grabberd.archive.export.mat_file import Struct, described, mat_column, mat_value, table_struct, write_mat
+from grabberd.archive.export.parquet_file import check_parquet, write_parquet
+from grabberd.archive.export.ply_file import ply_head, ply_triangles, ply_vertices
+from grabberd.archive.export.read_back import csv_check, hdf5_check, parquet_check, ply_check, xml_check
+from grabberd.core.chain.columns import Table
+from grabberd.errors import InputError
+from grabberd.files.checked_file import checked_file, checked_path, write_checked
+from grabberd.files.disk import storage_errors
+from grabberd_liner.analyses.meshes import Mesh, meshes
+from grabberd_liner.analyses.vtu_file import pvd, vtu
+from grabberd_liner.analysis import Grid
+from grabberd_liner.chain.analysis.tables import AnalysisTables
+
+HDF5_NAME, MAT_NAME = "analysis.h5", "analysis.mat"
+_GRID = ("target", "row", "column", "nominal_mm", "u_mm", "v_mm", "triangles")
+_GRID_MEANING = "the targets; a triangle's corners are places in `target`, counted from {}"
+
+
+class _Analysis(NamedTuple):
+    tables: AnalysisTables
+    grid: Grid
+    about: Mapping[str, Any]
+
+
+def check_formats(formats: Collection[str]) -> None:
+    """Checks that all formats can be written, before any work is done for them.
+
+    Raises:
+        InputError: One is unknown.
+        ExtraMissing: The library for one is not installed.
+    """
+    if unknown := sorted(set(formats) - set(ANALYSIS_FORMATS)):
+        raise InputError(
+            f"an analysis cannot be written as {', '.join(unknown)}",
+            f"choose from {', '.join(ANALYSIS_FORMATS)}",
+        )
+    for one in formats:
+        if one in _CHECKS:
+            _CHECKS[one]()
+
+
+def write_analysis(
+    folder: Path, tables: AnalysisTables, grid: Grid, about: Mapping[str, Any], formats: Collection[str]
+) -> list[Path]:
+    """Writes an analysis into an existing folder; returns the files, and of meshes their folders.
+
+    Args:
+        folder: Gets CSV, Parquet, HDF5 and MAT files, and meshes in the folders `vtu` and `ply`.
+        tables: Tables of the analysis.
+        grid: Its target grid.
+        about: What it was made from, for the formats that have room for it.
+        formats: Any of `ANALYSIS_FORMATS`.
+
+    Raises:
+        InputError, ExtraMissing: See `check_formats`; or a MAT-file has no room for a table.
+        StorageError: A file cannot be written, or exists already.
+    """
+    check_formats(formats)
+    analysis = _Analysis(tables, grid, about)
+    return [path for one in ANALYSIS_FORMATS if one in formats for path in _WRITERS[one](folder, analysis)]
+
+
+def write_csv(folder: Path, tables: AnalysisTables) -> list[Path]:
+    """Writes a CSV file for each table.
+
+    Raises:
+        StorageError: A file cannot be written, or exists already.
+    """
+    return [
+        write_checked(
+            folder / f"{table.name}.csv",
+            map(str.encode, csv_text(table.columns, table.parts())),
+            csv_check(_names(table), table.__len__),
+        )
+        for table in tables.values()
+    ]
+
+
+def write_parquet_files(folder: Path, tables: AnalysisTables, about: Mapping[str, Any]) -> list[Path]:
+    """Writes a Parquet file for each table.
+
+    Raises:
+        ExtraMissing: pyarrow is not installed.
+        StorageError: A file cannot be written, or exists already.
+    """
+    paths = []
+    for table in tables.values():
+        path = folder / f"{table.name}.parquet"
+        with checked_file(path, parquet_check(_names(table), table.__len__)) as file:
+            metadata = {"description": table.meaning, "grabberd": json.dumps(about, ensure_ascii=False)}
+            write_parquet(file, table.columns, [table.rows], metadata)
+        paths.append(path)
+    return paths
+
+
+def _names(table: Table) -> list[str]:
+    return [column.name for column in table.columns]
+
+
+def _hdf5(folder: Path, analysis: _Analysis) -> list[Path]:
+    grid: ArrayGroup = (_GRID_MEANING.format(0), {name: getattr(analysis.grid, name) for name in _GRID})
+    tables, path = analysis.tables.values(), folder / HDF5_NAME
+    with checked_path(path, hdf5_check(tables, ["grid"])) as part:
+        write_hdf5(part, tables, analysis.about, {"grid": grid})
+    return [path]
+
+
+def _mat(folder: Path, analysis: _Analysis) -> list[Path]:
+    """`analysis.mat` with a struct for each table, and those that say what they mean."""
+    variables, path = _mat_variables(analysis), folder / MAT_NAME
+    with checked_path(path, mat_check(variables)) as part, part.open("xb") as file:
+        write_mat(file, variables)
+    return [path]
+
+
+def _mat_variables(analysis: _Analysis) -> Mapping[str, Struct]:
+    tables = analysis.tables.values()
+    words = {table.name: described(table.columns) for table in tables}
+    return {
+        **{table.name: table_struct(table) for table in tables},
+        "grid": _mat_grid(analysis.grid),
+        "units": {name: units for name, (units, _) in words.items()},
+        "meanings": {
+            "tables": {table.name: table.meaning for table in tables} | {"grid": _GRID_MEANING.format(1)},
+            **{name: meanings for name, (_, meanings) in words.items()},
+        },
+        "about": {name: mat_value(value) for name, value in analysis.about.items()},
+    }
+
+
+def _mat_grid(grid: Grid) -> Struct:
+    arrays = {name: np.asarray(getattr(grid, name), np.float64) for name in _GRID}
+    # MATLAB counts from 1, so that trisurf takes them as they are.
+    arrays["triangles"] = arrays["triangles"] + 1
+    return {name: values if values.ndim > 1 else mat_column(values) for name, values in arrays.items()}
+
+
+def _vtu(folder: Path, analysis: _Analysis) -> list[Path]:
+    """`vtu/` with a file for each field and phase, and both as series in time."""
+    inner, series = _new_folder(folder / "vtu"), dict[str, list[tuple[float, str]]]()
+    for mesh in meshes(analysis.tables, analysis.grid):
+        elements = {"Piece": 1, "DataArray": 4 + len(mesh.columns)}
+        path = write_checked(inner / f"{mesh.name}.vtu", [vtu(mesh)], xml_check(elements))
+        series.setdefault(mesh.series, []).append((mesh.time, path.name))
+    for name, files in series.items():
+        write_checked(inner / f"{name}.pvd", [pvd(files)], xml_check({"DataSet": len(files)}))
+    return [inner]
+
+
+def _ply(folder: Path, analysis: _Analysis) -> list[Path]:
+    """`ply/` with a file for each field and phase."""
+    inner = _new_folder(folder / "ply")
+    for mesh in meshes(analysis.tables, analysis.grid):
+        check = ply_check(mesh.__len__, len(mesh.triangles))
+        write_checked(inner / f"{mesh.name}.ply", _ply_parts(mesh, analysis.about), check)
+    return [inner]
+
+
+def _ply_parts(mesh: Mesh, about: Mapping[str, Any]) -> Iterable[bytes]:
+    columns = (*mesh.position, *mesh.columns)
+    comments = [f"grabberd {__version__}, {mesh.name}, x y z in mm"]
+    if method := about.get("pressure_method"):
+        comments.append(f"pressure_method {method}")
+    yield ply_head(columns, len(mesh), comments, len(mesh.triangles))
+    yield ply_vertices(columns, mesh.rows)
+    yield ply_triangles(mesh.triangles)
+
+
+def _new_folder(folder: Path) -> Path:
+    with storage_errors(folder):
+        folder.mkdir()
+    return folder
+
+
+_WRITERS: Mapping[str, Callable[[Path, _Analysis], list[Path]]] = {
+    "csv": lambda folder, analysis: write_csv(folder, analysis.tables),
+    "parquet": lambda folder, analysis: write_parquet_files(folder, analysis.tables, analysis.about),
+    "hdf5": _hdf5,
+    "vtu": _vtu,
+    "ply": _ply,
+    "mat": _mat,
+}
+ANALYSIS_FORMATS = tuple(_WRITERS)
+_CHECKS: Mapping[str, Callable[[], None]] = {"parquet": check_parquet, "hdf5": check_hdf5}

@@ -1,0 +1,180 @@
+"""Analyses of a capture: run, list, and read their curves, maps, report and tables."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Query, Request, Response, status
+from fastapi.responses import FileResponse
+
+from grabberd.documents.jobs import JobDocument
+from grabberd.documents.problems import Problem
+from grabberd.documents.requests import AnalysisRequest
+from grabberd.server.api.etags import IMMUTABLE, NOT_MODIFIED, IfNoneMatch, tagged
+from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
+from grabberd.server.api.reading.readings import reads
+from grabberd.server.api.routes.dependencies import PROBLEMS, REPORT_HEADERS, CaptureId, ServiceOf, accepted
+from grabberd.server.daemon.service import Service
+from grabberd_liner.analyses.device_documents import analysis_list, analysis_row, report_page
+from grabberd_liner.analyses.documents import AnalysisDocument, AnalysisList, AnalysisPreparation, MapDocument
+from grabberd_liner.analyses.exported_maps import read_map
+from grabberd_liner.analyses.job import AnalysisJob
+from grabberd_liner.analyses.preparation import prepare_in_process
+from grabberd_liner.analyses.store import DOCUMENT, RECORD
+
+router = APIRouter(prefix="/captures", tags=["analyses"], responses=PROBLEMS, route_class=OnceRoute)
+
+AnalysisNumber = Annotated[int, Path(ge=1, le=2**53, description="Number of the analysis.")]
+TableName = Annotated[str, Path(pattern=r"^[a-z_]{1,40}$", description="Name of the table.")]
+
+
+@router.post(
+    "/{capture_id}/analysis",
+    status_code=status.HTTP_202_ACCEPTED,
+    dependencies=[TAKES_KEY],
+    summary="Analyse a capture",
+)
+def analyse_capture(
+    capture_id: CaptureId,
+    service: ServiceOf,
+    request: Request,
+    response: Response,
+    wanted: AnalysisRequest | None = None,
+) -> JobDocument:
+    """Determine surface, sections, curvature, strain, tension, pressure and pulsation from a sealed capture's
+    points: a job, whose result contains the number of the analysis. A cancelled job leaves nothing behind.
+    """
+    return accepted(queue_analysis(service, capture_id, wanted or AnalysisRequest()), request, response)
+
+
+@router.post("/{capture_id}/analysis/inputs", summary="Prepare an analysis")
+@reads
+def prepare_analysis(
+    capture_id: CaptureId, service: ServiceOf, wanted: AnalysisRequest | None = None
+) -> AnalysisPreparation:
+    """Show the inputs that an analysis requested with this body would use, with their sources, what is
+    missing and what that costs, and every reason for which it would be refused. Nothing is computed or
+    stored.
+    """
+    spec = _job(service, capture_id, wanted or AnalysisRequest())
+    return prepare_in_process(service.processes, service.archive.sealed_path(capture_id), spec)
+
+
+@router.get("/{capture_id}/analyses", summary="List a capture's analyses")
+@reads
+def list_analyses(capture_id: CaptureId, service: ServiceOf) -> AnalysisList:
+    """The analyses with their inputs and a summary of their results, newest first."""
+    service.archive.document(capture_id)
+    return analysis_list(service.analyses, capture_id)
+
+
+@router.get(
+    "/{capture_id}/analyses/{number}",
+    response_class=Response,
+    summary="Get an analysis as JSON",
+    responses={200: {"model": AnalysisDocument}, **NOT_MODIFIED},
+)
+@reads
+def get_analysis(
+    capture_id: CaptureId, number: AnalysisNumber, service: ServiceOf, if_none_match: IfNoneMatch = None
+) -> Response:
+    """The report's document: inputs, problems, target grid, and the tables summary, fields, sections, phases,
+    phase_sections, cycles and gaps column by column, which contain the curves over time and phase.
+    """
+    content = service.analyses.file(capture_id, number, DOCUMENT).read_bytes()
+    return tagged(content, "application/json", if_none_match, IMMUTABLE)
+
+
+@router.get(
+    "/{capture_id}/analyses/{number}/maps",
+    response_class=Response,
+    summary="Get a map of an analysis",
+    responses={200: {"model": MapDocument}, **NOT_MODIFIED},
+)
+@reads
+def get_analysis_map(
+    capture_id: CaptureId,
+    number: AnalysisNumber,
+    service: ServiceOf,
+    field: Annotated[
+        int | None,
+        Query(ge=0, le=2**53, description="Number of a field; the phase is then ignored."),
+    ] = None,
+    phase: Annotated[
+        float,
+        Query(ge=0, le=1, description="Phase of the mean cycle, if no field is given."),
+    ] = 0.0,
+    if_none_match: IfNoneMatch = None,
+) -> Response:
+    """Position, curvature, strain, tension and pressure with σ at every target, in one field or at one phase
+    of the mean cycle.
+    """
+    folder = service.analyses.file(capture_id, number, RECORD).parent
+    content = read_map(folder, *(("field", field) if field is not None else ("phase", phase)))
+    return tagged(content, "application/json", if_none_match, IMMUTABLE)
+
+
+@router.get(
+    "/{capture_id}/analyses/{number}/report",
+    response_class=Response,
+    summary="Get an analysis as a page",
+    responses={200: {"content": {"text/html": {}}}, 501: {"model": Problem}},
+)
+@reads
+def get_analysis_report(capture_id: CaptureId, number: AnalysisNumber, service: ServiceOf) -> Response:
+    """The report as a self-contained page: model and pressure, curves, maps, tables, inputs, sources."""
+    page = report_page(service.analyses, capture_id, number)
+    return Response(page, media_type="text/html; charset=utf-8", headers=REPORT_HEADERS)
+
+
+@router.get(
+    "/{capture_id}/analyses/{number}/{table}.csv",
+    response_class=FileResponse,
+    summary="Get a table of an analysis",
+    responses={200: {"content": {"text/csv": {}}}},
+)
+@reads
+def get_analysis_table(
+    capture_id: CaptureId, number: AnalysisNumber, table: TableName, service: ServiceOf
+) -> Response:
+    """One table with all its rows, such as targets, triangles or edges; the reference of the analysis tables
+    describes every column. The file name says so if the analysis has outdated pressures.
+    """
+    path = service.analyses.file(capture_id, number, f"{table}.csv")
+    row = analysis_row(service.analyses, capture_id, number)
+    mark = "-outdated-pressure" if row is not None and row.outdated_pressure else ""
+    name = f"{capture_id}-analysis-{number}-{table}{mark}.csv"
+    return FileResponse(path, media_type="text/csv", filename=name, headers={"Cache-Control": IMMUTABLE})
+
+
+def queue_analysis(service: Service, capture_id: str, new: AnalysisRequest) -> JobDocument:
+    """Queues the analysis of a capture.
+
+    Raises:
+        NotFound: There is no such capture, or one of its bursts.
+        Conflict: One of them is not sealed, or the queue is full.
+    """
+    spec = _job(service, capture_id, new)
+    for capture in spec.captures:
+        service.archive.sealed_path(capture)
+    return service.jobs.submit(spec)
+
+
+def _job(service: Service, capture_id: str, wanted: AnalysisRequest) -> AnalysisJob:
+    """The job that a request asks for, with the profiles that the capture's labels name today."""
+    document = service.archive.document(capture_id)
+    inputs, sources = dict(wanted.inputs), {}
+    instrument = service.instruments.get(document.device)
+    if wanted.configured and instrument is not None:
+        usual = {
+            key: value for key, value in (instrument.setup.analysis_inputs or {}).items() if key not in inputs
+        }
+        sources = dict.fromkeys(usual, f"the configuration's {instrument.setup.config.analysis.inputs}")
+        inputs |= usual
+    return AnalysisJob(
+        subject=capture_id,
+        inputs=inputs,
+        sources=sources,
+        bursts=tuple(wanted.bursts),
+        run_number=wanted.run,
+        vacuum_log=wanted.vacuum_log,
+        profiles=service.profiles.of_labels(document.labels) if wanted.profiles else None,
+    )

@@ -1,0 +1,238 @@
+"""Reads from captures what an analysis is made of: points, object model, and what a single view saw."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from textwrap import shorten
+from typing import Any
+
+from grabberd.archive import CaptureReader, RunInfo
+from grabberd.archive.measure_setups import measure_setup
+from grabberd.core.chain.measure import MeasureSetup
+from grabberd.core.chain.single_views import single_view_images
+from grabberd.core.channels import Quantity
+from grabberd.core.geometry import Calibration, Rig
+from grabberd.core.ledger import Ledger
+from grabberd.core.reconstruction import ObjectModel, Points
+from grabberd.documents.named_types import JsonObject
+from grabberd.errors import InputError, NotReady
+from grabberd_liner.analysis import TimedPoints, read_vacuum_log
+from grabberd_liner.chain.analysis.field_points import FieldPoints
+from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHANNEL
+from grabberd_liner.chain.light_clock import FoundLight, find_light, logged_light
+
+_LONGEST_REASON = 200
+_LEAST_LIGHT = 10
+"""Readings below which nothing is said of a light."""
+
+
+@dataclass(frozen=True, slots=True)
+class AnalysisSource:
+    """Points of one capture, and what they were measured with.
+
+    Attributes:
+        fields: Points of each field, with the images of targets that one view alone sees if there are any.
+        model: Object model.
+        calibration: Its document; None if the run has none, or one that cannot be read.
+        about: Origin of the points, as the report shows it.
+        problem: Why those images are missing though they were wanted, as a sentence; None if they are not.
+    """
+
+    fields: list[FieldPoints]
+    model: ObjectModel
+    calibration: JsonObject | None
+    about: JsonObject
+    problem: str | None
+
+
+def read_source(path: Path, run: int | None, single: bool) -> AnalysisSource:
+    """Reads a capture.
+
+    Points need nothing but themselves, so a run whose calibration or settings this version cannot read only
+    does without the images of a single view.
+
+    Args:
+        path: The capture.
+        run: The run whose points are read; None for the latest.
+        single: True if the images of targets that one view alone sees are wanted.
+
+    Raises:
+        CaptureFileError, NotFound: The capture or the run does not exist.
+        NotReady: It was measured without an object model.
+        InputError: Its object model cannot be read.
+    """
+    with CaptureReader(path) as reader:
+        info = reader.run(run)
+        reader.check_unchanged(runs=(info.run,))
+        model = _object_model(path, info)
+        first_ns = reader.first_time_ns or 0
+        timed = {n: (time_ns, points) for n, time_ns, points in reader.timed_points(info.run)}
+        setup, problem = _setup(path, info) if single else (None, None)
+        if setup is not None:
+            points_of = {n: points for n, (_, points) in timed.items()}
+            for n, images in single_view_images(reader.received(), points_of, setup):
+                timed[n] = timed[n][0], replace(points_of[n], single=images)
+        fields = [_field(n, time_ns - first_ns, points) for n, (time_ns, points) in timed.items()]
+        calibration = info.made_with.get("calibration") if setup else None
+        return AnalysisSource(fields, model, calibration, _origin(reader, info), problem)
+
+
+def read_origin(path: Path, run: int | None) -> tuple[JsonObject, ObjectModel]:
+    """Origin of a run's points, as the report shows it, and the object model that they were measured with.
+
+    Raises:
+        CaptureFileError, NotFound: The capture or the run does not exist.
+        NotReady: It was measured without an object model.
+        InputError: Its object model cannot be read.
+    """
+    with CaptureReader(path) as reader:
+        info = reader.run(run)
+        return _origin(reader, info), _object_model(path, info)
+
+
+def capture_origin(path: Path) -> tuple[JsonObject, Mapping[str, Any]]:
+    """Origin of a capture's latest points, as the report shows it, and the calibration that made them.
+
+    The calibration is empty where there is none.
+
+    Raises:
+        CaptureFileError, NotFound: The capture does not exist, or was never measured.
+    """
+    with CaptureReader(path) as reader:
+        info = reader.run(None)
+        return _origin(reader, info), info.made_with.get("calibration") or {}
+
+
+def found_light(path: Path, vacuum: Mapping[str, Any]) -> FoundLight | None:
+    """The light in a capture's pictures, where the inputs' vacuum leaves the clocks to it; else None.
+
+    Raises:
+        InputError: Neither the log nor, where the vacuum was recorded, the capture has a light.
+        AnalysisError: There is none in the pictures that goes by it.
+        CaptureFileError: The capture cannot be read.
+    """
+    if vacuum.get("offset") != BY_LIGHT:
+        return None
+    if CHANNEL in (vacuum.get("pulsation"), vacuum.get("liner")):
+        return _recorded_light(path)
+    log = read_vacuum_log(vacuum["log"])
+    if log.light is None:
+        raise InputError(
+            "the vacuum log has no column light, which vacuum.offset: light is found by",
+            "record the light's voltage beside the vacuum, or give the offset in s with its σ",
+        )
+    with CaptureReader(path) as reader:
+        logged = logged_light(log.time_s, log.light)
+        return find_light(reader.received(), reader.first_time_ns or 0, logged)
+
+
+def _recorded_light(path: Path) -> FoundLight:
+    """The light in a capture's pictures by the channel that was recorded with them."""
+    with CaptureReader(path) as reader:
+        named = {one.quantity: one for one in reader.channels.all}
+        channel = named.get(Quantity.LIGHT)
+        if channel is None:
+            known = ", ".join(one.name for one in named.values()) or "none"
+            raise InputError(
+                "the capture has no channel light, which vacuum.offset: light is found by",
+                f"its channels are: {known}; leave out vacuum.offset, or have a light recorded",
+            )
+        readings = reader.channels.read(channel.name)
+        source = f"the recorded channel {channel.name}"
+        if len(readings.time_s) < _LEAST_LIGHT:
+            hint = "the capture's channels say what is missing, and why"
+            raise InputError(f"{source} has {len(readings.time_s)} readings", hint)
+        logged = logged_light(readings.time_s, readings.value, source)
+        found = find_light(reader.received(), reader.first_time_ns or 0, logged)
+        return found._replace(logger=channel.logger, delay_sigma_s=channel.calibration.delay_sigma_ms / 1e3)
+
+
+def common_rig(sources: Sequence[AnalysisSource]) -> Rig | None:
+    """The rig of all captures that have images of a single view; None if there are several rigs, or none."""
+    documents = [source.calibration for source in sources if source.calibration]
+    if not documents or any(other != documents[0] for other in documents[1:]):
+        return None
+    return Rig.of(Calibration.from_document(documents[0]))
+
+
+def check_same_model(sources: Sequence[AnalysisSource]) -> None:
+    """Refuses bursts of another object model: they are combined target by target.
+
+    Raises:
+        InputError: A burst was measured with another one.
+    """
+    first = sources[0]
+    for other in sources[1:]:
+        same = first.model.target.tolist() == other.model.target.tolist()
+        if not same or abs(first.model.xyz_mm - other.model.xyz_mm).max() > 0:
+            raise InputError(
+                f"burst {other.about['id']} was measured with another object model,"
+                f" {other.about['object']}, than {first.about['id']}",
+                "measure both with the same object file",
+            )
+
+
+def _object_model(path: Path, info: RunInfo) -> ObjectModel:
+    document = info.made_with.get("object")
+    if not document:
+        raise NotReady(
+            f"run {info.run} of {path} was measured without an object model",
+            f"re-measure it: {_command(path)}",
+        )
+    try:
+        return ObjectModel.from_document(document)
+    except InputError as error:
+        raise InputError(
+            f"the object model of run {info.run} of {path} cannot be read: {_reason(error)}",
+            f"re-measure the capture: {_command(path)}",
+        ) from error
+
+
+def _setup(path: Path, info: RunInfo) -> tuple[MeasureSetup | None, str | None]:
+    """Setup of the measurement that made the points, or why there is none that can be read."""
+    if not info.made_with.get("calibration"):
+        return None, None
+    try:
+        return measure_setup(info.made_with, info.made_with.get("settings") or {}), None
+    except InputError as error:
+        return None, (
+            f"targets that one view alone sees are left out: the calibration or the settings of run"
+            f" {info.run} of {path} cannot be read ({_reason(error)});"
+            f" re-measure the capture: {_command(path)}"
+        )
+
+
+def _command(path: Path) -> str:
+    return f"grabberd measure {path} --calibration … --object …"
+
+
+def _reason(error: InputError) -> str:
+    return shorten(error.message, _LONGEST_REASON, placeholder=" …")
+
+
+def _field(n: int, since_first_ns: int, points: Points) -> FieldPoints:
+    return FieldPoints(n, TimedPoints(since_first_ns / 1e9, points))
+
+
+def _origin(reader: CaptureReader, info: RunInfo) -> JsonObject:
+    meta = reader.meta
+    return {
+        "id": meta.id,
+        "captured_utc": meta.created_utc,
+        "device": meta.device.get("name"),
+        "run": info.run,
+        "run_created_utc": info.created_utc,
+        "run_version": info.version,
+        "calibration": (info.made_with.get("calibration") or {}).get("id"),
+        "object": (info.made_with.get("object") or {}).get("name"),
+        "bits": meta.bits,
+        "site": meta.site,
+        "labels": meta.labels,
+        "note": meta.note,
+        "ledger": _ledger(reader.ledger),
+    }
+
+
+def _ledger(ledger: Ledger) -> JsonObject:
+    lacking = [{**entry._asdict(), "outcome": str(entry.outcome)} for entry in ledger.entries]
+    return {"total": ledger.total, "received": ledger.received, "lacking": lacking}

@@ -1,0 +1,387 @@
+"""The contact pressure that explains where the targets are.
+
+Gauss–Newton on equilibrium and data at once: the wall's unknowns are eliminated by one adjoint solution for
+each component of a target's place, and the step is taken in the space of the sights (a few hundred), where
+the prior's covariance (thousands of parameters) need never be inverted. The posterior covariance follows
+likewise.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, blas, cho_factor, cho_solve, lapack
+
+from grabberd.errors import AnalysisError
+from grabberd_liner.analysis.estimate import Joint
+from grabberd_liner.analysis.load.load_prior import MPA_PER_KPA, Difference
+from grabberd_liner.analysis.load.mounted.sights import Sights
+from grabberd_liner.analysis.load.wall_model import Linearised, State, WallModel
+from grabberd_liner.analysis.wall.splines import Basis
+
+Array = NDArray[np.float64]
+
+STEPS = 60
+"""Of Gauss and Newton; from the open wall to a closed one some twenty are taken."""
+_LONGEST_MM = 1.0
+"""Of a step of the wall's unknowns: farther away its stiffness is another."""
+_SLOWING, _SHORTENED = 0.5, 0.6
+"""A step longer than half the last one swings about the minimum: it is shortened."""
+NEAR_MM = 0.3
+"""Next step below which the linearised model is the wall: pressures then err by less than .02 σ."""
+MISFIT_ALARM = 2.0
+"""Misfit above which points and the wall's equilibrium contradict each other."""
+_HINT = "give the liner's own modulus, thickness, pretension and length, and its vacuum on the camera's clock"
+
+
+class _Parts(NamedTuple):
+    """A prior covariance, apart by what its size changes with: variance of g, that of the gauges, neither."""
+
+    load: Array
+    difference: Array
+    rest: Array
+
+    @classmethod
+    def of(cls, model: WallModel, rows: Array, spread: Array, diagonal: bool = False) -> "_Parts":
+        """The covariance of rows (Q, P) and `WallModel.spread` of others (P, M), or the diagonal alone."""
+        load, difference = model.of_load, model.of_difference
+        # Each by itself: a small part would be lost in rounding as the rest of a large one.
+        parts = (load, difference, slice(load.stop, difference.start), slice(difference.stop, None))
+
+        def product(part: slice) -> Array:
+            if diagonal:
+                return np.asarray(np.einsum("qp,pq->q", rows[:, part], spread[part]), np.float64)
+            return np.asarray(rows[:, part] @ spread[part], np.float64)
+
+        of_load, of_difference, *rest = (product(part) for part in parts)
+        return cls(of_load, of_difference, rest[0] + rest[1])
+
+    def sum(self, model: WallModel, difference: Difference) -> Array:
+        """The whole covariance under a pressure difference."""
+        factors = model.variances(difference)
+        load, gauge = (factors[part][0] for part in (model.of_load, model.of_difference))
+        whole: Array = load * self.load + gauge * self.difference + self.rest
+        return whole
+
+
+class Followers(NamedTuple):
+    """Q quantities of a linearised wall.
+
+    Attributes:
+        response: of that wall.
+        cross: (Q, 3 T) their prior covariance with the places; `variance`: (Q,) their own.
+    """
+
+    response: "Response"
+    cross: _Parts
+    variance: _Parts
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Response:
+    """A linearised wall, and how far the prior lets its targets move.
+
+    Attributes:
+        model: the wall's.
+        linear: the model about a state.
+        spread: (P, 3 T) prior covariance of parameters and places, by `WallModel.spread`.
+    """
+
+    model: WallModel
+    linear: Linearised
+    spread: Array
+    _covariance: "_Parts"
+    _at_points: dict[tuple[Basis, int], Array]
+
+    @classmethod
+    def of(cls, model: WallModel, state: State) -> "Response":
+        """The response about a state."""
+        linear = model.linearised(state)
+        spread = model.spread(linear.by_parameters.T)
+        return cls(model, linear, spread, _Parts.of(model, linear.by_parameters, spread), {})
+
+    def covariance_mm2(self, difference: Difference) -> Array:
+        """(3 T, 3 T) prior covariance of the places."""
+        return self._covariance.sum(self.model, difference)
+
+    def at_points(self, basis: Basis, index: int) -> Array:
+        """(N, 3 T) rows of `spread` of g (0) or a traction (1, 2), at points of the wall; kept."""
+        if (basis, index) not in self._at_points:
+            count = self.model.half.grid.count
+            at_points = basis.matrices[0] @ self.spread[index * count : (index + 1) * count]
+            self._at_points[basis, index] = at_points
+        return self._at_points[basis, index]
+
+    def followers(self, by_parameters: Array) -> "Followers":
+        """Quantities (Q, P) that depend on the parameters as the places do."""
+        own = self.model.spread(by_parameters.T)
+        return Followers(
+            self,
+            _Parts.of(self.model, by_parameters, self.spread),
+            _Parts.of(self.model, by_parameters, own, diagonal=True),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """The load given the sights, by a model linearised near it.
+
+    Attributes:
+        response: of the model; its state is within a step of the most probable one.
+        difference: pressure difference that was given.
+        parameters: (P,) the most probable ones.
+        j: misfit of sights and prior per sight, about .3–.9; above 2 they contradict each other.
+        sights: what was seen.
+    """
+
+    response: Response
+    difference: Difference
+    parameters: Array
+    j: float
+    sights: Sights
+    _factor: tuple[Array, bool]
+    _weighted: Array
+
+    @property
+    def model(self) -> WallModel:
+        """The wall's model."""
+        return self.response.model
+
+    @property
+    def linear(self) -> Linearised:
+        """The model that was linearised."""
+        return self.response.linear
+
+    @property
+    def change(self) -> Array:
+        """(P,) parameters' change from the linearised state."""
+        change: Array = self.parameters - self.linear.state.parameters
+        return change
+
+    @cached_property
+    def unknowns(self) -> Array:
+        """(n,) movement of the wall's unknowns from the linearised state."""
+        return self.linear.unknowns(self.change)
+
+    @property
+    def longest_mm(self) -> float:
+        """Longest part of that movement."""
+        return float(np.abs(self.unknowns).max())
+
+    def moved(self, share: float = 1.0) -> State:
+        """The linearised state moved by a share of the way to the most probable wall."""
+        return self.model.moved(self.linear.state, share * self.unknowns, share * self.change)
+
+    @cached_property
+    def control(self) -> Array:
+        """(K, 4) control values of the most probable wall."""
+        return self.moved().control
+
+    @property
+    def places_mm(self) -> Array:
+        """(T, 3) targets."""
+        moved = self.linear.by_parameters @ self.change
+        places: Array = self.linear.places_mm + moved.reshape(-1, 3)
+        return places
+
+    def places_covariance(self, shared_mm2: Array) -> Array:
+        """(3 T, 3 T) of the targets' places, the model's error and the part shared by all states included."""
+        prior = self.response.covariance_mm2(self.difference) + shared_mm2
+        prior[np.diag_indices_from(prior)] += self.model.prior.model_mm(self.difference.kpa) ** 2
+        return self._left(prior, self.sights.of_places(prior))
+
+    @cached_property
+    def outlying(self) -> Array:
+        """(T,) χ² of each target's distance from where all others say it is; 0 for one that was not seen."""
+        inverse, _ = lapack.dpotri(self._factor[0], lower=True)
+        distance = np.zeros(len(self.linear.places_mm))
+        order = np.argsort(self.sights.target, kind="stable")
+        seen, first, count = np.unique(self.sights.target[order], return_index=True, return_counts=True)
+        for components in np.unique(count):
+            rows = order[first[count == components, np.newaxis] + np.arange(components)]
+            low, high = np.sort(
+                np.stack(np.broadcast_arrays(rows[:, :, np.newaxis], rows[:, np.newaxis])), axis=0
+            )
+            pull = self._weighted[rows]
+            prediction = np.linalg.solve(inverse[high, low], pull[..., np.newaxis])[..., 0]
+            distance[seen[count == components]] = (pull * prediction).sum(axis=1)
+        return distance
+
+    def contact_kpa(self, basis: Basis) -> tuple[Array, Array]:
+        """Median contact pressure at points of the wall (N,), and its covariance (N, N) in kPa²."""
+        g = basis.matrices[0] @ self.model.field(self.parameters, 0)
+        covariance = self._field_covariance(basis, 0)
+        sigma = np.sqrt(np.diagonal(covariance))
+        pressure, _ = self.model.prior.contact_mpa(g)
+        # Not by the slope at the median: without contact, that is too flat for all that g may be.
+        scale = self.model.prior.spread_mpa(g, sigma) / sigma
+        return pressure / MPA_PER_KPA, covariance * np.outer(scale, scale) / MPA_PER_KPA**2
+
+    def contact_sums(self, basis: Basis, weights: Array) -> Joint:
+        """Sums of the contact pressure over groups of points of the wall, with their covariance.
+
+        Much cheaper than the covariance of all the points.
+
+        Args:
+            basis: at G Q points, group after group.
+            weights: (G, S, Q) weight of each of a group's points in its S sums, per kPa.
+
+        Returns:
+            G S sums.
+        """
+        model, groups = self.model, len(weights)
+        g = basis.matrices[0] @ model.field(self.parameters, 0)
+        unit, variance = _unit_covariance(model, basis, 0), float(model.variances(self.difference)[0])
+        prior = variance * np.diagonal(unit)
+        whitened = self._whitened(variance * self.sights.of_places(self.response.at_points(basis, 0)))
+        # Rounding must not leave a place that is very well known with no σ at all.
+        sigma = np.sqrt(np.maximum(prior - (whitened * whitened).sum(axis=0), 1e-6 * prior))
+        pressure, _ = model.prior.contact_mpa(g)
+        scaled = weights * (model.prior.spread_mpa(g, sigma) / sigma).reshape(groups, 1, -1)
+        half = (scaled @ unit.reshape(groups, scaled.shape[2], -1)).reshape(-1, *scaled.shape[::2])
+        known = (
+            (half.transpose(1, 0, 2) @ scaled.transpose(0, 2, 1)).transpose(1, 0, 2).reshape(len(half), -1)
+        )
+        seen = scaled @ whitened.T.reshape(groups, scaled.shape[2], -1)
+        seen = seen.reshape(len(half), -1)
+        values = (weights @ pressure.reshape(groups, -1, 1)).ravel()
+        return Joint(values / MPA_PER_KPA, (variance * known - seen @ seen.T) / MPA_PER_KPA**2)
+
+    def noise_of_sums(
+        self, basis: Basis, weights: Array, followers: Followers, reference_mm2: Array
+    ) -> tuple[Array, Array]:
+        """Covariances (G S + Q, G S + Q) by the noise of what was seen alone: of the same sums, of followers.
+
+        What was known before moves them as well, but alike in all captures that are given the same.
+
+        Args:
+            basis: as for `contact_sums`.
+            weights: likewise.
+            followers: Q further quantities of the wall that was linearised.
+            reference_mm2: (3 T, 3 T) part of the sights' covariance that is the reference state's.
+
+        Returns:
+            That of this state's own points, and that of the reference state's.
+        """
+        model, groups = self.model, len(weights)
+        _, slope = model.prior.contact_mpa(basis.matrices[0] @ model.field(self.parameters, 0))
+        scaled = weights * slope.reshape(groups, 1, -1)
+        variance = float(model.variances(self.difference)[0])
+        whitened = self._whitened(variance * self.sights.of_places(self.response.at_points(basis, 0)))
+        seen = (scaled @ whitened.T.reshape(groups, scaled.shape[2], -1)).reshape(-1, len(whitened))
+        cross = followers.cross.sum(model, self.difference)
+        others = self._whitened(self.sights.of_places(cross)).T
+        joint = np.concatenate([seen / MPA_PER_KPA, others])
+        gain: Array = blas.dtrsm(1.0, self._factor[0], joint.T, lower=True, trans_a=1).T
+        of_reference = self.sights.of_places(self.sights.of_places(reference_mm2).T)
+        own = self.sights.covariance - of_reference
+        return gain @ own @ gain.T, gain @ of_reference @ gain.T
+
+    def sigma(self, followers: Followers) -> Array:
+        """(Q,) σ of quantities of the wall that was linearised."""
+        whitened = self._whitened(self.sights.of_places(followers.cross.sum(self.model, self.difference)))
+        prior = followers.variance.sum(self.model, self.difference)
+        # Rounding must not leave what is very well known with no σ at all.
+        left = np.maximum(prior - (whitened * whitened).sum(axis=0), 1e-9 * prior)
+        sigma: Array = np.sqrt(left)
+        return sigma
+
+    def traction_kpa(self, basis: Basis, along: bool) -> tuple[Array, Array]:
+        """Friction on the inner face (N,), round the wall or along it, and its covariance (N, N) in kPa²."""
+        traction = basis.matrices[0] @ self.model.field(self.parameters, 1 + along)
+        return traction / MPA_PER_KPA, self._field_covariance(basis, 1 + along) / MPA_PER_KPA**2
+
+    def tube_values(self) -> tuple[Array, Array]:
+        """Changes of ln E, ln t, ln F₀, and the pressure difference in MPa (4,); covariance (4, 4)."""
+        part, factors = self.model.of_tube, self.model.variances(self.difference)
+        seen = self.sights.of_places(factors[part, np.newaxis] * self.response.spread[part])
+        covariance = self._left(self.model.tube_covariance(self.difference), seen)
+        return self.model.tube_values(self.parameters), covariance
+
+    def _field_covariance(self, basis: Basis, index: int) -> Array:
+        variance = self.model.variances(self.difference)[index * self.model.half.grid.count]
+        seen = variance * self.sights.of_places(self.response.at_points(basis, index))
+        return self._left(variance * _unit_covariance(self.model, basis, index), seen)
+
+    def _left(self, prior: Array, seen: Array) -> Array:
+        """(N, N) posterior covariance, from the prior one and that with the sights (N, M)."""
+        whitened = self._whitened(seen)
+        covariance: Array = prior - whitened.T @ whitened
+        return covariance
+
+    def _whitened(self, seen: Array) -> Array:
+        """(M, N) what the sights know of quantities with prior covariance (N, M) with them."""
+        # BLAS itself: it solves in place, and scipy's own would look for what is not finite.
+        whitened: Array = blas.dtrsm(1.0, self._factor[0], seen.T, lower=True, overwrite_b=True)
+        return whitened
+
+
+@lru_cache(maxsize=4)
+def _unit_covariance(model: WallModel, basis: Basis, index: int) -> Array:
+    """(N, N) prior covariance of g (0) or a traction (1, 2) at points of the wall, by `WallModel.spread`."""
+    at = basis.matrices[0]
+    columns = np.zeros((3, *at.shape[::-1]))
+    columns[index] = at.T.toarray()
+    return np.asarray(at @ model.prior.spread(model.half.grid, columns)[index], np.float64)
+
+
+def posterior(response: Response, sights: Sights, difference: Difference) -> Posterior:
+    """The load given the sights, by a model that was linearised before.
+
+    Raises:
+        AnalysisError: the wall is about to buckle.
+    """
+    model, linear = response.model, response.linear
+    covariance = sights.of_places(sights.of_places(response.covariance_mm2(difference)).T)
+    covariance += sights.covariance
+    of_model = sights.unit_variance() * model.prior.model_mm(difference.kpa) ** 2
+    try:
+        covariance[np.diag_indices_from(covariance)] += of_model
+        factor = cho_factor(covariance, lower=True, overwrite_a=True, check_finite=False)
+    except LinAlgError as error:
+        raise AnalysisError(
+            f"at {difference.kpa:.3g} kPa the wall is about to buckle: the load cannot be told",
+            _HINT,
+        ) from error
+    mean = model.mean(difference)
+    expected = linear.places_mm.ravel() - linear.by_parameters @ (linear.state.parameters - mean)
+    innovation = sights.value - sights.of_places(expected[np.newaxis])[0]
+    weighted = cho_solve(factor, innovation)
+    j = float(innovation @ weighted) / len(sights)
+    pull = sights.directions(len(linear.places_mm)).T @ weighted
+    parameters = mean + model.variances(difference) * (response.spread @ pull)
+    return Posterior(response, difference, parameters, j, sights, factor, weighted)
+
+
+def fit_load(
+    model: WallModel, sights: Sights, difference: Difference, start: State | None = None
+) -> tuple[Posterior, int]:
+    """Fits the load, and counts the steps it took.
+
+    Args:
+        model: the wall's.
+        sights: what was seen of its targets.
+        difference: pressure difference.
+        start: a state to begin with; by default the open wall.
+
+    Raises:
+        AnalysisError: the wall does not settle.
+    """
+    state, last_mm = start or model.start(difference), np.inf
+    for step in range(1, STEPS + 1):
+        found = posterior(Response.of(model, state), sights, difference)
+        longest_mm = found.longest_mm
+        if longest_mm < NEAR_MM:
+            return found, step
+        share = min(1.0, _LONGEST_MM / longest_mm)
+        if share == 1.0 and longest_mm > _SLOWING * last_mm:
+            share = _SHORTENED
+        last_mm = longest_mm
+        state = found.moved(share)
+    raise AnalysisError(
+        f"no load explains {len(sights)} sights at {difference.kpa:.3g} kPa: after {STEPS} steps the wall"
+        f" still moves by {last_mm:.2g} mm a step",
+        _HINT,
+    )

@@ -1,0 +1,266 @@
+"""A loaded wall as a function of its parameters: the load, the liner's own values, and its cuts.
+
+A state is a wall with its parameters; it need not be in equilibrium. Linearised, it says how the targets
+follow the parameters once the wall has settled, so that a step towards the data and one towards equilibrium
+are the same.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from grabberd_liner.analysis.load.load_prior import MPA_PER_KPA, Difference, LoadPrior, TubePrior
+from grabberd_liner.analysis.load.mounted.target_places import TargetPlaces, Targets
+from grabberd_liner.analysis.wall.block_band import Factors
+from grabberd_liner.analysis.wall.cuts import cut_points
+from grabberd_liner.analysis.wall.forces import Forces
+from grabberd_liner.analysis.wall.half_tube import HalfTube, MountedTube, Tangent
+from grabberd_liner.analysis.wall.shell import Load, Work
+from grabberd_liner.analysis.wall.splines import Basis
+
+Array = NDArray[np.float64]
+
+_SMALL = 1e-4
+"""Step of a logarithm: its square is far below what a residual rounds to."""
+TUBE_VALUES = 4
+"""Logarithmic changes of Young's modulus, thickness and pretension; the pressure difference in MPa."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """A wall and what loads it.
+
+    Attributes:
+        control: (K, 4) control values.
+        parameters: (P,) values in the order of `WallModel`.
+    """
+
+    control: Array
+    parameters: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linearised:
+    """Response of a wall about a state: how it settles and follows its parameters.
+
+    Attributes:
+        state: that state.
+        places_mm: (T, 3) targets once the wall has settled.
+        by_parameters: (3 T, P) derivatives of the settled places.
+        settling: (n,) what its unknowns still move by.
+        factors: of the wall's stiffness; `forces`: derivative of its out-of-balance force.
+    """
+
+    state: State
+    places_mm: Array
+    by_parameters: Array
+    settling: Array
+    factors: Factors
+    forces: Forces
+
+    def unknowns(self, change: Array) -> Array:
+        """(n,) movement of the wall's unknowns with a change of the parameters (P,)."""
+        return self.settling + self.factors.solve(self.forces.of(change))
+
+
+class WallModel:
+    """The model.
+
+    Parameters are, one after the other, control values of g, of the traction round the wall and along it (K
+    each, MPa), the `TUBE_VALUES`, and if the hidden half is free, both cuts' shift (mm), turn (rad) and force
+    across (N/mm).
+
+    Attributes:
+        half: the half tube.
+        prior: of the load.
+        tube_prior: of the liner.
+        mirrored: true if the hidden half is taken for the seen one's mirror image.
+        targets: splines at the targets.
+    """
+
+    def __init__(
+        self,
+        half: HalfTube,
+        targets: Targets,
+        prior: LoadPrior,
+        tube_prior: TubePrior,
+        mirrored: bool = True,
+    ) -> None:
+        """Builds the model of a wall with targets."""
+        self.half, self.prior, self.tube_prior, self.mirrored = half, prior, tube_prior, mirrored
+        self._places = TargetPlaces(half, targets)
+        self.targets = self._places.basis
+        points = 0 if mirrored else len(cut_points(half.grid))
+        self._fields = 3 * half.grid.count
+        self._tube = slice(self._fields, self._fields + TUBE_VALUES)
+        self._moved = slice(self._tube.stop, self._tube.stop + 4 * points)
+        self._forced = slice(self._moved.stop, self._moved.stop + 2 * points)
+
+    @property
+    def count(self) -> int:
+        """Number P of parameters."""
+        return self._forced.stop
+
+    def mean(self, difference: Difference) -> Array:
+        """(P,) prior mean of the parameters."""
+        mean = np.zeros(self.count)
+        mean[self.of_load] = self.prior.mean_mpa(self.half.grid, difference.kpa)
+        mean[self.of_difference] = difference.kpa * MPA_PER_KPA
+        return mean
+
+    def start(self, difference: Difference) -> State:
+        """The open wall."""
+        return State(self.half.mounted, self.mean(difference))
+
+    def spread(self, columns: Array) -> Array:
+        """(P, M) prior covariance times columns (P, M), with unit variances of g and pressure difference."""
+        fields = columns[: self._fields].reshape(3, self.half.grid.count, -1)
+        tube = columns[self._tube]
+        parts = [
+            self.prior.spread(self.half.grid, fields).reshape(self._fields, -1),
+            self.tube_prior.covariance @ tube[:-1],
+            tube[-1:],
+        ]
+        if not self.mirrored:
+            blocks = self._cut_covariances
+            ends = np.split(columns[self._moved.start :], len(blocks))
+            parts += [block @ end for block, end in zip(blocks, ends, strict=True)]
+        return np.concatenate(parts)
+
+    def variances(self, difference: Difference) -> Array:
+        """(P,) factors of the rows of `spread` under a pressure difference."""
+        factors = np.ones(self.count)
+        factors[self.of_load] = self.prior.scale_mpa(difference.kpa) ** 2
+        factors[self.of_difference] = (difference.sigma_kpa * MPA_PER_KPA) ** 2
+        return factors
+
+    @property
+    def of_load(self) -> slice:
+        """The parameters of g."""
+        return slice(0, self.half.grid.count)
+
+    @property
+    def of_tube(self) -> slice:
+        """The liner's own values and the pressure difference."""
+        return self._tube
+
+    def tube_covariance(self, difference: Difference) -> Array:
+        """(4, 4) prior covariance of the liner's own values and of the pressure difference."""
+        covariance = np.zeros((TUBE_VALUES, TUBE_VALUES))
+        covariance[:-1, :-1] = self.tube_prior.covariance
+        covariance[-1, -1] = (difference.sigma_kpa * MPA_PER_KPA) ** 2
+        return covariance
+
+    @property
+    def of_difference(self) -> slice:
+        """The parameter that is the pressure difference."""
+        return slice(self._tube.stop - 1, self._tube.stop)
+
+    @cached_property
+    def _cut_covariances(self) -> list[Array]:
+        return self.prior.cut_covariances(self.half.grid)
+
+    def field(self, parameters: Array, index: int) -> Array:
+        """(K,) control values of g (0), of the traction round the wall (1) or along it (2)."""
+        count = self.half.grid.count
+        return parameters[index * count : (index + 1) * count]
+
+    def tube_values(self, parameters: Array) -> Array:
+        """(4,) or (4, …) the liner's own values and the pressure difference."""
+        return parameters[self._tube]
+
+    def tube(self, parameters: Array) -> MountedTube:
+        """The liner."""
+        young, thickness, pretension, _ = self.tube_values(parameters)
+        return self.half.tube.changed(young, thickness, pretension)
+
+    def load(self, parameters: Array, basis: Basis) -> tuple[Load, Array]:
+        """The load at points of the wall, and the contact pressure's derivative by g."""
+        contact, by_g = self.prior.contact_mpa(basis.of(self.field(parameters, 0)))
+        traction = np.stack([basis.of(self.field(parameters, index)) for index in (1, 2)])
+        return Load(float(self.tube_values(parameters)[3]), contact, traction), by_g
+
+    def residual(self, state: State) -> Array:
+        """(n,) force out of balance."""
+        half = self.half.of(self.tube(state.parameters))
+        load, _ = self.load(state.parameters, half.shell.basis)
+        return self._unbalanced(state, half.residual(state.control, load))
+
+    def _unbalanced(self, state: State, force: Array) -> Array:
+        return force if self.mirrored else force + self.half.cuts.forced @ state.parameters[self._forced]
+
+    def moved(self, state: State, unknowns: Array, change: Array) -> State:
+        """A state moved by its unknowns (n,) and parameters (P,)."""
+        control = self.half.moved(state.control, unknowns)
+        if not self.mirrored:
+            control = control + (self.half.cuts.moved @ change[self._moved]).reshape(control.shape)
+        return State(control, state.parameters + change)
+
+    def linearised(self, state: State) -> Linearised:
+        """The model about a state."""
+        half = self.half.of(self.tube(state.parameters))
+        load, by_g = self.load(state.parameters, half.shell.basis)
+        work = half.shell.work(state.control)
+        tangent = half.tangent(state.control, load)
+        forces = self._forces(half, state, work, load, by_g, tangent)
+        places = self._places.places_mm(half, state.control)
+        by_control = self._places.by_control(half, state.control)
+        factors = tangent.factors
+        by_parameters = self._followed(factors, forces, by_control)
+        by_parameters[:, self._tube.start + 1] += self._places.by_thickness(half, state.control)
+        residual = self._unbalanced(state, half.gathered(work.unbalanced(load)[..., np.newaxis])[:, 0])
+        settling = factors.solve(residual)
+        settled = places + (by_control @ (half.cuts.free @ settling)).reshape(places.shape)
+        return Linearised(state, settled, by_parameters, settling, factors, forces)
+
+    def followed(self, linear: Linearised, by_control: sparse.csr_matrix) -> Array:
+        """(Q, P) derivatives by the parameters of what follows the control values of a wall that settles.
+
+        Args:
+            linear: the wall.
+            by_control: (Q, 4 K) derivatives by its control values.
+        """
+        return self._followed(linear.factors, linear.forces, by_control)
+
+    def _followed(self, factors: Factors, forces: Forces, by_control: sparse.csr_matrix) -> Array:
+        cuts = self.half.cuts
+        # One adjoint solution for each row: far fewer than there are parameters.
+        followed = forces.transposed(factors.solve((by_control @ cuts.free).toarray().T, transposed=True))
+        if not self.mirrored:
+            followed[:, self._moved] += (by_control @ cuts.moved).toarray()
+        return followed
+
+    def _forces(
+        self, half: HalfTube, state: State, work: Work, load: Load, by_g: Array, tangent: Tangent
+    ) -> Forces:
+        """Derivative of the residual by the parameters."""
+        fields = work.units[..., 1:].copy()
+        fields[..., 0] *= by_g[:, np.newaxis, np.newaxis]
+        others = [self._by_tube(state, work, load)]
+        if not self.mirrored:
+            others += [-tangent.by_held(half.cuts.moved), half.cuts.forced.toarray()]
+        return Forces(half.rows, half.by_fields(fields), np.hstack(others))
+
+    def _by_tube(self, state: State, work: Work, load: Load) -> Array:
+        """(n, 4) derivatives of the residual by the liner's values and the pressure difference."""
+        before = work.unbalanced(load)
+        thickness, pretension = (
+            (self._other_tube(state, index).unbalanced(load) - before) / _SMALL for index in (1, 2)
+        )
+        # As much stiffer as it is tighter, a tube has the same stretch.
+        young = -work.resistance - pretension
+        return self.half.gathered(np.stack([young, thickness, pretension, work.units[..., 0]], axis=-1))
+
+    def _other_tube(self, state: State, index: int) -> Work:
+        """Work with one of the liner's values changed by `_SMALL`."""
+        parameters = state.parameters.copy()
+        parameters[self._tube.start + index] += _SMALL
+        return self.half.of(self.tube(parameters)).shell.work(state.control)
+
+    def places_mm(self, state: State) -> Array:
+        """(T, 3) targets of a state."""
+        half = self.half.of(self.tube(state.parameters))
+        return self._places.places_mm(half, state.control)

@@ -1,0 +1,244 @@
+"""The mean cycle of every target: its position at any phase, averaged over cycles and bursts, with σ.
+
+Each coordinate is a Fourier series of the phase, fitted to all fields: fields need not fall on the same
+phases in different cycles, and movement between two fields is not smeared. Averaging reduces noise from
+pointing and line jitter. The calibration's covariance is common to all fields and remains unchanged.
+Targets that one view alone sees are averaged in that view's image likewise.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.core.reconstruction import Points, SingleViewImages
+from grabberd.errors import AnalysisError
+from grabberd_liner.analysis.pulsation.movement import TimedPoints, Tracks, tracks
+from grabberd_liner.analysis.pulsation.pulsation import Pulsation
+from grabberd_liner.analysis.pulsation.waveform import basis
+
+Array = NDArray[np.float64]
+
+_FEWEST = 3
+"""Fewer harmonics cannot follow the plateaus of a pulsation."""
+_HALF_WAVE = 0.5
+"""Greatest gap in phase, in waves of the highest harmonic: a longer one lets the series swing freely."""
+_SLACK = 1.5
+"""Fields per coefficient; fewer leave no freedom to estimate how cycles differ."""
+
+
+class PhaseAverage(NamedTuple):
+    """The mean cycle at P phases.
+
+    Attributes:
+        phase: (P,) in cycles from the beginning of wall phase a.
+        points: (P,) targets at each phase, with averaged noise and the full covariance of the calibration;
+            image coordinates and residuals are NaN, since nothing was observed there. Targets that one view
+            sees throughout, but not both, are among the images of a single view.
+        variation_mm: (N,) σ of the targets' positions from cycle to cycle at the same phase, per coordinate,
+            beyond their noise; in the order of `points`.
+        fields: (N,) number of fields in which each target was seen.
+        left_out: ids of targets that both views see in too small a part of the cycle.
+        correlation: (P, P) of the noise of places at two phases: neighbours come from the same fields.
+    """
+
+    phase: Array
+    points: tuple[Points, ...]
+    variation_mm: Array
+    fields: NDArray[np.intp]
+    left_out: tuple[int, ...]
+    correlation: Array
+
+
+def phase_average(
+    captures: Sequence[Sequence[TimedPoints]], pulsation: Pulsation, phase: Array
+) -> PhaseAverage:
+    """Points of the mean cycle.
+
+    Args:
+        captures: fields from which `pulsation` was determined; those outside its runs are ignored.
+        pulsation: result of `fit_pulsation`.
+        phase: (P,) requested phases, from the beginning of wall phase a.
+
+    Raises:
+        AnalysisError: no target is seen throughout the cycle.
+    """
+    moments = [
+        pulsation.at(np.array([field.time_s for field in capture]), index)
+        for index, capture in enumerate(captures)
+    ]
+    inside = np.concatenate([moment.run for moment in moments]) >= 0
+    fields = [field for capture in captures for field in capture]
+    all_tracks = tracks([field for field, used in zip(fields, inside, strict=True) if used])
+    at = np.concatenate([moment.phase for moment in moments])[inside]
+    wanted, harmonics = np.asarray(phase, np.float64), pulsation.field_harmonics
+    averages = list(_averages(all_tracks.xyz_mm, all_tracks.covariance_mm2, at, wanted, harmonics))
+    good = np.array(sorted(index for average in averages for index in average.place), np.intp)
+    if not len(good):
+        raise AnalysisError(
+            "no target is seen in the whole cycle", "capture longer, or more bursts; check what hides targets"
+        )
+    lost = np.setdiff1d(np.arange(len(all_tracks.target)), good)
+    found = [field.points for field, used in zip(fields, inside, strict=True) if used]
+    single = _single(found, all_tracks.target[good], at, wanted, harmonics)
+    return _joined(all_tracks, averages, good, wanted, tuple(all_tracks.target[lost].tolist()), single)
+
+
+class _Average(NamedTuple):
+    """Averages of targets seen in the same fields: (M,), (P, M, D), (P, M, D, D), (M,), (M,); and (P, P)."""
+
+    place: NDArray[np.intp]
+    value: Array
+    covariance: Array
+    variation: Array
+    fields: NDArray[np.intp]
+    correlation: Array
+
+
+def _averages(
+    values: Array, covariance: Array, at: Array, phase: Array, harmonics: int
+) -> Iterator[_Average]:
+    """Averages of D coordinates of targets (F, N, D); NaN where one was not seen."""
+    seen = np.isfinite(values[..., 0])
+    # Targets seen in the same fields share one design matrix, so it is inverted once for all of them.
+    patterns, which = np.unique(seen, axis=1, return_inverse=True)
+    for k in range(patterns.shape[1]):
+        use = patterns[:, k]
+        count = _count(at[use], harmonics)
+        if count >= _FEWEST:
+            index = np.flatnonzero(which == k)
+            chosen = values[np.ix_(use, index)], covariance[np.ix_(use, index)]
+            yield _average(index, *chosen, basis(at[use], count), basis(phase, count))
+
+
+def _count(at: Array, harmonics: int) -> int:
+    """Number of harmonics that the fields determine, from their number and the widest gap in phase."""
+    if len(at) < 2:
+        return 0
+    ordered = np.sort(at)
+    hole = float(np.diff(np.concatenate([ordered, [ordered[0] + 1]])).max())
+    return min(harmonics, int(_HALF_WAVE / hole), int((len(at) / _SLACK - 1) / 2))
+
+
+def _average(
+    index: NDArray[np.intp], values: Array, covariance: Array, terms: Array, wanted: Array
+) -> _Average:
+    """Least squares with equal weights for all fields; the covariance is propagated from theirs."""
+    solve = np.linalg.solve(terms.T @ terms, terms.T)
+    share = wanted @ solve
+    mean = np.einsum("pf,fnx->pnx", share, values)
+    noise = np.einsum("pf,fnxy->pnxy", share**2, covariance, optimize=True)
+    left = values - np.einsum("gf,fnx->gnx", terms @ solve, values)
+    kept = np.maximum(1 - np.einsum("fi,if->f", terms, solve), 0.0)
+    dimensions = values.shape[-1]
+    freedom = dimensions * kept.sum()
+    expected = np.einsum("f,fnxx->n", kept, covariance) / freedom
+    found = (left**2).sum(axis=(0, 2)) / freedom
+    variation = np.sqrt(np.maximum(found - expected, 0.0))
+    more = np.einsum("pf,n->pn", share**2, variation**2)
+    deviation = np.linalg.norm(share, axis=1)
+    return _Average(
+        index,
+        mean,
+        noise + more[..., None, None] * np.eye(dimensions),
+        variation,
+        np.full(len(index), len(values), np.intp),
+        share @ share.T / np.outer(deviation, deviation),
+    )
+
+
+def _single(
+    fields: Sequence[Points],
+    averaged: NDArray[np.int32],
+    at: Array,
+    phase: Array,
+    harmonics: int,
+) -> Sequence[SingleViewImages | None]:
+    """Images at each phase of targets without a mean point that one view sees throughout the cycle.
+
+    Args:
+        fields: points of F fields.
+        averaged: ids of targets with a mean point.
+        at: (F,) phases of the fields.
+        phase: (P,) requested phases.
+        harmonics: most that the averages may have.
+    """
+    sought = [field.single.target for field in fields if field.single is not None]
+    target = np.setdiff1d(np.concatenate(sought or [averaged]), averaged).astype(np.int32)
+    if not len(target):
+        return [None] * len(phase)
+    images, variance = _images(fields, target)
+    covariance = variance[..., np.newaxis] * np.eye(2)
+    found = [average for average in _averages(images, covariance, at, phase, harmonics) if len(average.place)]
+    place = np.concatenate([average.place for average in found] or [np.empty(0, np.intp)])
+    # Both views may see a target throughout, each by itself; two images without a point are a contradiction.
+    alone = np.flatnonzero(np.bincount(place // 2, minlength=len(target))[place // 2] == 1)
+    order = alone[np.argsort(place[alone])]
+    if not len(order):
+        return [None] * len(phase)
+    value = np.concatenate([average.value for average in found], axis=1)[:, order]
+    sigma = np.sqrt(
+        np.concatenate([average.covariance for average in found], axis=1)[:, order].diagonal(0, 2, 3)
+    )
+    of = place[order]
+    return [SingleViewImages(target[of // 2], of % 2, value[p], sigma[p]) for p in range(len(phase))]
+
+
+def _images(fields: Sequence[Points], target: NDArray[np.int32]) -> tuple[Array, Array]:
+    """(F, 2 N, 2) images of targets (N,) in the left and right view, and their variances; NaN where unseen.
+
+    A point's images count as well. They have the typical variance of a single view's.
+    """
+    images = np.full((len(fields), len(target), 2, 2), np.nan)
+    variance = np.full_like(images, np.nan)
+    for k, points in enumerate(fields):
+        both, own = np.isin(points.target, target), np.searchsorted(target, points.target)
+        images[k, own[both]] = points.image_px[both]
+        if (single := points.single) is not None:
+            alone, own = np.isin(single.target, target), np.searchsorted(target, single.target)
+            images[k, own[alone], single.view[alone]] = single.image_px[alone]
+            variance[k, own[alone], single.view[alone]] = single.sigma_px[alone] ** 2
+    typical = np.nanmedian(variance, axis=(0, 1, 2))
+    variance = np.where(np.isnan(variance), typical, variance)
+    return images.reshape(len(fields), -1, 2), variance.reshape(len(fields), -1, 2)
+
+
+def _joined(
+    all_tracks: Tracks,
+    averages: Sequence[_Average],
+    good: NDArray[np.intp],
+    phase: Array,
+    left_out: tuple[int, ...],
+    single: Sequence[SingleViewImages | None],
+) -> PhaseAverage:
+    order = np.argsort(np.concatenate([average.place for average in averages]))
+    xyz = np.concatenate([average.value for average in averages], axis=1)[:, order]
+    covariance = np.concatenate([average.covariance for average in averages], axis=1)[:, order]
+    return PhaseAverage(
+        phase,
+        tuple(_points(all_tracks, good, xyz[p], covariance[p], one) for p, one in enumerate(single)),
+        np.concatenate([average.variation for average in averages])[order],
+        np.concatenate([average.fields for average in averages])[order],
+        left_out,
+        # Targets that hide at times have fewer fields; most of them share those of the largest group.
+        max(averages, key=lambda average: len(average.place)).correlation,
+    )
+
+
+def _points(
+    all_tracks: Tracks,
+    good: NDArray[np.intp],
+    xyz: Array,
+    covariance: Array,
+    single: SingleViewImages | None,
+) -> Points:
+    return Points(
+        all_tracks.target[good],
+        xyz,
+        covariance,
+        all_tracks.calibration_covariance_mm2[good],
+        np.full((len(good), 2, 2), np.nan),
+        np.full(len(good), np.nan),
+        single,
+    )

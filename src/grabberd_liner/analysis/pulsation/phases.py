@@ -1,0 +1,251 @@
+"""The four phases of a pulsation: ISO's by the vacuum, and those that the wall shows.
+
+    a  vacuum rises from 4 kPa to 4 kPa below its maximum       wall: opens, from 10 to 90 % of the stroke
+    b  vacuum stays above that                                  wall: is open
+    c  vacuum falls to 4 kPa                                    wall: closes
+    d  vacuum stays below 4 kPa                                 wall: is closed
+
+(ISO 3918, ISO 5707, ISO 6690: 4 kPa under the pulsation chamber's maximum vacuum and 4 kPa over atmosphere.)
+The wall lags behind the vacuum, differently in opening and closing; `defined_by` tells the two kinds apart.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import AnalysisError
+from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.pulsation.pulsation import WALL_THRESHOLD, Pulsation
+from grabberd_liner.analysis.pulsation.waveform import basis
+from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog
+
+Array = NDArray[np.float64]
+
+ISO_THRESHOLD_KPA = 4.0
+_SMOOTHED_S = 0.006
+"""Width of the running mean: short against the slopes of .1 s, long against a logger's sampling."""
+_NEARLY_ALL = 99.0
+"""Percentile that counts as the maximum: a single overshoot does not move the threshold."""
+_CORNER, _STEEP = 0.05, 0.6
+_BENT = 0.5
+"""Share of the distance between series and straight line: chosen on two solved walls, held on four others."""
+_ANYWHERE = 12**-0.5
+_NO_PHASES = "check the log: its chamber vacuum has to rise and fall by well over 8 kPa, cycle after cycle"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Phases:
+    """Durations of the phases.
+
+    Attributes:
+        durations_s: (4,) durations of a, b, c, d, with σ.
+        period_s: their sum, with σ.
+        ratio: pulsator ratio (a + b) / (a + b + c + d), with σ.
+        defined_by: `vacuum` (ISO) or `wall`.
+        spread_s: (4,) standard deviation from cycle to cycle; NaN if unknown.
+        cycles: number of whole cycles averaged.
+    """
+
+    durations_s: Estimate
+    period_s: Estimate
+    ratio: Estimate
+    defined_by: str
+    spread_s: Array
+    cycles: int
+
+
+def wall_phases(pulsation: Pulsation) -> Phases:
+    """Wall phases of the mean cycle: the wall opens or closes between 10 and 90 % of the stroke.
+
+    σ includes the fields' noise, the σ of the cycle length, and what the movement may do between two fields.
+
+    Raises:
+        AnalysisError: the movement crosses a threshold more than once per phase.
+    """
+    waveform = pulsation.waveform
+    low, high = waveform.levels()
+    shares = (WALL_THRESHOLD, 1 - WALL_THRESHOLD, 1 - WALL_THRESHOLD, WALL_THRESHOLD)
+    passed = [_passage(pulsation, low + share * (high - low), k < 2) for k, share in enumerate(shares)]
+    phase = np.array(passed)
+    terms = basis(phase, waveform.harmonics)
+    ends = waveform.level_terms()
+    share = np.array(shares)[:, None]
+    levels = (1 - share) * ends[0] + share * ends[1]
+    gradient = -(terms - levels) / waveform.slope(phase)[:, None]
+    parts = np.mod(np.roll(phase, -1) - phase, 1.0)
+    unseen = _unseen_variance_s2(pulsation, phase, parts)
+    return _of_wall(pulsation, parts, np.roll(gradient, -1, axis=0) - gradient, unseen)
+
+
+def _unseen_variance_s2(pulsation: Pulsation, phase: Array, parts: Array) -> Array:
+    """(4,) variance of the passages by what the wall does in the gap between the fields around them.
+
+    It grows with the gap's share in the opening or closing, up to that of a passage anywhere in the gap; the
+    constants are what rendered closures of 20 to 150 ms scattered by. Where a wall bends sharply, as it does
+    when it has nearly opened, how the series bends in the gap is a guess: a straight line is another one.
+    """
+    gaps = [pulsation.gap(float(one)) for one in phase]
+    gap_s = np.array([last - first for first, last in gaps]) * pulsation.period_s
+    flank_s = np.repeat(parts[[0, 2]], 2) * pulsation.period_s
+    share = np.minimum(np.hypot(_CORNER, _STEEP * (gap_s / flank_s) ** 2), _ANYWHERE)
+    straight = np.array(
+        [_straight(pulsation, float(one), *gap) for one, gap in zip(phase, gaps, strict=True)]
+    )
+    bent_s = _BENT * (phase - straight) * pulsation.period_s
+    variance: Array = np.minimum(np.hypot(share * gap_s, bent_s), _ANYWHERE * gap_s) ** 2
+    return variance
+
+
+def _straight(pulsation: Pulsation, phase: float, first: float, last: float) -> float:
+    """Phase at which a straight line between the fields around a passage passes the same level."""
+    at, begin, end = pulsation.waveform.value(np.array([phase, first, last]))
+    if begin == end:
+        return phase
+    return first + float(np.clip((at - begin) / (end - begin), 0.0, 1.0)) * (last - first)
+
+
+def _passage(pulsation: Pulsation, level: float, rising: bool) -> float:
+    found = pulsation.waveform.crossings(level)[0 if rising else 1]
+    if len(found) != 1:
+        raise AnalysisError(
+            f"the wall passes {level:.2f} mm {len(found)} times in a cycle: there are no four wall phases",
+            "look at the movement in the report; a liner that flutters or sticks has no distinct phases",
+        )
+    return float(found[0])
+
+
+def _of_wall(pulsation: Pulsation, parts: Array, gradient: Array, unseen_s2: Array) -> Phases:
+    """Durations with σ.
+
+    Args:
+        pulsation: the mean cycle.
+        parts: (4,) shares of the cycle.
+        gradient: (4, 2K + 1) their derivatives by the coefficients.
+        unseen_s2: (4,) variance of the passage that each phase begins with.
+    """
+    by_all = np.column_stack([parts, pulsation.period_s * gradient])
+    count = len(pulsation.period_covariance)
+    covariance = np.empty((count + 1, count + 1))
+    covariance[0, 0] = pulsation.period_sigma_s**2
+    covariance[0, 1:] = covariance[1:, 0] = pulsation.period_covariance
+    covariance[1:, 1:] = pulsation.waveform.covariance
+    spread = np.diagonal(by_all @ covariance @ by_all.T) + unseen_s2 + np.roll(unseen_s2, -1)
+    open_part = gradient[0] + gradient[1]
+    ratio_variance = open_part @ pulsation.waveform.covariance @ open_part
+    ratio_variance += (unseen_s2[0] + unseen_s2[2]) / pulsation.period_s**2
+    return Phases(
+        Estimate(parts * pulsation.period_s, np.sqrt(spread)),
+        Estimate(np.asarray(pulsation.period_s), np.asarray(pulsation.period_sigma_s)),
+        Estimate(np.asarray(parts[0] + parts[1]), np.asarray(np.sqrt(ratio_variance))),
+        "wall",
+        np.full(4, np.nan),
+        int(pulsation.cycles),
+    )
+
+
+class Edges(NamedTuple):
+    """Times at which a vacuum crossed two levels, edge by edge.
+
+    Attributes:
+        rising: (E,) bool; `first_s`: (E,) time at which the edge crossed its first level (the lower one of a
+            rising edge), `last_s`: its second level.
+    """
+
+    rising: NDArray[np.bool_]
+    first_s: Array
+    last_s: Array
+
+
+def edges(time_s: Array, kpa: Array, low_kpa: float, high_kpa: float) -> Edges:
+    """Edges between two levels; several crossings of one level by noise count as one.
+
+    An edge begins at the last reading beyond the level it leaves and ends at the first beyond the other.
+    """
+    state = np.where(kpa <= low_kpa, 0, np.where(kpa >= high_kpa, 1, -1))
+    outside = np.flatnonzero(state >= 0)
+    turn = np.flatnonzero(np.diff(state[outside]) != 0)
+    start, end = outside[turn], outside[turn + 1]
+    rising = state[start] == 0
+    leaves, reaches = np.where(rising, low_kpa, high_kpa), np.where(rising, high_kpa, low_kpa)
+    return Edges(rising, _crossed(time_s, kpa, start, leaves), _crossed(time_s, kpa, end - 1, reaches))
+
+
+def _crossed(time_s: Array, kpa: Array, before: NDArray[np.intp], level: Array) -> Array:
+    step = kpa[before + 1] - kpa[before]
+    share = np.clip((level - kpa[before]) / np.where(step == 0, 1.0, step), 0.0, 1.0)
+    crossed: Array = time_s[before] + share * (time_s[before + 1] - time_s[before])
+    return crossed
+
+
+def smoothed(log: VacuumLog) -> Array:
+    """(K,) pulsation vacuum, running mean over 6 ms: it reduces noise without moving slopes."""
+    width, kpa = _width(log), log.pulsation_kpa
+    if width >= len(kpa):
+        return kpa
+    # The ends stay unsmoothed: a mean over fewer readings would shift slopes there.
+    whole = np.convolve(kpa, np.full(width, 1 / width), mode="valid")
+    return np.concatenate([kpa[: width // 2], whole, kpa[len(kpa) - width // 2 :]])
+
+
+def _width(log: VacuumLog) -> int:
+    return max(1, round(_SMOOTHED_S / log.step_s) // 2 * 2 + 1)
+
+
+def maximum_kpa(log: VacuumLog) -> float:
+    """The chamber's maximum vacuum: its 99th percentile less the bias by noise."""
+    noise = log.noise_kpa(log.pulsation_kpa) / np.sqrt(_width(log))
+    return float(np.percentile(smoothed(log), _NEARLY_ALL) - 2 * noise)
+
+
+def iso_phases(log: VacuumLog) -> Phases:
+    """Phases a to d of a logged vacuum, averaged over its whole cycles; cycles with a gap are ignored.
+
+    Raises:
+        AnalysisError: the log has no whole cycle.
+    """
+    time_s, even = log.time_s, smoothed(log)
+    high = maximum_kpa(log) - ISO_THRESHOLD_KPA
+    found = edges(time_s, even, ISO_THRESHOLD_KPA, high)
+    rises = np.flatnonzero(found.rising)
+    rises = rises[rises + 2 < len(found.rising)]
+    begins, ends = found.first_s[rises], found.first_s[np.minimum(rises + 2, len(found.rising) - 1)]
+    for gap_begins, gap_ends in log.gaps_s:
+        whole = (ends <= gap_begins) | (begins >= gap_ends)
+        rises, begins, ends = rises[whole], begins[whole], ends[whole]
+    if not len(rises):
+        raise AnalysisError(
+            f"{time_s[-1] - time_s[0]:.2f} s of pulsation vacuum hold no whole cycle", _NO_PHASES
+        )
+    durations = np.column_stack(
+        [
+            found.last_s[rises] - found.first_s[rises],
+            found.first_s[rises + 1] - found.last_s[rises],
+            found.last_s[rises + 1] - found.first_s[rises + 1],
+            found.first_s[rises + 2] - found.last_s[rises + 1],
+        ]
+    )
+    return _averaged(durations, log.step_s)
+
+
+def _averaged(durations: Array, step_s: float) -> Phases:
+    """Means over (C, 4) cycles; their σ is never below that of the sampling."""
+    count = len(durations)
+    period, ratio = durations.sum(axis=1), durations[:, :2].sum(axis=1) / durations.sum(axis=1)
+    # A duration is the difference of two times, each uniform within a step: σ = step · √(2 / 12).
+    sampling_s = step_s / np.sqrt(6.0)
+    return Phases(
+        _mean(durations, sampling_s),
+        _mean(period, sampling_s),
+        _mean(ratio, sampling_s / float(period.mean())),
+        "vacuum",
+        durations.std(axis=0, ddof=1) if count > 1 else np.full(4, np.nan),
+        count,
+    )
+
+
+def _mean(values: Array, least: float) -> Estimate:
+    count = len(values)
+    spread = values.std(axis=0, ddof=1) if count > 1 else np.zeros(values.shape[1:])
+    return Estimate(values.mean(axis=0), np.maximum(spread, least) / np.sqrt(count))

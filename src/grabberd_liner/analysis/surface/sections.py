@@ -1,0 +1,228 @@
+"""Sections of the wall at given heights: outline, width, area; the volume between two of them.
+
+The cameras see the wall from one side. Unless the targets go all the way round, the opposite wall is not
+measured: width, area and volume are then relative to a given plane, such as the plane of symmetry between
+both walls (`symmetry_plane` is the nominal one). Everything refers to the outer (target) face.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import AnalysisError
+from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.gauss import gauss_rule
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.surface.face import Face
+from grabberd_liner.analysis.surface.jets import index
+from grabberd_liner.analysis.surface.nominal_shape import NominalShape
+from grabberd_liner.analysis.surface.outlines import (
+    FINENESS,
+    Measured,
+    Plane,
+    area_to,
+    chord,
+    distance_to,
+    least_width,
+    length,
+    opposite,
+)
+
+_NEWTON_STEPS = 6
+_STRAIGHT_MM = 0.01
+_HINT = "choose heights between the first and the last row of targets"
+
+
+class Section(NamedTuple):
+    """The wall where it crosses the plane x = `x_mm`, from its first column of targets to its last.
+
+    Attributes:
+        x_mm: height in the object's frame.
+        outline_mm: (M, 3) points, evenly spaced in v; `v_mm`: (M,) their v.
+        within: (M,) True for points supported by data.
+        length_mm: length along the outline; `chord_mm`: distance of its ends.
+        distance_mm: distance from the given plane to the outline, on the normal through the plane's point;
+            half the distance of opposite walls if the plane is their plane of symmetry. NaN if there is no
+            wall on that normal, None without a plane.
+        area_mm2: area between outline and given plane; None without a plane.
+        least_width_mm: least distance of two parallel lines that enclose the outline; `opposite_mm`: least
+            distance of two points half a turn apart. None unless the targets go all the way round; the gap
+            between the last column and the first counts as straight.
+    """
+
+    x_mm: float
+    outline_mm: NDArray[np.float64]
+    v_mm: NDArray[np.float64]
+    within: NDArray[np.bool_]
+    length_mm: Estimate
+    chord_mm: Estimate
+    distance_mm: Estimate | None
+    area_mm2: Estimate | None
+    least_width_mm: Estimate | None
+    opposite_mm: Estimate | None
+
+
+def symmetry_plane(grid: Grid) -> Plane:
+    """The nominal tube's plane of symmetry: through its axis, across the middle of the targets.
+
+    Raises:
+        AnalysisError: the object model is no tube.
+    """
+    shape = NominalShape.of(grid)
+    if not shape.radius_mm:
+        raise AnalysisError(
+            "the object model's targets do not lie on a tube: it has no axis of symmetry",
+            "give the plane between the walls as a point and a normal",
+        )
+    outward = grid.nominal_mm.mean(axis=0) - shape.origin_mm
+    along = shape.along / np.linalg.norm(shape.along)
+    return Plane(shape.origin_mm, outward - (outward @ along) * along)
+
+
+def section(surface: Face, x_mm: float, plane: Plane | None = None) -> Section:
+    """The section at one height, each value with σ from the points' noise and the smoothing.
+
+    Args:
+        surface: surface of one field.
+        x_mm: height in the object's frame.
+        plane: origin of widths and areas if the targets do not go all the way round.
+
+    Raises:
+        AnalysisError: the wall does not reach this height between its first and last row of targets.
+    """
+    found, missed = sections(surface, [x_mm], plane)
+    if missed:
+        raise AnalysisError(missed[0], _HINT)
+    return found[0]
+
+
+def sections(
+    surface: Face, x_mm: Sequence[float], plane: Plane | None = None
+) -> tuple[tuple[Section, ...], tuple[str, ...]]:
+    """The sections at all heights that the wall reaches, and a sentence for each of the other heights."""
+    if not len(x_mm):
+        return (), ()
+    cuts = _cuts(surface, np.array(x_mm, np.float64))
+    measured = [_measured(surface, cut, plane) if cut.reached else {} for cut in cuts.each()]
+    estimates = _estimates(surface, cuts, measured)
+    found = tuple(
+        _section(surface, cut, each) for cut, each in zip(cuts.each(), estimates, strict=True) if cut.reached
+    )
+    return found, tuple(_missed(x) for x in cuts.x_mm[~cuts.reached])
+
+
+def _measured(surface: Face, cut: "_Cuts", plane: Plane | None) -> dict[str, Measured]:
+    measured = {"length_mm": length(cut.outline_mm), "chord_mm": chord(cut.outline_mm)}
+    if plane is not None:
+        measured |= {
+            "distance_mm": distance_to(plane, cut.outline_mm),
+            "area_mm2": area_to(plane, cut.outline_mm),
+        }
+    # Ends within one and a half pitches of each other: the targets go all the way round.
+    if measured["chord_mm"].value < 1.5 * surface.domain.v_pitch_mm:
+        measured |= {"least_width_mm": least_width(cut.outline_mm), "opposite_mm": opposite(cut.outline_mm)}
+    return measured
+
+
+def _section(surface: Face, cut: "_Cuts", estimates: dict[str, Estimate]) -> Section:
+    values = dict.fromkeys(("distance_mm", "area_mm2", "least_width_mm", "opposite_mm")) | estimates
+    within = surface.within(cut.u_mm, cut.v_mm)
+    return Section(float(cut.x_mm), cut.outline_mm, cut.v_mm, within, **values)  # type: ignore[arg-type]
+
+
+def volume_mm3(surface: Face, x_mm: tuple[float, float], plane: Plane) -> Estimate:
+    """The volume between the wall, a plane, and the sections at two heights, with σ.
+
+    Raises:
+        AnalysisError: the wall does not reach these heights.
+    """
+    low, high = sorted(x_mm)
+    # A Gauss node per row of targets, which is as fine as the surface can vary, and a few more.
+    count = 4 + round((high - low) / surface.domain.u_pitch_mm)
+    nodes, weights = gauss_rule(count)
+    cuts = _cuts(surface, (low + high) / 2 + (high - low) / 2 * nodes)
+    if not cuts.reached.all():
+        raise AnalysisError(_missed(cuts.x_mm[~cuts.reached][0]), _HINT)
+    share = (high - low) / 2 * weights
+    areas = area_to(plane, cuts.outline_mm)
+    slopes = _at_height(share[:, np.newaxis, np.newaxis] * areas.slopes, cuts.along)
+    places = cuts.u_mm.ravel(), cuts.v_mm.ravel()
+    variance = surface.covariance(slopes.reshape(1, -1, 1, 3), *places)[0, 0]
+    return Estimate(np.asarray(share @ areas.value), np.sqrt(variance))
+
+
+class _Cuts(NamedTuple):
+    """Outlines at H heights: material coordinates (H, M), outlines and ∂X/∂u there (H, M, 3).
+
+    `reached`: (H,) True for heights that the wall reaches, up to half a pitch beyond its outermost rows.
+    """
+
+    x_mm: NDArray[np.float64]
+    u_mm: NDArray[np.float64]
+    v_mm: NDArray[np.float64]
+    outline_mm: NDArray[np.float64]
+    along: NDArray[np.float64]
+    reached: NDArray[np.bool_]
+
+    def each(self) -> Iterator["_Cuts"]:
+        return (_Cuts(*values) for values in zip(*self, strict=True))
+
+
+def _cuts(surface: Face, x_mm: NDArray[np.float64]) -> _Cuts:
+    """Newton's iteration for u at every height and v; the last step is short enough to be linear."""
+    domain = surface.domain
+    columns, rows = domain.columns - 1, domain.rows - 1
+    v_mm = domain.v_mm + np.linspace(0, columns * domain.v_pitch_mm, columns * FINENESS + 1)
+    first, last = domain.u_mm, domain.u_mm + rows * domain.u_pitch_mm
+    u_mm = np.full((1, len(v_mm)), (first + last) / 2)
+    for _ in range(_NEWTON_STEPS):
+        round_mm = np.broadcast_to(v_mm, u_mm.shape)
+        jets = surface.tangents(u_mm.ravel(), round_mm.ravel()).reshape(*u_mm.shape, 3, 3)
+        along = jets[..., index(1, 0), :]
+        short = (x_mm[:, np.newaxis] - jets[..., 0, 0]) / along[..., 0]
+        if np.abs(short).max() < _STRAIGHT_MM:
+            break
+        # Beyond a pitch outside the targets the spline is meaningless, and Newton's method might not return.
+        u_mm = np.clip(u_mm + short, first - domain.u_pitch_mm, last + domain.u_pitch_mm)
+    u_mm, v_mm, along = (
+        np.broadcast_to(each, (len(x_mm), *each.shape[1:])) for each in (u_mm, round_mm, along)
+    )
+    reach = 0.5 * domain.u_pitch_mm
+    reached = np.asarray(((u_mm >= first - reach) & (u_mm <= last + reach)).all(axis=1))
+    return _Cuts(x_mm, u_mm, v_mm, jets[..., 0, :] + short[..., np.newaxis] * along, along, reached)
+
+
+def _missed(x_mm: float) -> str:
+    return f"there is no section at x = {x_mm:g} mm: the targets do not reach there"
+
+
+def _estimates(
+    surface: Face, cuts: _Cuts, measured: Sequence[dict[str, Measured]]
+) -> list[dict[str, Estimate]]:
+    """Give σ to the measures at all heights at once, which asks for the same places only once."""
+    heights, places = cuts.u_mm.shape
+    owner = [height for height, each in enumerate(measured) for _ in each]
+    slopes = np.zeros((len(owner), heights, places, 1, 3))
+    for row, (height, one) in enumerate(zip(owner, _all(measured), strict=True)):
+        slopes[row, height, :, 0] = _at_height(one.slopes, cuts.along[height])
+    if not owner:
+        return [{} for _ in measured]
+    flat = slopes.reshape(len(owner), heights * places, 1, 3)
+    sigma = iter(np.sqrt(np.diag(surface.covariance(flat, cuts.u_mm.ravel(), cuts.v_mm.ravel()))))
+    return [{name: Estimate(one.value, next(sigma)) for name, one in each.items()} for each in measured]
+
+
+def _all(measured: Sequence[dict[str, Measured]]) -> Iterator[Measured]:
+    for each in measured:
+        yield from each.values()
+
+
+def _at_height(slopes: NDArray[np.float64], along: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(..., 3) derivatives by the surface's points, from those by the outline's points.
+
+    The outline stays at its height: a point that moves along x is replaced by its neighbour along the wall.
+    """
+    off = -(slopes[..., 1:] * along[..., 1:]).sum(axis=-1, keepdims=True) / along[..., :1]
+    return np.concatenate([off, slopes[..., 1:]], axis=-1)

@@ -1,0 +1,250 @@
+"""Offset and drift of a logger's clock from the camera's, from a light that both have seen.
+
+A light in the camera's view goes on and off by a pattern that never repeats within the capture; the logger
+records its state beside the vacuum, each on its own clock. Of every switching the camera knows only between
+which two fields it was, the logger only between which two readings. So each one bounds the offset from both
+sides, by no more than a field and a reading apart, and because the pattern does not keep step with the
+fields, the bounds of many lie close together where all of them hold.
+
+A field is exposed for a while and counts as lit from some share of it on, which delays switching on and off
+in opposite ways; so does a logger's input. That asymmetry is an unknown beside offset and drift, and so is
+how far fields' times scatter.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from grabberd.errors import AnalysisError
+from grabberd_liner.analysis.vacuum.light_signal import LightSignal, coarse_offset
+
+Array = NDArray[np.float64]
+
+LEAST_EDGES = 12
+"""Switchings in each direction together, below which the offset is not determined to a millisecond."""
+DRIFT_SIGMA = 1e-4
+"""Quartz clocks differ by some tens of parts in a million."""
+ASYMMETRY_SIGMA_S = 2e-3
+"""Half of the longest exposure that freezes a liner, and a slow logger's input."""
+
+_MATCH_S = 0.04
+"""Room about the coarse offset in which a switching of the log is taken for one in the picture.
+
+Two fields, and less than half a bit of the pattern.
+"""
+_STRAY = 1e-3
+"""Share of switchings that may be anywhere within the bounds of a match."""
+_SCATTERS_S = (2e-5, 1e-4, 3e-4, 1e-3, 3e-3)
+"""Standard deviations of a field's time that are weighed against each other."""
+_NODES = 13
+"""Nodes on each axis of the grid over offset, asymmetry and drift, over ± 4 σ of what is known of them."""
+_MOST_ROUNDS = 14
+_SETTLED = 0.8
+"""Of the variances on whose scale a round's grid lies: where they shrink no further, it lies right."""
+
+
+class LightClock(NamedTuple):
+    """Relation of two clocks: camera's time = logger's time + offset + drift · (camera's time − middle).
+
+    Attributes:
+        offset_s: In the capture's middle, with `offset_sigma_s`.
+        middle_s: That middle, in the camera's time.
+        drift: Seconds that a second differs by, with `drift_sigma`.
+        asymmetry_s: By which the camera sees the light go on later than the logger, and off sooner.
+        edges: Number of switchings that it comes from.
+        agreement: Share of fields in which camera and logger agree on the light's state.
+        scatter_s: Scatter of the fields' times that explains the switchings best.
+    """
+
+    offset_s: float
+    offset_sigma_s: float
+    middle_s: float
+    drift: float
+    drift_sigma: float
+    asymmetry_s: float
+    edges: int
+    agreement: float
+    scatter_s: float
+
+    def camera_s(self, logger_s: Array) -> Array:
+        """(K,) times of the logger's clock on the camera's."""
+        return (logger_s + self.offset_s - self.drift * self.middle_s) / (1 - self.drift)
+
+    def sigma_s(self, camera_s: Array) -> float:
+        """σ of the relation at times (F,) of the camera, root mean square: of the offset, and of the drift.
+
+        A long capture goes on far beyond the fields that the light was followed in.
+        """
+        drifted_s = self.drift_sigma * np.sqrt(np.mean((camera_s - self.middle_s) ** 2))
+        return float(np.hypot(self.offset_sigma_s, drifted_s))
+
+
+class _Edges(NamedTuple):
+    """Switchings: each happened after `after_s` and not after `until_s`."""
+
+    after_s: Array
+    until_s: Array
+    rising: NDArray[np.bool_]
+
+
+def relate_clocks(camera: LightSignal, logger: LightSignal) -> LightClock:
+    """Finds the offset of the logger's clock from the camera's.
+
+    Args:
+        camera: The light's state in each field, at the middle of its exposure.
+        logger: The light's state in each reading.
+
+    Raises:
+        AnalysisError: The signals do not belong together, several offsets explain them, or there are too few
+            switchings.
+    """
+    coarse_s, agreement = coarse_offset(camera, logger)
+    seen, logged = _edges(camera), _edges(logger)
+    bounds = _matched(seen, logged, coarse_s)
+    if len(bounds.rising) < LEAST_EDGES or min(bounds.rising.sum(), (~bounds.rising).sum()) < LEAST_EDGES / 3:
+        raise AnalysisError(
+            f"the light switches {len(bounds.rising)} times while both the camera and the logger see it",
+            f"record for longer, so that it switches at least {LEAST_EDGES} times",
+        )
+    middle_s = float(camera.time_s[[0, -1]].mean())
+    return _posterior(bounds, coarse_s, middle_s, agreement)
+
+
+def _edges(signal: LightSignal) -> _Edges:
+    at = np.flatnonzero(signal.lit[1:] != signal.lit[:-1])
+    return _Edges(signal.time_s[at], signal.time_s[at + 1], signal.lit[at + 1])
+
+
+def _matched(seen: _Edges, logged: _Edges, coarse_s: float) -> "_Bounds":
+    """Each switching that the camera saw with the one that the logger recorded nearest to it."""
+    if not len(logged.rising):
+        return _Bounds(*(np.zeros(0),) * 4, np.zeros(0, bool))
+    seen_s = (seen.after_s + seen.until_s) / 2 - coarse_s
+    logged_s = (logged.after_s + logged.until_s) / 2
+    after = np.clip(np.searchsorted(logged_s, seen_s), 1, max(len(logged_s) - 1, 1))
+    nearest = np.where(
+        np.abs(logged_s[after - 1] - seen_s)
+        <= np.abs(logged_s[np.minimum(after, len(logged_s) - 1)] - seen_s),
+        after - 1,
+        np.minimum(after, len(logged_s) - 1),
+    )
+    room_s = _MATCH_S + (seen.until_s - seen.after_s) / 2
+    fits = (np.abs(logged_s[nearest] - seen_s) <= room_s) & (logged.rising[nearest] == seen.rising)
+    pairs = np.flatnonzero(fits)
+    return _Bounds(
+        seen.after_s[pairs],
+        seen.until_s[pairs],
+        logged.after_s[nearest[pairs]],
+        logged.until_s[nearest[pairs]],
+        seen.rising[pairs],
+    )
+
+
+class _Bounds(NamedTuple):
+    """Switchings that both have seen: between which fields, and between which readings."""
+
+    field_after_s: Array
+    field_until_s: Array
+    reading_after_s: Array
+    reading_until_s: Array
+    rising: NDArray[np.bool_]
+
+
+def _posterior(bounds: _Bounds, coarse_s: float, middle_s: float, agreement: float) -> LightClock:
+    """Mean and σ of offset and drift, over all scatters of the fields' times by their weights."""
+    found: list[_Found] = []
+    # From the widest on: the density given less scatter lies within that given more.
+    for scatter_s in reversed(_SCATTERS_S):
+        found.append(_given_scatter(bounds, (coarse_s, middle_s, scatter_s), found[-1] if found else None))
+    evidence = np.array([one.evidence for one in found])
+    weight = np.exp(evidence - evidence.max())
+    weight /= weight.sum()
+    means = np.array([one.mean for one in found])
+    mean = weight @ means
+    within = np.einsum("s,sij->ij", weight, np.array([one.covariance for one in found]))
+    sigma = np.sqrt(np.diagonal(within + (means - mean).T @ ((means - mean) * weight[:, np.newaxis])))
+    return LightClock(
+        offset_s=float(coarse_s + mean[0]),
+        offset_sigma_s=float(sigma[0]),
+        middle_s=middle_s,
+        drift=float(mean[2]),
+        drift_sigma=float(sigma[2]),
+        asymmetry_s=float(mean[1]),
+        edges=len(bounds.rising),
+        agreement=agreement,
+        scatter_s=_SCATTERS_S[::-1][int(np.argmax(weight))],
+    )
+
+
+class _Found(NamedTuple):
+    """Mean (3,) and covariance (3, 3) of offset − coarse, asymmetry and drift; logarithm of the evidence."""
+
+    mean: Array
+    covariance: Array
+    evidence: float
+
+
+def _given_scatter(bounds: _Bounds, given_s: tuple[float, float, float], near: _Found | None) -> _Found:
+    """Knowledge of offset, asymmetry and drift, given coarse offset, middle and scatter.
+
+    The density is no normal one, but its logarithm is concave: a grid that follows its mean and spread
+    from round to round finds it from anywhere.
+    """
+    prior = np.array([_MATCH_S / 2, ASYMMETRY_SIGMA_S, DRIFT_SIGMA])
+    axis = np.linspace(-4, 4, _NODES)
+    step = axis[1] - axis[0]
+    unit = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    found = near or _Found(np.zeros(3), np.diag(prior**2), 0.0)
+    around = found.covariance
+    for _ in range(_MOST_ROUNDS):
+        root = np.linalg.cholesky(around)
+        at = found.mean + unit @ root.T
+        log_density = _log_density(bounds, given_s, at) - 0.5 * ((at / prior) ** 2).sum(axis=1)
+        top = log_density.max()
+        weight = np.exp(log_density - top)
+        evidence = float(top + np.log(weight.sum() * np.prod(np.diagonal(root)) * step**3))
+        weight /= weight.sum()
+        mean = weight @ at
+        found = _Found(mean, (at - mean).T @ ((at - mean) * weight[:, np.newaxis]), evidence)
+        # Never narrower than a node: what lies between two of them would be lost.
+        around = found.covariance + around * step**2 / 12
+        if np.all(np.diagonal(around) > _SETTLED * np.diagonal(root @ root.T)):
+            break
+    return found
+
+
+def _log_density(bounds: _Bounds, given_s: tuple[float, float, float], at: Array) -> Array:
+    """(G,) logarithm of the likelihood at G triples of offset, asymmetry and drift."""
+    coarse_s, middle_s, scatter_s = given_s
+    when_s = (bounds.field_after_s + bounds.field_until_s) / 2 - middle_s
+    total = np.zeros(len(at))
+    columns = zip(
+        when_s,
+        bounds.field_after_s - bounds.reading_until_s - coarse_s,
+        bounds.field_until_s - bounds.field_after_s,
+        np.maximum(bounds.reading_until_s - bounds.reading_after_s, 1e-9),
+        np.where(bounds.rising, 1.0, -1.0),
+        strict=True,
+    )
+    for since_s, first_s, field_s, reading_s, way in columns:
+        shift_s = at[:, 0] + way * at[:, 1] + at[:, 2] * since_s - first_s
+        density = _trapezoid(shift_s, field_s, reading_s, scatter_s)
+        total += np.log((1 - _STRAY) * density + _STRAY / (2 * _MATCH_S))
+    return total
+
+
+def _trapezoid(x: Array, first: float, second: float, scatter: float) -> Array:
+    """(G,) density at x of the sum of numbers that are uniform up to `first` and `second`, and a normal."""
+    if second < scatter / 10:  # the difference quotients below would cancel
+        blurred: Array = (ndtr((x - second / 2) / scatter) - ndtr((x - first - second / 2) / scatter)) / first
+        return blurred
+
+    def integral(y: Array) -> Array:
+        z = y / scatter
+        grown: Array = scatter * (z * ndtr(z) + np.exp(-0.5 * z * z) / np.sqrt(2 * np.pi))
+        return grown
+
+    high = integral(x) - integral(x - second) - integral(x - first) + integral(x - first - second)
+    return np.maximum(high, 0.0) / (first * second)

@@ -1,0 +1,189 @@
+"""The vacuum on both sides of the wall at the fields' times: a constant, a pulsator's settings, or a log.
+
+Vacuum is in kPa below atmosphere. Each source has a method `at(time_s)` that returns it with σ, at times of
+the camera's clock.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import InputError
+from grabberd.vacuum_units import LEAST_KPA, MOST_KPA
+from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.pulsation.phases import ISO_THRESHOLD_KPA
+from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog
+
+Array = NDArray[np.float64]
+
+# Slack for rounding of times.
+_ROOM_S = 1e-6
+
+
+class VacuumSource(Protocol):
+    """Source of a vacuum."""
+
+    def at(self, time_s: Array) -> Estimate:
+        """(F,) kPa below atmosphere at times of the camera's clock, with σ."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantVacuum:
+    """A constant vacuum, as approximately in the liner; its σ is an input, never assumed."""
+
+    kpa: float
+    sigma_kpa: float
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.kpa <= MOST_KPA or not self.sigma_kpa >= 0:
+            raise InputError(
+                f"a vacuum of {self.kpa:g} kPa (σ {self.sigma_kpa:g}) is impossible for a milking machine",
+                f"give kPa below atmosphere, 0 to {MOST_KPA:g}",
+            )
+
+    def at(self, time_s: Array) -> Estimate:
+        """(F,) the constant vacuum."""
+        return Estimate(np.full(len(time_s), self.kpa), np.full(len(time_s), self.sigma_kpa))
+
+
+@dataclass(frozen=True, slots=True)
+class PulsatorWave:
+    """The chamber's vacuum according to the pulsator's settings: a trapezoid.
+
+    Attributes:
+        rate_per_min: pulsations a minute; `ratio`: (a + b) / (a + b + c + d), between 0 and 1.
+        a_s, c_s: durations of ISO's phases a and c, from the test report of the pulsator.
+        system_kpa: the chamber's maximum vacuum, with `sigma_kpa`.
+        start_s: camera time at which phase a begins, with `start_sigma_s`.
+    """
+
+    rate_per_min: float
+    ratio: float
+    a_s: float
+    c_s: float
+    system_kpa: float
+    sigma_kpa: float
+    start_s: float = 0.0
+    start_sigma_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        problems = [text for wrong, text in self._problems() if wrong]
+        if problems:
+            raise InputError(f"the pulsator's settings cannot be used: {'; '.join(problems)}", "correct them")
+
+    def _problems(self) -> list[tuple[bool, str]]:
+        return [
+            (not 20 <= self.rate_per_min <= 180, f"rate_per_min {self.rate_per_min:g} is not from 20 to 180"),
+            (not 0.1 < self.ratio < 0.9, f"ratio {self.ratio:g} is not between .1 and .9 (60:40 is .6)"),
+            (self.a_s <= 0 or self.c_s <= 0, "phases a and c must be longer than 0"),
+            (
+                not LEAST_KPA <= self.system_kpa <= MOST_KPA,
+                f"system_kpa {self.system_kpa:g} is not from {LEAST_KPA:g} to {MOST_KPA:g}",
+            ),
+            (self._room_s < 0, "phases a and c leave no room for b and d"),
+        ]
+
+    @property
+    def period_s(self) -> float:
+        """Length of the cycle."""
+        return 60 / self.rate_per_min
+
+    @property
+    def _edge(self) -> float:
+        """Lengthening of a slope beyond the thresholds, per second of its phase."""
+        return ISO_THRESHOLD_KPA / max(self.system_kpa - 2 * ISO_THRESHOLD_KPA, 1.0)
+
+    @property
+    def _room_s(self) -> float:
+        """Remainder of the shorter of phases b and d, after the slopes."""
+        both = (self.a_s + self.c_s) * self._edge
+        return min(self.ratio * self.period_s - self.a_s, (1 - self.ratio) * self.period_s - self.c_s) - both
+
+    def kpa(self, time_s: Array) -> Array:
+        """(F,) the trapezoid: straight slopes from 0 to the system's vacuum, through both thresholds."""
+        rise, fall = self._edge * self.a_s, self._edge * self.c_s
+        closes, full = self.ratio * self.period_s, self.system_kpa
+        corners = [-rise, self.a_s + rise, closes - fall, closes + self.c_s + fall, self.period_s - rise]
+        since = np.mod(time_s - self.start_s, self.period_s)
+        again = self.period_s + self.a_s + rise
+        kpa: Array = np.interp(since, [*corners, again], [0.0, full, full, 0.0, 0.0, full])
+        return kpa
+
+    def at(self, time_s: Array) -> Estimate:
+        """(F,) the trapezoid, with σ from the vacuum's σ and, on the slopes, that of the start."""
+        kpa = self.kpa(time_s)
+        slope = _slope(self.kpa, time_s, max(self.start_sigma_s, 1e-3))
+        share = kpa / self.system_kpa * self.sigma_kpa
+        return Estimate(kpa, np.hypot(share, slope * self.start_sigma_s))
+
+    def log(self, first_s: float, last_s: float, step_s: float = 1e-3) -> VacuumLog:
+        """The wave in the form of a log, so that its start can be found like a log's offset."""
+        time_s = np.arange(first_s, last_s, step_s)
+        return VacuumLog(time_s, self.kpa(time_s))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoggedVacuum:
+    """One column of a log, on the camera's clock.
+
+    Attributes:
+        log: readings of the logger; `kpa`: (K,) the column used.
+        offset_s: camera's time minus logger's, with `offset_sigma_s`.
+        sigma_kpa: σ of the gauge, common to all readings.
+    """
+
+    log: VacuumLog
+    kpa: Array
+    offset_s: float
+    offset_sigma_s: float
+    sigma_kpa: float = 0.0
+
+    def at(self, time_s: Array) -> Estimate:
+        """(F,) vacuum interpolated between readings; σ from noise, the gauge and, on slopes, the offset.
+
+        Raises:
+            InputError: the log does not cover the times, or has a gap there; gaps are never filled.
+        """
+        own_s = time_s - self.offset_s
+        self._check(time_s, own_s)
+
+        def reading(at_s: Array) -> Array:
+            return np.interp(at_s, self.log.time_s, self.kpa)
+
+        slope = _slope(reading, own_s, max(self.offset_sigma_s, 2 * self.log.step_s))
+        noise = np.hypot(self.log.noise_kpa(self.kpa), self.sigma_kpa)
+        return Estimate(reading(own_s), np.hypot(noise, slope * self.offset_sigma_s))
+
+    def _check(self, time_s: Array, own_s: Array) -> None:
+        covered = self.log.time_s[[0, -1]] + self.offset_s
+        outside = (time_s < covered[0] - _ROOM_S) | (time_s > covered[1] + _ROOM_S)
+        hint = (
+            "give a log of the whole capture, check its offset, or analyse only the fields it covers"
+            if self.log.channel is None
+            else "the capture's channels say why; give the vacuum as a log or a constant instead"
+        )
+        if outside.any():
+            raise InputError(
+                f"{self.log.source} covers {covered[0]:.2f} to {covered[1]:.2f} s of the"
+                f" camera's time, the fields {time_s.min():.2f} to {time_s.max():.2f} s:"
+                f" {int(outside.sum())} of {len(time_s)} fields have no vacuum",
+                hint,
+            )
+        for begin, end in self.log.gaps_s:
+            inside = (own_s > begin) & (own_s < end)
+            if inside.any():
+                raise InputError(
+                    f"{self.log.source} has a gap from {begin:.3f} to {end:.3f} s of its time, where"
+                    f" {int(inside.sum())} fields are",
+                    hint,
+                )
+
+
+def _slope(function: Callable[[Array], Array], time_s: Array, reach_s: float) -> Array:
+    """(F,) mean slope within ± `reach_s`, per s."""
+    slope: Array = (function(time_s + reach_s) - function(time_s - reach_s)) / (2 * reach_s)
+    return slope

@@ -1,0 +1,249 @@
+"""The tables of an analysis: one row for each field, phase, target, section, cycle, gap, triangle or edge."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.core.chain.columns import Table, make_table
+from grabberd_liner.analysis import ChamberVacuum, Estimate, PressureMap, Section
+from grabberd_liner.chain.analysis.analyse import Analysis
+from grabberd_liner.chain.analysis.columns import TABLES
+from grabberd_liner.chain.analysis.empty_liner import ramp_values
+from grabberd_liner.chain.analysis.quantities import quantities, quantity_values
+from grabberd_liner.chain.analysis.strain_tables import strain_tables
+from grabberd_liner.chain.analysis.summary import gap_values, summary_values
+from grabberd_liner.chain.analysis.wall_state import WallState
+
+Array = NDArray[np.float64]
+Values = Mapping[str, Any]
+"""Values by column name: an array, or an estimate if the column is measured."""
+
+
+AnalysisTables = Mapping[str, Table]
+"""Tables by name, in the order of `TABLES`; docs/reference/analysis.md describes each."""
+
+
+def tables(analysis: Analysis) -> AnalysisTables:
+    """All tables of an analysis; a table without results has no rows."""
+    fields = _Series(analysis.states, _field_keys(analysis), analysis.vacuum)
+    phases = _Series(analysis.phases, {"phase": analysis.phase}, analysis.phase_vacuum)
+    found = quantities(analysis)
+    by_name = {one.quantity.name: one for one in found}
+    values: dict[str, Values] = {
+        "summary": summary_values(analysis, by_name),
+        "fields": fields.keys | _of_fields(analysis, fields) | _wall(analysis, fields),
+        "sections": _sections(fields),
+        "profile": _profiles(fields),
+        "targets": _targets(analysis, fields),
+        "phases": phases.keys | _wall(analysis, phases),
+        "phase_sections": _sections(phases),
+        "phase_targets": _targets(analysis, phases),
+        "phase_profile": _profiles(phases),
+        "quantities": quantity_values(found),
+        "cycles": _cycles(analysis),
+        "gaps": gap_values(analysis),
+        "ramp": ramp_values(analysis.empty, by_name),
+        **strain_tables(analysis, fields.keys),
+    }
+    return {name: make_table(name, spec, values[name]) for name, spec in TABLES.items()}
+
+
+class _Series(NamedTuple):
+    """States of the fields or of the phases, with their key columns and the vacuum of each."""
+
+    states: tuple[WallState, ...]
+    keys: dict[str, NDArray[Any]]
+    vacuum: tuple[ChamberVacuum, ...]
+
+    @property
+    def maps(self) -> list[PressureMap | None]:
+        return [state.pressure for state in self.states]
+
+    def repeated(self, counts: int | Sequence[int]) -> dict[str, NDArray[Any]]:
+        """The keys, repeated for the rows of each state."""
+        return {name: np.repeat(values, counts) for name, values in self.keys.items()}
+
+
+def _field_keys(analysis: Analysis) -> dict[str, NDArray[Any]]:
+    return {
+        "n": np.array([field.n for field in analysis.fields], np.int64),
+        "time_s": np.array([field.timed.time_s for field in analysis.fields]),
+    }
+
+
+def _of_fields(analysis: Analysis, fields: _Series) -> dict[str, Any]:
+    time_s = fields.keys["time_s"]
+    cycle, phase = np.full(len(time_s), np.nan), np.full(len(time_s), np.nan)
+    if analysis.cycle is not None:
+        moment = analysis.cycle.pulsation.at(time_s)
+        cycle, phase = np.where(moment.run >= 0, moment.cycle, np.nan), moment.phase
+    return {"cycle": cycle, "phase": phase, "movement_mm": _movement(analysis, time_s)}
+
+
+def _movement(analysis: Analysis, time_s: Array) -> Estimate:
+    """The movement at these times; NaN where it is unknown."""
+    known = analysis.movement
+    if known is None:
+        return _none(len(time_s))
+    # Fields and movement carry the very same time stamps, so that equality is safe here.
+    index = np.minimum(np.searchsorted(known.time_s, time_s), len(known.time_s) - 1)
+    there = known.time_s[index] == time_s
+    return Estimate(*(np.where(there, part[index], np.nan) for part in (known.value_mm, known.sigma_mm)))
+
+
+def _wall(analysis: Analysis, series: _Series) -> dict[str, Any]:
+    maps, states = series.maps, series.states
+    greatest = [_greatest(one) for one in maps]
+    return {
+        "area_mm2": _each([state.area.area_mm2 for state in states]),
+        "covered": np.array([state.area.covered for state in states]),
+        "volume_mm3": _each([state.volume_mm3 for state in states]),
+        **_vacuum(series),
+        "mean_contact_kpa": _each([one and one.mean_kpa for one in maps]),
+        "greatest_contact_kpa": _each([_at(one, index) for one, index in zip(maps, greatest, strict=True)]),
+        "greatest_contact_target": np.array(
+            [np.nan if index is None else analysis.grid.target[index] for index in greatest]
+        ),
+        "determined": np.array([int(one.usable.sum()) if one else 0 for one in maps], np.int64),
+        "load_misfit": np.array([one.misfit if one else np.nan for one in maps]),
+        "method": np.array([state.method for state in states], object),
+        "misfit": np.array([state.misfit for state in states]),
+    }
+
+
+def _vacuum(series: _Series) -> dict[str, Estimate]:
+    """The vacuum; its σ includes that of the clocks' offset, multiplied by the slope of the vacuum."""
+    if not series.vacuum:
+        return {f"{name}_vacuum_kpa": _none(len(series.states)) for name in ("pulsation", "liner")}
+    known = {name: np.array([getattr(one, name) for one in series.vacuum]) for name in ChamberVacuum._fields}
+    return {
+        f"{name}_vacuum_kpa": Estimate(
+            known[f"{name}_kpa"],
+            np.hypot(known[f"{name}_sigma_kpa"], known[f"{name}_slope_kpa_per_s"] * known["time_sigma_s"]),
+        )
+        for name in ("pulsation", "liner")
+    }
+
+
+def _greatest(one: PressureMap | None) -> int | None:
+    if one is None or not one.usable.any():
+        return None
+    return int(np.argmax(np.where(one.usable, one.contact_kpa.value, -np.inf)))
+
+
+def _at(one: PressureMap | None, index: int | None) -> Estimate | None:
+    if one is None or index is None:
+        return None
+    return Estimate(one.contact_kpa.value[index], one.contact_kpa.sigma[index])
+
+
+def _sections(series: _Series) -> dict[str, Any]:
+    all_of_them = [section for state in series.states for section in state.sections]
+    measured = ("distance_mm", "area_mm2", "length_mm", "chord_mm", "least_width_mm", "opposite_mm")
+    return {
+        **series.repeated([len(state.sections) for state in series.states]),
+        "height_mm": np.array([section.x_mm for section in all_of_them]),
+        **{name: _each([_of_section(section, name) for section in all_of_them]) for name in measured},
+    }
+
+
+def _profiles(series: _Series) -> dict[str, Any]:
+    """Rows of the load over height; states without it have none."""
+    profiles = [one.profile if one else None for one in series.maps]
+    known = [one for one in profiles if one]
+    return {
+        **series.repeated([len(one.x_mm) if one else 0 for one in profiles]),
+        "x_mm": _rows([one.x_mm for one in known]),
+        "compression_kpa": _joined([one.compression_kpa.estimate for one in known]),
+        "load_n_per_mm": _joined([one.load_n_per_mm.estimate for one in known]),
+        "gap_mm": _joined([one.gap_mm for one in known]),
+    }
+
+
+def _joined(estimates: Sequence[Estimate]) -> Estimate:
+    return Estimate(*(_rows([one[part] for one in estimates]) for part in (0, 1)))
+
+
+def _of_section(section: Section, name: str) -> Estimate | None:
+    found: Estimate | None = getattr(section, name)
+    return found
+
+
+def _targets(analysis: Analysis, series: _Series) -> dict[str, Any]:
+    grid, states, maps = analysis.grid, series.states, series.maps
+    count = len(grid)
+
+    def stacked(pick: Callable[[WallState], Estimate | None], columns: int) -> list[Estimate]:
+        return _stacked([pick(state) for state in states], count, columns)
+
+    x, y, z = stacked(lambda state: state.xyz_mm, 3)
+    kappa1, kappa2 = stacked(lambda state: state.curvature_per_m, 2)
+    strain1, strain2 = stacked(lambda state: state.strain, 2)
+    tension1, tension2 = stacked(lambda state: state.tension_n_per_m, 2)
+    return {
+        **series.repeated(count),
+        **{name: np.tile(getattr(grid, name), len(states)) for name in ("target", "row", "column")},
+        "x_mm": x,
+        "y_mm": y,
+        "z_mm": z,
+        "kappa1_per_m": kappa1,
+        "kappa2_per_m": kappa2,
+        "strain1": strain1,
+        "strain2": strain2,
+        "tension1_n_per_m": tension1,
+        "tension2_n_per_m": tension2,
+        "contact_kpa": _stacked([one and _usable(one, one.contact_kpa) for one in maps], count)[0],
+        "above_atmosphere_kpa": _stacked(
+            [one and _usable(one, one.above_atmosphere_kpa) for one in maps], count
+        )[0],
+        "unseen_kpa": _rows([_unseen_kpa(one, count) for one in maps]),
+        "reason": np.array(
+            [reason for one in maps for reason in (one.reason if one else ("",) * count)], object
+        ),
+    }
+
+
+def _unseen_kpa(one: PressureMap | None, count: int) -> Array:
+    if one is None or one.unseen_kpa is None:
+        return np.full(count, np.nan)
+    return np.where(one.usable, one.unseen_kpa, np.nan)
+
+
+def _usable(one: PressureMap, pressure: Estimate) -> Estimate:
+    """The pressure where it is determined; NaN at targets that have a reason against it."""
+    return Estimate(*(np.where(one.usable, part, np.nan) for part in pressure))
+
+
+def _cycles(analysis: Analysis) -> dict[str, Estimate]:
+    if analysis.cycle is None:
+        return {"start_s": _none(0), "stroke": _none(0)}
+    found = analysis.cycle.variation
+    return {"start_s": found.start_s, "stroke": found.stroke}
+
+
+def _none(count: int) -> Estimate:
+    return Estimate(np.full(count, np.nan), np.full(count, np.nan))
+
+
+def _each(estimates: Sequence[Estimate | None]) -> Estimate:
+    """(S,) estimate made of single ones."""
+    rows = [(np.nan, np.nan) if one is None else (float(one.value), float(one.sigma)) for one in estimates]
+    return Estimate(*np.array(rows).reshape(-1, 2).T)
+
+
+def _stacked(estimates: Sequence[Estimate | None], count: int, columns: int = 1) -> list[Estimate]:
+    """Stack the estimates (N,) or (N, columns) of S states into one estimate (S · N,) per column."""
+    empty = np.full((count, columns), np.nan)
+    values, sigmas = (
+        _rows([empty if one is None else one[part].reshape(count, columns) for one in estimates])
+        for part in (0, 1)
+    )
+    return [
+        Estimate(values.reshape(-1, columns)[:, k], sigmas.reshape(-1, columns)[:, k]) for k in range(columns)
+    ]
+
+
+def _rows(parts: Sequence[Array]) -> Array:
+    return np.concatenate(parts) if len(parts) else np.empty(0)

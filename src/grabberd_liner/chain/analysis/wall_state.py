@@ -1,0 +1,247 @@
+"""State of the wall at one field or phase, computed from its points (paper 3.8)."""
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.core.reconstruction import Points
+from grabberd.errors import AnalysisError
+from grabberd_liner.analysis import (
+    Area,
+    Estimate,
+    Face,
+    Forms,
+    Jets,
+    MiddleSurface,
+    PressureMap,
+    Section,
+    Smoothing,
+    Surface,
+    fit_surface,
+    middle_forms,
+    outer_forms,
+    propagate,
+    sections,
+    surface_area,
+    volume_mm3,
+    wall_at,
+)
+from grabberd_liner.analysis.wall.forms import mixed, principal_values
+from grabberd_liner.analysis.wall.material import VARIED, Wall, varied
+from grabberd_liner.analysis.wall.tension import mixed_tension
+from grabberd_liner.chain.analysis.question import Question
+from grabberd_liner.chain.analysis.target_strains import TargetStrains, target_strains
+
+Array = NDArray[np.float64]
+OfJets = Callable[[Jets, Jets | None], Array]
+
+EQUILIBRIUM, SMOOTH = "equilibrium", "smooth"
+_BENT = 2
+"""Highest derivative that curvature, strain of the middle surface and tension depend on."""
+
+
+class WallState(NamedTuple):
+    """The wall at the N targets of the grid; NaN at targets without supporting data.
+
+    It holds no surface: with its covariance, that of a capture's every field would fill the memory.
+
+    Attributes:
+        within: (N,) True for targets that are supported by data.
+        xyz_mm: (N, 3) points of the outer face at the targets, object's frame.
+        method: where all but `strains` is from: `EQUILIBRIUM`, the wall that explains the targets, or
+            `SMOOTH`, the surface through them.
+        curvature_per_m: (N, 2) κ1 ≥ κ2 of the middle surface if the wall's material is known, else of the
+            outer face.
+        strain: (N, 2) principal strains λ − 1 of the same surface, the greater first; None without reference.
+        tension_n_per_m: (N, 2) T1 ≥ T2, its σ from points and material; None without reference or material.
+        pressure: pressure map; None if an input is missing or the wall has no equilibrium.
+        area: area of the outer face.
+        sections: sections at those requested heights that the wall reaches.
+        volume_mm3: volume between the first and last section and the plane; None without a plane.
+        strains: strains of triangles and edges between targets; None without reference, or if no target is
+            seen in both states.
+        misfit: of the points by the face, as in `Face`.
+        problems: problems that did not prevent a result, as sentences.
+    """
+
+    within: NDArray[np.bool_]
+    xyz_mm: Estimate
+    method: str
+    curvature_per_m: Estimate
+    strain: Estimate | None
+    tension_n_per_m: Estimate | None
+    pressure: PressureMap | None
+    area: Area
+    sections: tuple[Section, ...]
+    volume_mm3: Estimate | None
+    strains: TargetStrains | None
+    misfit: float
+    problems: tuple[str, ...]
+
+
+def wall_state(points: Points, question: Question, smoothing: Smoothing) -> WallState:
+    """The wall at one field.
+
+    Raises:
+        AnalysisError: the points do not determine a surface.
+    """
+    surface = fit_surface(question.grid, points, smoothing)
+    return wall_states([points], [surface], question, [None])[0]
+
+
+def wall_states(
+    points: Sequence[Points],
+    faces: Sequence[Face],
+    question: Question,
+    maps: Sequence[PressureMap | None],
+) -> list[WallState]:
+    """The wall at several fields, evaluated together, which is faster than one by one.
+
+    Args:
+        points: points of the fields.
+        faces: the outer face at each; a `Surface` unless the map has a middle surface.
+        question: quantities to compute.
+        maps: map of the pressure at each field; None where there is none.
+    """
+    middles = [one.middle if one else None for one in maps]
+    surfaces = [
+        one for one, known in zip(faces, middles, strict=True) if isinstance(one, Surface) and not known
+    ]
+    smooth = iter(_smooth(surfaces, question))
+    walls = [middle or next(smooth) for middle in middles]
+    each = zip(points, faces, walls, maps, strict=True)
+    return [_state(*one, question) for one in each]
+
+
+class _SmoothWall(NamedTuple):
+    """Quantities as in `MiddleSurface`, of a smooth surface; None for those that were not asked for."""
+
+    curvature_per_m: Estimate
+    strain: Estimate | None
+    tension_n_per_m: Estimate | None
+
+
+def _state(
+    points: Points,
+    face: Face,
+    wall: MiddleSurface | _SmoothWall,
+    pressure: PressureMap | None,
+    question: Question,
+) -> WallState:
+    within = face.within(*question.places)
+    found, missed = sections(face, question.heights_mm, question.plane)
+    return WallState(
+        within=within,
+        xyz_mm=_masked(face.places_mm(*question.places), within),
+        method=EQUILIBRIUM if isinstance(wall, MiddleSurface) else SMOOTH,
+        curvature_per_m=_masked(wall.curvature_per_m, within),
+        strain=wall.strain and _masked(wall.strain, within),
+        tension_n_per_m=wall.tension_n_per_m and _masked(wall.tension_n_per_m, within),
+        pressure=pressure,
+        area=surface_area(face),
+        sections=found,
+        volume_mm3=_volume(face, question, found),
+        strains=target_strains(points, question),
+        misfit=face.misfit,
+        problems=(*face.problems, *_refused(pressure), *missed),
+    )
+
+
+def _refused(pressure: PressureMap | None) -> tuple[str, ...]:
+    """The reason why a map has no pressure anywhere, if it has none."""
+    if pressure is None:
+        return ()
+    if len(set(pressure.reason)) == 1 and pressure.reason[0]:  # of the field, so the same for many of them
+        return pressure.reason[:1]
+    try:
+        pressure.determined()
+    except AnalysisError as error:
+        return (error.message,)
+    return ()
+
+
+def _masked(estimate: Estimate, within: NDArray[np.bool_]) -> Estimate:
+    return Estimate(*(np.where(within[:, np.newaxis], part, np.nan) for part in estimate))
+
+
+def _smooth(surfaces: Sequence[Surface], question: Question) -> list[_SmoothWall]:
+    """Curvature, strain and tension at once: they share the forms, which are most of the work."""
+    if not surfaces:
+        return []
+    wall, others = _walls(question)
+    stacked = _against(surfaces, question, lambda now, then: _values(question, wall, now, then))
+    parts = [_parts(Estimate(*one)) for one in zip(*stacked, strict=True)]
+    if question.reference is None or wall is None:
+        return parts
+    now = np.stack([surface.jets(*question.places) for surface in surfaces])
+    then = _reference_jets(question)[np.newaxis]
+    # Only the tension depends on the material (columns 4 and 5). Each input is varied by its σ and the
+    # changes are added in quadrature: the inputs are independent of one another and of the points.
+    shares = [_values(question, other, now, then)[..., 4:] - stacked.value[..., 4:] for other in others]
+    material = sum((share**2 for share in shares), np.zeros_like(stacked.value[..., 4:]))
+    return [_with_material(part, more) for part, more in zip(parts, material, strict=True)]
+
+
+def _parts(stacked: Estimate) -> _SmoothWall:
+    """Split (N, 2 to 6) into pairs; None for quantities that were not computed."""
+    pairs = [Estimate(*(part[:, k : k + 2] for part in stacked)) for k in (0, 2, 4)]
+    return _SmoothWall(pairs[0], *(pair if pair.value.size else None for pair in pairs[1:]))
+
+
+def _with_material(part: _SmoothWall, more: Array) -> _SmoothWall:
+    """Add the material's share (N, 2) to the tension's variance."""
+    assert part.tension_n_per_m is not None
+    value, sigma = part.tension_n_per_m
+    return part._replace(tension_n_per_m=Estimate(value, np.sqrt(sigma**2 + more)))
+
+
+@lru_cache(maxsize=4)
+def _walls(question: Question) -> tuple[Wall | None, tuple[Wall, ...]]:
+    """The material at the targets, then the material with one of its inputs raised by its σ."""
+    if not question.zones:
+        return None, ()
+    changed = (varied(question.zones, name) for name in VARIED)
+    u_mm = question.grid.u_mm
+    return wall_at(question.zones, u_mm), tuple(wall_at(zones, u_mm) for zones in changed if zones)
+
+
+def _values(question: Question, wall: Wall | None, now: Jets, then: Jets | None) -> Array:
+    """(..., N, 2 to 6) curvature, with a reference also strain, with material also tension; pairs of each."""
+    present = _forms(question, wall, now)
+    values = [1e3 * principal_values(mixed(present.first, present.second_per_mm))]
+    if then is not None:
+        before = _forms(question, wall, then).first
+        values.append(np.sqrt(principal_values(mixed(before, present.first))) - 1)
+        if wall is not None:
+            values.append(1e3 * principal_values(mixed_tension(present.first, before, wall)))
+    return np.concatenate(np.broadcast_arrays(*values), axis=-1)
+
+
+def _forms(question: Question, wall: Wall | None, jets: Jets) -> Forms:
+    outward = question.outward
+    return outer_forms(jets, outward) if wall is None else middle_forms(jets, wall.depth_mm, outward)
+
+
+def _against(surfaces: Sequence[Surface], question: Question, function: OfJets) -> Estimate:
+    """Propagate a function of the present and the reference state, with σ of a measured reference."""
+    if isinstance(question.reference, Surface):
+        return propagate(surfaces, function, question.places, question.reference, highest=_BENT)
+    then = question.reference
+    return propagate(surfaces, lambda now: function(now, then), question.places, highest=_BENT)
+
+
+def _reference_jets(question: Question) -> Jets:
+    reference = question.reference
+    if isinstance(reference, Surface):
+        return reference.jets(*question.places)
+    assert reference is not None
+    return reference
+
+
+def _volume(face: Face, question: Question, sections: tuple[Section, ...]) -> Estimate | None:
+    if question.plane is None or len(sections) < 2:
+        return None
+    return volume_mm3(face, (sections[0].x_mm, sections[-1].x_mm), question.plane)

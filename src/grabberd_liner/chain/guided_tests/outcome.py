@@ -1,0 +1,158 @@
+"""Evidence of a test, and what comes of it."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd_liner.analysis import Estimate, Material
+from grabberd_liner.analysis.quantity import Finding
+from grabberd_liner.chain.analysis.analyse import Analysis
+from grabberd_liner.chain.analysis.field_points import FieldPoints
+from grabberd_liner.chain.analysis.profile import Profile
+from grabberd_liner.chain.analysis.tables import AnalysisTables
+from grabberd_liner.chain.guided_tests.check import Check
+
+Array = NDArray[np.float64]
+LINE, POINTS, MARK = "line", "points", "mark"
+"""How a curve is drawn: a mark is a place on the x axis."""
+
+
+class Evidence(NamedTuple):
+    """A capture of a test with its analysis.
+
+    Attributes:
+        id: of the capture.
+        captured_utc: when it was captured, in ISO 8601.
+        labels: of the capture.
+        ledger: `total` number of fields, and how many were `received`.
+        calibration: id of the calibration; None if it was measured without one.
+        acceptance: verdict on that calibration; None if nobody has judged it.
+        liner: profile that its label `liner` names; None if there is none.
+        captured: its fields, as they were taken; empty if it could not be analysed.
+        analysis: None if it could not be analysed.
+        tables: of the analysis.
+        problem: why it could not be analysed, in a sentence with what helps.
+    """
+
+    id: str
+    captured_utc: str
+    labels: Mapping[str, str]
+    ledger: Mapping[str, int]
+    calibration: str | None
+    acceptance: str | None
+    liner: Profile | None
+    captured: Sequence[FieldPoints]
+    analysis: Analysis | None
+    tables: AnalysisTables
+    problem: str = ""
+
+    @property
+    def material(self) -> Material | None:
+        """The liner's material; None if it is unknown, or differs from zone to zone."""
+        zones = self.analysis.inputs.zones if self.analysis else ()
+        return zones[0].material if len(zones) == 1 else None
+
+    def quantity(self, name: str) -> Estimate | None:
+        """A quantity of the analysis; None if it was not found."""
+        row = self._row_of(name)
+        if row is None:
+            return None
+        table = self.tables["quantities"]
+        value, sigma = (float(table.column(column)[row]) for column in ("value", "sigma_value"))
+        return estimate(value, sigma) if math.isfinite(value) else None
+
+    def common(self, name: str) -> float:
+        """Part of a quantity's σ that captures analysed with the same values share; 0 where it is unknown."""
+        row, table = self._row_of(name), self.tables.get("quantities")
+        if row is None or table is None or "sigma_common" not in [one.name for one in table.columns]:
+            return 0.0
+        found = float(table.column("sigma_common")[row])
+        return found if math.isfinite(found) else 0.0
+
+    def said(self, name: str, column: str) -> str:
+        """Text of a quantity: its `title`, `unit`, `reason`, `verdict`, …; empty if there is no such one."""
+        row = self._row_of(name)
+        return "" if row is None else str(self.tables["quantities"].column(column)[row])
+
+    def mean_contact_kpa(self) -> tuple[Estimate, float]:
+        """Mean contact pressure on a wall at rest, over fields and targets, and the common part of its σ.
+
+        Fields scatter by their noise; what σ has beyond that they share, and no number of them lessens it.
+        """
+        nothing = estimate(math.nan, math.nan), math.nan
+        if "fields" not in self.tables:
+            return nothing
+        fields = self.tables["fields"]
+        value, sigma = fields.column("mean_contact_kpa"), fields.column("sigma_mean_contact_kpa")
+        known = np.isfinite(value) & np.isfinite(sigma)
+        if not known.any():
+            return nothing
+        value, count = value[known], int(known.sum())
+        variance = float(np.mean(np.square(sigma[known])))
+        own = min(float(np.var(value, ddof=1)), variance) if count > 1 else 0.0
+        found = estimate(value.mean(), math.sqrt(variance - own + own / count))
+        return found, math.sqrt(variance - own)
+
+    @property
+    def no_pressure(self) -> str:
+        """Reason why there is no pressure."""
+        if self.analysis is None:
+            return self.problem or "the capture was not analysed"
+        said = [text for text in self.analysis.inputs.lacks if "pressure" in text]
+        said += [text for text in self.analysis.problems if "equilibrium" in text or "no pressure" in text]
+        return said[0] if said else "no field has a pressure"
+
+    def value(self, table: str, name: str) -> Estimate:
+        """A column's value in the only row of a table, with its σ; NaN where there is none."""
+        found = self.tables.get(table)
+        if found is None or not len(found.column(name)):
+            return estimate(math.nan, math.nan)
+        names = [one.name for one in found.columns]
+        sigma = float(found.column(f"sigma_{name}")[0]) if f"sigma_{name}" in names else 0.0
+        return estimate(float(found.column(name)[0]), sigma)
+
+    def _row_of(self, name: str) -> int | None:
+        table = self.tables.get("quantities")
+        names = [] if table is None else table.column("name").tolist()
+        return names.index(name) if name in names else None
+
+
+class Curve(NamedTuple):
+    """Values over another quantity, for a figure; NaN where there is none."""
+
+    name: str
+    title: str
+    axes: tuple[tuple[str, str], tuple[str, str]]
+    style: str
+    x: Array
+    y: Array
+    sigma: Array
+
+
+class Offer(NamedTuple):
+    """A liner's profile with values that the test has found, and the version it was made from."""
+
+    content: Mapping[str, Any]
+    after: int
+
+
+class Outcome(NamedTuple):
+    """Result of a test."""
+
+    checks: tuple[Check, ...]
+    findings: tuple[Finding, ...] = ()
+    curves: tuple[Curve, ...] = ()
+    offer: Offer | None = None
+
+
+def estimate(value: float, sigma: float) -> Estimate:
+    """A single value with its σ."""
+    return Estimate(np.asarray(value, np.float64), np.asarray(sigma, np.float64))
+
+
+def exact(value: float) -> Estimate:
+    """A value that is counted, or known without σ."""
+    return estimate(value, 0.0)

@@ -1,0 +1,226 @@
+"""The test of the mounted liner without vacuum: its shape against its profile and the object model."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from grabberd.errors import AnalysisError
+from grabberd_liner.analysis import Estimate, Material
+from grabberd_liner.analysis.quantity import Finding, Quantity
+from grabberd_liner.chain.guided_tests.check import Check, Question
+from grabberd_liner.chain.guided_tests.mounted_tube import MountedTube, mounted_tube
+from grabberd_liner.chain.guided_tests.outcome import LINE, POINTS, Curve, Evidence, Outcome, estimate
+from grabberd_liner.chain.guided_tests.recipes import UNMOUNTED_PITCH_MM
+
+_VACUUM_KPA = 1.0
+_RADIUS_SHARE = 0.02
+"""Of the radius: tension presses with T/R, so that it is as far off as the radius."""
+_OVAL_MM = 1.0
+"""Difference of diameters: 4 % of one; a liner that is flattened by more is pinched, or has a teat in it."""
+_PITCH_SHARE = 0.01
+_SHIFT_MM = 2.0
+"""Along the liner: its ends are given in the object model's frame, and bending fades over 20 mm from them."""
+_LEAST_STRETCH, _MOST_STRETCH = 0.02, 0.30
+_LIMITS_SOURCE = "a liner that is stretched less goes slack with age; one stretched more is hard to mount"
+_PITCH_SIGMA_MM = 0.05
+"""σ of a pitch that was measured with a calliper before mounting, over all rows."""
+_OF = "reference state, by the targets of the capture"
+
+VACUUM_ZERO = Question(
+    "vacuum_zero", "no vacuum", "open both hoses, wait until the gauges show 0, and capture again", "kPa"
+)
+RADIUS = Question(
+    "mounted_radius",
+    "radius of the targets as in the profile",
+    "check the liner's label, and radius_mm, wall_mm and target_mm of its profile",
+    "mm",
+)
+ROUND = Question(
+    "round",
+    "section is round",
+    "take out teat or plug, let nothing pinch the liner, mount it again; a worn liner may stay oval",
+    "mm",
+)
+PITCH = Question(
+    "row_pitch",
+    "pitch of the rows as in the object model",
+    "mount the liner with the length that it had when the object model was measured, or measure that again",
+    "mm",
+)
+PLACE = Question(
+    "axial_place",
+    "place along the liner as in the object model",
+    "push the cup to its stop in the holder, or measure the object model again",
+    "mm",
+)
+ZERO = Question(
+    "pressure_zero",
+    "no pressure without a teat",
+    "check F0_n and the ends of the liner's profile, and whether glass bends under the vacuum",
+    "kPa",
+)
+STRETCH = Question(
+    "mounting_stretch",
+    "stretch that the mounting force implies is usual",
+    "measure F0_n with a spring balance at mounting, and E_mpa by a ramp",
+    "1",
+)
+SEEN_STRETCH = Question(
+    "seen_stretch",
+    "stretch that is seen agrees with the mounting force",
+    "measure the pitch before mounting again; let a ramp find E and F0",
+    "1",
+)
+
+
+def reference_test(one: Evidence) -> Outcome:
+    """Judges a capture of the mounted liner without vacuum."""
+    tube, problem = _tube(one)
+    checks = [_vacuum(one), *_shape(one, tube, problem), _pressure(one), *_stretches(one, tube)]
+    return Outcome(tuple(checks), tuple(_findings(tube)), tuple(_curves(one, tube)))
+
+
+def _tube(one: Evidence) -> tuple[MountedTube | None, str]:
+    if one.analysis is None:
+        return None, "the capture was not analysed"
+    try:
+        return mounted_tube(one.captured, one.analysis.grid), ""
+    except AnalysisError as error:
+        return None, error.message
+
+
+def _vacuum(one: Evidence) -> Check:
+    """The greater of both chambers, where a gauge has read it."""
+    if one.analysis is None or not one.analysis.vacuum:
+        return VACUUM_ZERO.not_checked("the vacuum is not known")
+    if not one.analysis.inputs.channels and "log" not in one.analysis.inputs.vacuum:
+        return VACUUM_ZERO.not_checked("no gauge has read it: it is what the steps of the recipe say")
+    read = one.analysis.vacuum
+    chambers = [
+        estimate(
+            np.mean([getattr(at, f"{name}_kpa") for at in read]),
+            np.mean([getattr(at, f"{name}_sigma_kpa") for at in read]),
+        )
+        for name in ("pulsation", "liner")
+    ]
+    return VACUUM_ZERO.within(max(chambers, key=lambda found: abs(float(found.value))), 0.0, _VACUUM_KPA)
+
+
+def _shape(one: Evidence, tube: MountedTube | None, problem: str) -> Iterator[Check]:
+    if tube is None or one.analysis is None:
+        yield from (question.not_checked(problem) for question in (RADIUS, ROUND, PITCH, PLACE))
+        return
+    material = one.material
+    if material is None:
+        yield RADIUS.not_checked("the liner's material is not known")
+    else:
+        expected_mm = material.radius_mm + material.depth_mm
+        radius_mm, sigma_mm = (float(part) for part in tube.radius_mm)
+        found = estimate(radius_mm, float(np.hypot(sigma_mm, material.wall_sigma_mm / 2)))
+        yield RADIUS.within(found, expected_mm, _RADIUS_SHARE * expected_mm)
+    if tube.ovality_mm is None:
+        yield ROUND.not_checked(
+            "both views see fewer than five columns, which do not tell an oval from a circle"
+        )
+    else:
+        yield ROUND.within(tube.ovality_mm, 0.0, _OVAL_MM)
+    expected_mm = _nominal_pitch_mm(one)
+    yield PITCH.within(tube.pitch_mm, expected_mm, _PITCH_SHARE * expected_mm)
+    yield PLACE.within(tube.shift_mm, 0.0, _SHIFT_MM)
+
+
+def _nominal_pitch_mm(one: Evidence) -> float:
+    assert one.analysis is not None
+    grid = one.analysis.grid
+    slope, _ = np.polyfit(grid.row, grid.nominal_mm[:, 0], 1)
+    return float(slope)
+
+
+def _pressure(one: Evidence) -> Check:
+    if one.analysis is None:
+        return ZERO.not_checked("the capture was not analysed")
+    found, _ = one.mean_contact_kpa()
+    if not math.isfinite(float(found.value)):
+        return ZERO.not_checked(one.no_pressure)
+    return ZERO.agrees(found, 0.0, float(found.sigma))
+
+
+def _stretches(one: Evidence, tube: MountedTube | None) -> Iterator[Check]:
+    material = one.material
+    if material is None:
+        yield from (ask.not_checked("the liner's material is not known") for ask in (STRETCH, SEEN_STRETCH))
+        return
+    implied = mounting_stretch(material)
+    excess = estimate(float(implied.value) - 1, float(implied.sigma))
+    middle, reach = (_MOST_STRETCH + _LEAST_STRETCH) / 2, (_MOST_STRETCH - _LEAST_STRETCH) / 2
+    yield STRETCH.within(excess, middle, reach, _LIMITS_SOURCE)
+    free_mm = _number(one.labels.get(UNMOUNTED_PITCH_MM))
+    if tube is None or free_mm is None:
+        yield SEEN_STRETCH.not_checked(
+            f"label {UNMOUNTED_PITCH_MM} of the capture does not say the rows' pitch before mounting"
+        )
+        return
+    seen = float(tube.pitch_mm.value) / free_mm
+    sigma = seen * np.hypot(
+        float(tube.pitch_mm.sigma) / float(tube.pitch_mm.value), _PITCH_SIGMA_MM / free_mm
+    )
+    yield SEEN_STRETCH.agrees(
+        estimate(seen, sigma), float(implied.value), float(np.hypot(sigma, implied.sigma))
+    )
+
+
+def mounting_stretch(material: Material) -> Estimate:
+    """Stretch λ along the liner that its mounting force implies, by neo-Hookean rubber.
+
+    F0 / 2πRt is the true stress E/3 (λ² − 1/λ), with the thickness as mounted.
+    """
+    stress = material.F0_n / (2 * np.pi * material.radius_mm * material.wall_mm) / material.E_mpa
+    stretch = 1.0 + stress
+    for _ in range(40):
+        stretch -= (stretch**2 - 1 / stretch - 3 * stress) / (2 * stretch + 1 / stretch**2)
+    # Of ln stress by ln E, ln t, ln F0, whose errors go together after a ramp.
+    relative = np.array(
+        [
+            material.E_sigma_mpa / material.E_mpa,
+            material.wall_sigma_mm / material.wall_mm,
+            material.F0_sigma_n / material.F0_n if material.F0_n else 0.0,
+        ]
+    ) * (-1.0, -1.0, 1.0)
+    both, young_force, force_wall = material.correlations
+    related = np.array([[1, both, young_force], [both, 1, force_wall], [young_force, force_wall, 1]])
+    of_stress = stress * np.sqrt(max(float(relative @ related @ relative), 0.0))
+    return estimate(stretch, 3 * of_stress / (2 * stretch + 1 / stretch**2))
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        value = float(text) if text is not None else math.nan
+    except ValueError:
+        return None
+    return value if value > 0 and math.isfinite(value) else None
+
+
+def _findings(tube: MountedTube | None) -> Iterator[Finding]:
+    quantities = {
+        "mounted_radius_mm": ("radius of the targets", "Mean distance of the targets from the tube's axis."),
+        "ovality_mm": ("ovality", "Diameter towards the cameras less that across the view."),
+        "row_pitch_mm": ("pitch of the rows", "Distance of neighbouring rows of targets along the axis."),
+        "axial_shift_mm": ("place along the liner", "Mean place of the targets less the object model's."),
+    }
+    found = (tube.radius_mm, tube.ovality_mm, tube.pitch_mm, tube.shift_mm) if tube else (None,) * 4
+    for (name, (title, definition)), value in zip(quantities.items(), found, strict=True):
+        quantity = Quantity(name, title, "mm", definition, _OF)
+        yield Finding.of(quantity, value) if value else Finding.missing(quantity, "too few targets are seen")
+
+
+def _curves(one: Evidence, tube: MountedTube | None) -> Iterator[Curve]:
+    if tube is None:
+        return
+    axes = (("across the view", "mm"), ("towards the cameras", "mm"))
+    yield Curve("section", "targets", axes, POINTS, tube.across_mm, tube.towards_mm, tube.sigma_mm)
+    if (material := one.material) is not None:
+        angle = np.radians(np.linspace(-100, 100, 81))
+        radius_mm = material.radius_mm + material.depth_mm
+        x, y = radius_mm * np.sin(angle), radius_mm * np.cos(angle)
+        yield Curve("profile_section", "profile", axes, LINE, x, y, np.full(len(x), np.nan))

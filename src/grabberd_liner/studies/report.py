@@ -1,0 +1,156 @@
+"""The report of a study: the values that its template cannot take from the document as they are."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from grabberd.reports.columns import Columns
+from grabberd.reports.document import STUDY, check_document
+from grabberd.reports.environment import render
+from grabberd.reports.figures import require_matplotlib
+from grabberd.reports.figures.groups import PANELS
+from grabberd.reports.numbers import DASH, measured, p_value, probability, significant
+from grabberd_liner.studies.report_answers import MOSTLY_COMMON, answer, trend_answer
+
+Document = Mapping[str, Any]
+_MOST_NAMES = 3
+_SHORT = {"no difference shown": "not shown", "no change shown": "not shown"}
+_MANY = 1000
+"""Degrees of freedom from which on σ is as good as known."""
+_IN_A_TABLE = 5
+"""Quantities beside each other in a table of captures."""
+
+
+class JudgedRow(NamedTuple):
+    """A mean, difference or slope as text; parts that are not known are dashes."""
+
+    quantity: str
+    of: str
+    value: str
+    common: str
+    interval: str
+    dof: str
+    p: str
+    basis: str
+    verdict: str
+
+
+class Captures(NamedTuple):
+    """Some quantities of all captures: heads with units, and the cells of each."""
+
+    columns: Sequence[tuple[str, Sequence[str]]]
+
+
+def study_html(document: Document) -> str:
+    """Write the report of a study as one self-contained page, the same text for the same document.
+
+    Args:
+        document: "grabberd/study/1".
+
+    Raises:
+        InputError: the document has another schema, lacks what every report has, or has a number that is not
+            finite.
+        ExtraMissing: matplotlib is not installed.
+    """
+    check_document(document, STUDY)
+    require_matplotlib()
+    return render("study.html.jinja", document, **values(document))
+
+
+def values(document: Document) -> dict[str, Any]:
+    """Prepare the values of the template; its own comment describes them."""
+    tables = {name: Columns(table) for name, table in document["tables"].items()}
+    titles = {one["name"]: one["title"] for one in document["quantities"]}
+    trends = [one for one in document["quantities"] if one["slopes"] is not None]
+    answers = [answer(one) for one in document["quantities"]]
+    trend_answers = [trend_answer(one, document["over_unit"]) for one in document["quantities"]]
+    return {
+        "answers": answers,
+        "trend_answers": trend_answers,
+        "is_limited": any(MOSTLY_COMMON in one for one in answers + trend_answers),
+        "remarks": remarks(document),
+        "figures": _parts(document["quantities"], PANELS),
+        "trend_figures": _parts(trends, PANELS),
+        "means": _judged(tables["groups"], "mean", titles),
+        "differences": _judged(tables["comparison"], "difference", titles),
+        "slopes": _judged(tables["trend"], "slope", titles),
+        "scatter": _scatter(tables["quantities"]),
+        "captures": [
+            _captures(tables["captures"], part) for part in _parts(document["quantities"], _IN_A_TABLE)
+        ],
+        "left_out": document["left_out"],
+    }
+
+
+def remarks(document: Document) -> list[str]:
+    """The document's remarks; what is the same of several quantities is said once."""
+    titles: dict[str, list[str]] = {}
+    for one in document["quantities"]:
+        for remark in one["remarks"]:
+            titles.setdefault(remark, []).append(one["title"])
+    named = {
+        remark: ", ".join(of) if len(of) <= _MOST_NAMES else f"{len(of)} quantities"
+        for remark, of in titles.items()
+    }
+    return [*document["remarks"], *(f"{of}: {remark}" for remark, of in named.items())]
+
+
+def _parts(whole: Sequence[Any], size: int) -> list[Sequence[Any]]:
+    return [whole[first : first + size] for first in range(0, len(whole), size)]
+
+
+def _judged(table: Columns, name: str, titles: Mapping[str, str]) -> list[JudgedRow]:
+    return [_judged_row(table, name, titles, row) for row in range(len(table))]
+
+
+def _judged_row(table: Columns, name: str, titles: Mapping[str, str], row: int) -> JudgedRow:
+    unit, quantity = table.words("unit")[row], table.words("quantity")[row]
+    value, sigma = table.value(name, row), table.value(f"sigma_{name}", row)
+    common, low, high = (table.value(one, row) for one in (f"sigma_common_{name}", "low", "high"))
+    decided = "adjusted_p" if name == "difference" else "p"
+    verdict = table.words("verdict")
+    return JudgedRow(
+        f"{titles.get(quantity, quantity)}{'' if unit in ('', '1') else f' [{unit}]'}",
+        _of(table, name, row),
+        "{} ({})".format(*measured(value, sigma)) if sigma else significant(value),
+        measured(common, sigma).value if common and sigma else DASH,
+        _interval(low, high, sigma),
+        _dof(table.value("dof", row)),
+        probability(table.value(decided, row)),
+        table.words("basis")[row],
+        _SHORT.get(verdict[row], verdict[row]),
+    )
+
+
+def _interval(low: float | None, high: float | None, sigma: float | None) -> str:
+    if low is None or high is None:
+        return DASH
+    return "\u00a0…\u00a0".join(measured(end, sigma).value for end in (low, high))
+
+
+def _dof(dof: float | None) -> str:
+    return "> 1000" if dof is not None and dof > _MANY else significant(dof, 2)
+
+
+def _of(table: Columns, name: str, row: int) -> str:
+    """Subject of a row: a group, two groups, or the groups together."""
+    if name == "difference":
+        return f"{table.words('second')[row]} − {table.words('first')[row]}"
+    return table.words("group")[row] or "all, in common"
+
+
+def _scatter(table: Columns) -> list[tuple[str, str, str, str]]:
+    """Title, standard deviations within and between, and χ² by its freedom, of each quantity."""
+    rows = []
+    for row, title in enumerate(table.words("title")):
+        chi2, dof, p = (table.value(name, row) for name in ("chi2", "chi2_dof", "chi2_p"))
+        check = f"{significant(chi2 / dof, 2)} ({p_value(p)})" if chi2 is not None and dof else DASH
+        sigmas = [significant(table.value(name, row), 2) for name in ("within_sigma", "between_sigma")]
+        rows.append((title, *sigmas, check))
+    return rows  # type: ignore[return-value]
+
+
+def _captures(table: Columns, quantities: Sequence[Document]) -> Captures:
+    fixed = [("Capture", table.words("capture")), ("Group", table.words("group"))]
+    return Captures(
+        [*fixed, *((table.titled(one["name"], one["title"]), table.cells(one["name"])) for one in quantities)]
+    )

@@ -1,0 +1,65 @@
+"""CSV files with the true positions of targets; identifications are read in tests of `calibrate`."""
+
+import pytest
+
+from grabberd.archive.input_files import read_identifications, read_truth
+from grabberd.errors import InputError
+
+
+@pytest.fixture
+def file(tmp_path):
+    def write(text):
+        path = tmp_path / "truth.csv"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+def test_a_row_holds_for_every_field_where_there_is_no_n(file):
+    truth = read_truth(file("target,x_mm,y_mm,z_mm\n3,1.5,-2,0.25\n"))
+    assert truth.n is None
+    assert truth.target.tolist() == [3]
+    assert truth.xyz_mm.tolist() == [[1.5, -2.0, 0.25]]
+    assert truth.expected.all()
+
+
+def test_with_n_a_row_holds_for_its_field(file):
+    truth = read_truth(file("n,target,x_mm,y_mm,z_mm,visible\n0,3,1,2,3,1\n1,3,1,2,3,0\n"))
+    assert truth.n.tolist() == [0, 1]
+    assert truth.expected.tolist() == [True, False]
+
+
+def test_a_spreadsheets_byte_order_mark_does_no_harm(file):
+    assert read_truth(file("\ufefftarget,x_mm,y_mm,z_mm\n3,1,2,3\n")).target.tolist() == [3]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("target,x_mm,y_mm\n1,2,3\n", "has no column z_mm"),
+        ("", "has no column target, x_mm, y_mm, z_mm"),
+        ("target,x_mm,y_mm,z_mm\n", "has no rows"),
+        ("target,x_mm,y_mm,z_mm\n1,2,3,4\n1,2,three,4\n", "line 3: .*three"),
+        ("target,x_mm,y_mm,z_mm\n1,2\n", "line 2"),
+        ("target,x_mm,y_mm,z_mm\n1,2,nan,4\n", "line 2: y_mm nan is not a number"),
+        ("target,x_mm,y_mm,z_mm\n6.5,1,2,3\n", "line 2: target 6.5 is not a whole number"),
+        ("target,x_mm,y_mm,z_mm\n2147483648,1,2,3\n", "line 2: target 2147483648 is not a whole number"),
+        ("target,x_mm,y_mm,z_mm\n1,2,3,4\n1,5,6,7\n", "2 rows of target 1"),
+        ("n,target,x_mm,y_mm,z_mm\n4,1,2,3,4\n4,1,2,3,4\n", "target 1 in field 4"),
+    ],
+)
+def test_what_is_wrong_is_named(file, text, message):
+    with pytest.raises(InputError, match=message):
+        read_truth(file(text))
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"gone\.csv cannot be read"):
+        read_truth(tmp_path / "gone.csv")
+
+
+@pytest.mark.parametrize("row", ["left,1,nan,2", "left,1,2,inf", "left,4294967296,1,2", "left,1"])
+def test_a_mark_that_is_nowhere_is_refused_by_its_line(file, row):
+    with pytest.raises(InputError, match=r"truth\.csv, line 2: "):
+        read_identifications(file(f"view,target,x_px,y_px\n{row}\n"))

@@ -1,0 +1,102 @@
+"""Which blob is which target, where a person says some of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.calibration.sights import FRAME, NOMINAL, placed, see
+from grabberd.core.calibration import Mark, identify_by_hand
+from grabberd.errors import InputError, MeasurementError
+
+FLAT = replace(FRAME, xyz_mm=FRAME.xyz_mm * (1.0, 1.0, 0.0))
+
+
+def scene(seed, frame=FRAME, handedness=(1, 1)):
+    rng = np.random.default_rng(seed)
+    return [see(rng, view, frame) for view in placed(rng, handedness)]
+
+
+def marks_of(sights, count=6, off_px=3.0):
+    """Marks beside targets all over either view."""
+    marks = []
+    for name, sight in zip(("left", "right"), sights, strict=True):
+        real = np.flatnonzero(sight.target >= 0)
+        for blob in real[np.linspace(0, len(real) - 1, count).astype(int)]:
+            x, y = sight.xy_px[blob]
+            marks.append(Mark(name, int(FRAME.target[sight.target[blob]]), x + off_px, y - off_px))
+    return marks
+
+
+def identify(sights, marks, frame=FRAME):
+    return identify_by_hand(NOMINAL, frame, sights[0].xy_px, sights[1].xy_px, marks)
+
+
+@pytest.mark.parametrize("handedness", [(1, 1), (-1, -1), (1, -1)])
+def test_the_others_follow_from_a_few_marks(handedness):
+    sights = scene(1, handedness=handedness)
+    found = identify(sights, marks_of(sights))
+    assert found.handedness == handedness
+    for side, sight in zip((found.left, found.right), sights, strict=True):
+        real = sight.target >= 0
+        assert ((side.target == sight.target) | (side.target < 0))[real].all()
+        assert (side.target[real] < 0).sum() <= 2
+
+
+def test_marks_identify_a_planar_frame_of_which_the_ends_are_not_seen():
+    sights = [sight.within(150, 420) for sight in scene(2, FLAT)]
+    found = identify(sights, marks_of(sights), FLAT)
+    for side, sight in zip((found.left, found.right), sights, strict=True):
+        real = (sight.target >= 0) & (side.target >= 0)
+        np.testing.assert_array_equal(side.target[real], sight.target[real])
+
+
+def test_a_wrong_mark_is_named():
+    sights = scene(3)
+    marks = marks_of(sights, 8)
+    used = {mark.target for mark in marks}
+    marks[2] = replace(
+        marks[2], target=next(t for t in (marks[2].target + 1, marks[2].target - 1) if t not in used)
+    )
+    with pytest.raises(InputError, match="the marks in the left view contradict each other: target"):
+        identify(sights, marks)
+
+
+@pytest.mark.parametrize("pair", [(0, 1), (2, 7)])
+def test_two_marks_with_each_others_id_are_named_as_a_pair(pair):
+    sights = scene(3)
+    marks = marks_of(sights, 8)
+    one, other = (marks[index] for index in pair)
+    marks[pair[0]], marks[pair[1]] = replace(one, target=other.target), replace(other, target=one.target)
+    low, high = sorted((one.target, other.target))
+    with pytest.raises(InputError, match=f"marks of targets {low} and {high} in the left view are swapped"):
+        identify(sights, marks)
+
+
+def test_too_few_marks_are_refused():
+    sights = scene(4)
+    with pytest.raises(InputError, match="3 targets are marked in the left view, 4 are needed"):
+        identify(sights, marks_of(sights, 3))
+
+
+def test_a_mark_far_from_any_blob_is_refused():
+    sights = scene(5)
+    with pytest.raises(
+        InputError, match=r"no blob is near the mark of target 1 at \(5, 5\) in the left view"
+    ):
+        identify(sights, [*marks_of(sights), Mark("left", 1, 5.0, 5.0)])
+
+
+def test_an_unknown_target_and_one_marked_twice_are_refused():
+    sights = scene(6)
+    marks = marks_of(sights)
+    with pytest.raises(InputError, match="has no target 999"):
+        identify(sights, [*marks, replace(marks[0], target=999)])
+    with pytest.raises(InputError, match="is marked twice"):
+        identify(sights, [*marks, marks[0]])
+
+
+def test_a_dark_view_is_named():
+    sights = scene(7)
+    with pytest.raises(MeasurementError, match="the right view is dark"):
+        identify([sights[0], sights[1].first(0)], marks_of(sights))

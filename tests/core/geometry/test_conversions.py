@@ -1,0 +1,69 @@
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from hypothesis import given
+
+from core.geometry.rigs import places, views
+from grabberd.core.geometry import project
+from grabberd.core.geometry.conversions import (
+    axes_from_omega_phi_kappa,
+    axes_from_openptv,
+    pixels_from_corner,
+    pixels_from_sensor,
+    pixels_to_corner,
+    pixels_to_sensor,
+    pose_from_opencv,
+    pose_to_opencv,
+)
+
+XY_PX = np.array([[0.0, 0.0], [359.5, 287.5], [719.0, 100.0]])
+
+
+@given(views(), places())
+def test_opencv_projects_with_the_converted_pose_what_is_projected_here(view, xyz):
+    plain = replace(view, b=(0.0,) * 9).with_axes(np.diag([view.handedness, 1.0, 1.0]) @ view.axes)
+    rotation, translation = pose_to_opencv(plain.axes, plain.center_mm)
+    lens = np.array(
+        [
+            [plain.f_mm / plain.pixel_x_mm, 0.0, plain.x0_px],
+            [0.0, plain.f_mm / plain.pixel_y_mm, plain.y0_px],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+    theirs, _ = cv2.projectPoints(xyz, cv2.Rodrigues(rotation)[0], translation, lens, None)
+    assert np.abs(theirs[:, 0] - project(plain, xyz)).max() < 1e-6
+    axes, center = pose_from_opencv(rotation, translation)
+    assert np.allclose(axes, plain.axes)
+    assert np.allclose(center, plain.center_mm)
+
+
+def test_photomodelers_angles_turn_about_x_then_the_new_y_then_the_new_z():
+    def about(axis, angle_deg):
+        turn = np.zeros(3)
+        turn[axis] = -np.radians(angle_deg)
+        return cv2.Rodrigues(turn)[0]
+
+    assert np.allclose(axes_from_omega_phi_kappa(20, -30, 70), about(2, 70) @ about(1, -30) @ about(0, 20))
+
+
+def test_openptvs_matrix_of_the_cavity_belongs_to_the_angles_beside_it():
+    """Camera 1 of test_cavity; its angles are kept in rad and beyond a turn."""
+    printed = [
+        [-0.9872980, -0.0171298, 0.1579534],
+        [-0.0153230, 0.9998026, 0.0126498],
+        [-0.1581389, 0.0100688, -0.9873655],
+    ]
+    angles_deg = np.degrees([-56.53585681, 2.98297501, 56.53131934])
+    assert np.abs(axes_from_openptv(printed) - axes_from_omega_phi_kappa(*angles_deg)).max() < 1e-6
+
+
+def test_pixels_from_the_corner_are_half_a_pixel_more():
+    assert np.array_equal(pixels_to_corner(XY_PX), XY_PX + 0.5)
+    assert np.array_equal(pixels_from_corner(pixels_to_corner(XY_PX)), XY_PX)
+
+
+def test_sensor_coordinates_have_their_origin_in_the_middle_and_point_up():
+    sensor = pixels_to_sensor(XY_PX, 720, 576, (0.01, 0.02))
+    assert np.allclose(sensor, [[-3.595, 5.75], [0.0, 0.0], [3.595, 3.75]])
+    assert np.allclose(pixels_from_sensor(sensor, 720, 576, (0.01, 0.02)), XY_PX)

@@ -1,0 +1,78 @@
+"""Starting a capture: what is checked first, what a refusal says, and what a disarmed one leaves."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+from running import patient, running
+from several import several
+
+from grabberd.documents.states import DeviceState
+from grabberd.errors import Conflict, InputError, NotReady
+from grabberd.instrument.capture import capture_start
+from grabberd.instrument.capture.capture_request import CaptureRequest, NewCapture
+from grabberd.instrument.capture.capture_start import CaptureStart
+from grabberd.instrument.capture.device_captures import CurrentCaptures
+
+
+def test_a_device_that_does_not_stream_is_refused_with_its_cause_and_hint(tmp_path: Path) -> None:
+    service = patient(tmp_path)
+    board = service.instrument(None).board
+    with pytest.raises(NotReady, match=r"is absent \(not opened yet\)") as unopened:
+        service.capture_control.start(None, CaptureRequest())
+    assert unopened.value.hint == "wait until its state is ready: GET /api/v1/state"
+    board.enter(DeviceState.FAILED, "the grabber is gone", "plug it in")
+    with pytest.raises(NotReady, match=r"is failed \(the grabber is gone\)") as gone:
+        service.capture_control.start(None, CaptureRequest())
+    assert gone.value.hint == "plug it in"
+    board.enter(DeviceState.OPENING)
+    with pytest.raises(NotReady, match=r"is opening"):
+        service.capture_control.start(None, CaptureRequest())
+
+
+def test_a_ring_cannot_give_more_fields_than_it_has_slots(tmp_path: Path) -> None:
+    with running(tmp_path) as service:
+        slots = service.instrument(None).pipeline.ring.slots
+        with pytest.raises(InputError, match=f"but the ring has {slots} slots"):
+            service.capture_control.arm(None, CaptureRequest(pre_trigger_fields=slots + 1))
+        service.capture_control.arm(None, CaptureRequest(pre_trigger_fields=slots))
+
+
+def test_a_capture_that_was_disarmed_meanwhile_is_not_triggered(tmp_path: Path) -> None:
+    with running(tmp_path) as service:
+        captures = service.instrument(None).captures
+        armed = service.capture_control.arm(None, CaptureRequest())
+        late = CaptureStart(captures, NewCapture(armed.id, CaptureRequest(), tmp_path / "late.grab.part"))
+        service.capture_control.stop(armed.id)
+        with pytest.raises(Conflict, match="is not armed"):
+            capture_start.trigger([late], CurrentCaptures({captures.name: captures}))
+        assert captures.recording is None
+        assert not captures.pipeline.thresholds.held
+
+
+def test_a_disarmed_capture_leaves_no_annotations(tmp_path: Path) -> None:
+    with running(tmp_path) as service:
+        armed = service.capture_control.arm(None, CaptureRequest())
+        service.annotations.annotate(armed.id, note="new liners")
+        assert service.archive.document(armed.id).note == "new liners"
+        service.capture_control.stop(armed.id)
+        assert service.capture_control._annotations.all() == {}
+
+
+class FrozenClock:
+    """A clock that stands still."""
+
+    def now_ns(self) -> int:
+        return 0
+
+    def utc_now(self) -> datetime:
+        return datetime(2026, 1, 1, 0, 0, 0, 999_500, UTC)
+
+
+def test_groups_of_the_same_moment_have_ids_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with several(tmp_path, {"left": {}, "right": {"seed": 2}}) as service:
+        monkeypatch.setattr(service.capture_control, "_clock", FrozenClock())
+        ids = [service.capture_control.arm_group({name: CaptureRequest()}) for name in ("left", "right")]
+        assert ids == ["20260101T000000999Z", "20260101T000001000Z"]

@@ -1,0 +1,77 @@
+"""What a vacuum logger wrote."""
+
+import pytest
+from numpy.testing import assert_allclose
+
+from grabberd.errors import InputError
+from grabberd_liner.analysis import read_vacuum_log
+
+
+def text(scale=1.0, head="time_s,pulsation_vacuum_kpa,liner_vacuum_kpa", shift=0.0):
+    rows = [
+        f"{k * 0.01:.3f},{(42 * (k % 100 < 60) + shift) * scale:.4f},{42 * scale:.4f}" for k in range(300)
+    ]
+    return "\n".join([head, *rows])
+
+
+def test_times_and_both_vacuums_are_read() -> None:
+    log = read_vacuum_log(text())
+    assert (len(log.time_s), log.step_s) == (300, pytest.approx(0.01))
+    assert (log.pulsation_kpa.max(), log.liner_kpa.min()) == (42.0, 42.0)
+    assert log.gaps_s == []
+
+
+def test_milliseconds_semicolons_and_decimal_commas_are_read() -> None:
+    rows = "\n".join(f"{k * 10};{'42,5' if k % 100 < 60 else '0,1'}" for k in range(200))
+    log = read_vacuum_log("\ufefftime_ms;pulsation_vacuum_kpa\r\n" + rows)
+    assert_allclose(log.time_s[:3], [0, 0.01, 0.02])
+    assert log.pulsation_kpa[0] == 42.5
+    assert log.liner_kpa is None
+
+
+@pytest.mark.parametrize(
+    ("scale", "unit"),
+    [(10.0, "mbar"), (1000.0, "Pa"), (0.2953, "inHg"), (7.5006, "mmHg"), (0.01, "bar")],
+)
+def test_another_unit_is_named_by_its_magnitude_and_refused(scale: float, unit: str) -> None:
+    with pytest.raises(InputError, match="reaches") as caught:
+        read_vacuum_log(text(scale))
+    assert unit in caught.value.hint
+
+
+def test_a_log_that_no_logger_wrote_is_refused_by_its_line() -> None:
+    with pytest.raises(InputError, match="line 2 of the vacuum log is not CSV"):
+        read_vacuum_log('time_s,pulsation_vacuum_kpa\n"' + "1" * 200_000)
+    with pytest.raises(InputError, match="more than 1000000 readings"):
+        read_vacuum_log("time_s,pulsation_vacuum_kpa\n" + "1,2\n" * 1_000_001)
+    with pytest.raises(InputError, match=r"line 301 .*pulsation_vacuum_kpa is ''"):
+        read_vacuum_log(text().rpartition("\n")[0] + "\n3")
+
+
+def test_absolute_pressure_is_no_vacuum() -> None:
+    with pytest.raises(InputError, match="reaches") as caught:
+        read_vacuum_log(text(shift=58.0))
+    assert "absolute pressure" in caught.value.hint
+
+
+def test_pressure_over_atmosphere_is_no_vacuum() -> None:
+    with pytest.raises(InputError, match="goes down to -42") as caught:
+        read_vacuum_log(text(-1.0))
+    assert "sign" in caught.value.hint
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda t: t.replace("time_s", "t"), "has the columns t, pulsation"),
+        (lambda t: t.replace("pulsation_vacuum_kpa", "vacuum"), "has the columns time_s, vacuum"),
+        (lambda t: "", "has the columns none"),
+        (lambda t: t.replace("0.050,42.0000", "0.050,n/a"), "line 7 .* is 'n/a', not a number"),
+        (lambda t: t.replace("0.050,42.0000,42.0000", "0.050"), "line 7 .* is '', not a number"),
+        (lambda t: t.replace("\n0.050,", "\n0.030,"), "reading 6 is at 0.03 s"),
+        (lambda t: "\n".join(t.splitlines()[:5]), "has 4 readings"),
+    ],
+)
+def test_what_cannot_be_read_is_named(change: object, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        read_vacuum_log(change(text()))
