@@ -187,10 +187,10 @@ faults: $(READY)  ## every fault of grabber, disk, clock and clients, done to th
 	$(BIN)/python -m tests.proofs.faults --write docs/reference/faults.md
 
 fuzz: $(READY)  ## hostile files, requests and arrays against everything that reads them (FUZZ_MINUTES=10, SEED=…, ONLY='png requests')
-	$(ONE_THREAD) PYTHONPATH=tests:tests/support $(BIN)/python -m fuzz --minutes $(or $(FUZZ_MINUTES),10) $(if $(SEED),--seed $(SEED)) $(if $(ONLY),--only $(ONLY))
+	$(ONE_THREAD) PYTHONPATH=tests:tests/support $(BIN)/python -m proofs.fuzz --minutes $(or $(FUZZ_MINUTES),10) $(if $(SEED),--seed $(SEED)) $(if $(ONLY),--only $(ONLY))
 
 setups: $(READY)  ## every wrong set-up of a calibration, and what the user is told, into docs/reference/wrong-setups.md
-	$(ONE_THREAD) PYTHONPATH=tests $(BIN)/python -m setups --write docs/reference/wrong-setups.md
+	$(ONE_THREAD) PYTHONPATH=tests $(BIN)/python -m proofs.setups --write docs/reference/wrong-setups.md
 
 audit: $(READY)  ## the account of fields in a thousand (or SEEDS=…) runs and a daemon, both with everything going wrong, into docs/reference/audit.md
 	$(ONE_THREAD) PYTHONPATH=tests:tests/support $(BIN)/python -m tests.proofs.audit --seeds $(or $(SEEDS),1000) --real-time --write docs/reference/audit.md

@@ -19,6 +19,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 IMPORTED = (
     "grabberd.server.api",
@@ -48,14 +49,23 @@ def state_directory(config: str) -> None:
 
 def state(file: str) -> None:
     """Opens and migrates a copy, which a daemon may be writing meanwhile."""
-    from grabberd.archive.state.state_database import StateDatabase  # noqa: PLC0415
-
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "state.sqlite"
         source = sqlite3.connect(f"{Path(file).absolute().as_uri()}?mode=ro", uri=True)
         with contextlib.closing(source), contextlib.closing(sqlite3.connect(copy)) as target:
             source.backup(target)
-        StateDatabase(copy).open()
+        _state_database()(copy).open()
+
+
+def _state_database() -> Any:
+    """The release's class; one that a rollback goes back to may be so old that it lies elsewhere."""
+    try:
+        module = importlib.import_module("grabberd.archive.state.state_database")
+    except ModuleNotFoundError as error:
+        if error.name != "grabberd.archive":
+            raise
+        module = importlib.import_module("grabberd.storage.state.state_database")
+    return module.StateDatabase
 
 
 def answers(listen: str, version: str, seconds: str) -> None:

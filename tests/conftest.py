@@ -11,11 +11,15 @@ import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from affected.durations import Durations
+
+if TYPE_CHECKING:
+    from grabberd.work.own_process import OwnProcesses
 
 HERE = Path(__file__).parent
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -23,7 +27,7 @@ settings.register_profile("shared", deadline=None, suppress_health_check=[Health
 settings.load_profile("shared")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
-LONGEST = ("browser", "faults")
+LONGEST = ("browser/", "proofs/faults/")
 """Rooms whose few tests take longest; begun last, they would keep a single processor at work at the end."""
 
 SERVED = ("archive", "cli", "instrument", "library", "liner", "server", "work")
@@ -45,9 +49,19 @@ def pictures_drawn_once(request: pytest.FixtureRequest) -> Iterator[None]:
         yield
 
 
+@pytest.fixture
+def processes() -> "Iterator[OwnProcesses]":
+    """Those of one test."""
+    from grabberd.work.own_process import OwnProcesses  # noqa: PLC0415 - after the environment is set
+
+    own = OwnProcesses()
+    yield own
+    own.end()
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The order is otherwise that of the files, which `--no-loadscope-reorder` keeps among the workers."""
-    items.sort(key=lambda item: item.path.relative_to(HERE).parts[0] not in LONGEST)
+    items.sort(key=lambda item: not item.path.relative_to(HERE).as_posix().startswith(LONGEST))
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -7,10 +7,10 @@ As a library:
     capture = grabberd.open("liner.grab")
     points = capture.points().to_dataframe()
 
-The names in `__all__` are the library; docs/reference/python.md says how long they last. The rooms behind it
+The names in `__all__` are the library; docs/reference/python.md says how long they last. The rooms of `core`
 follow the decomposition of the paper (I. Maalen-Johansen, *Close-range videometry*): `field`, `measurement`,
-`geometry`, `reconstruction` are pure, arrays in and arrays out; `processes` strings them together over
-fields. Threads, files, clocks and HTTP live in the rooms above them.
+`geometry`, `reconstruction` are pure, arrays in and arrays out; `chain` strings them together over fields.
+Threads, files, clocks and HTTP live in the rooms above `core`; `grabberd_liner` is the liner science.
 """
 
 from importlib import import_module

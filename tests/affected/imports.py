@@ -1,8 +1,8 @@
 """Who imports whom: the static import graph of sources, drivers and tests, read without running any of it.
 
-A name that a package merely re-exports leads to the module that defines it: `from grabberd.core.geometry import
-View` is an import of `core/geometry/view.py` alone. Otherwise whoever takes one name from a package would seem to
-depend on all of it, and every test on every room.
+A name that a package merely re-exports leads to the module that defines it: `from grabberd.core.geometry
+import View` is an import of `core/geometry/view.py` alone. Otherwise whoever takes one name from a package
+would seem to depend on all of it, and every test on every room.
 """
 
 import ast

@@ -25,11 +25,12 @@ ROOMS = {
     "docs": ("tests/test_docs.py",),
     "README.md": ("tests/test_docs.py",),
     "CONTRIBUTING.md": ("tests/test_docs.py",),
-    "src/grabberd/server/web": ("tests/web",),
-    "src/grabberd/core/kernel": ("tests/kernel",),
+    "src/grabberd/server/web": ("tests/server/web",),
+    "src/grabberd/core/kernel": ("tests/core/kernel",),
     "systemd": ("tests/systemd",),
 }
 """Where the tests of files live that nobody imports."""
+VM = Path("tests/proofs/vm")
 DRIVERS = ("tests/contract",)
 """The suite that every driver has to pass; it finds them by their entry points."""
 UNKNOWN_S = 1.0
@@ -112,7 +113,7 @@ def distances(changes: Iterable[Path], imports: Imports) -> Mapping[Path, int]:
 
 def is_test(path: Path) -> bool:
     """True for a file that pytest collects; those of the virtual machine have a command of their own."""
-    return path.parts[0] == "tests" and path.name.startswith("test_") and path.parts[1] != "vm"
+    return path.parts[0] == "tests" and path.name.startswith("test_") and not path.is_relative_to(VM)
 
 
 def _users(imports: Imports) -> Mapping[Path, set[Path]]:
@@ -142,6 +143,8 @@ def _mirror(change: Path) -> Path | None:
     parts = change.parent.parts
     if parts[:2] == ("src", "grabberd") and len(parts) > 2:
         return Path("tests", *parts[2:])
+    if parts[:2] == ("src", "grabberd_liner"):
+        return Path("tests", "liner", *parts[2:])
     if parts[:1] == ("drivers",) and len(parts) > 1:
         return Path("tests", "drivers", parts[1].removeprefix("grabberd_"), *parts[2:])
     return None

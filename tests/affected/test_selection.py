@@ -9,27 +9,27 @@ from tests.affected.selection import Selection, select
 FILES = {
     "src/grabberd/core/geometry/__init__.py": "from grabberd.core.geometry.view import View",
     "src/grabberd/core/geometry/view.py": "",
-    "src/grabberd/analysis/wall.py": "from grabberd.core.geometry import View",
+    "src/grabberd_liner/analysis/wall.py": "from grabberd.core.geometry import View",
     "src/grabberd/server/daemon/service.py": "from grabberd_liner.analysis.wall import Wall",
     "drivers/grabberd_fake/world.py": "",
     "tests/conftest.py": "",
-    "tests/geometry/test_rotation.py": "",
-    "tests/analysis/shapes.py": "from grabberd.core.geometry import View",
-    "tests/analysis/test_shapes.py": "from analysis.shapes import round",
-    "tests/analysis/test_wall.py": "from grabberd_liner.analysis.wall import Wall",
-    "tests/service/conftest.py": "from grabberd.server.daemon.service import Service",
-    "tests/service/test_service.py": "",
+    "tests/core/geometry/test_rotation.py": "",
+    "tests/liner/analysis/shapes.py": "from grabberd.core.geometry import View",
+    "tests/liner/analysis/test_shapes.py": "from liner.analysis.shapes import round",
+    "tests/liner/analysis/test_wall.py": "from grabberd_liner.analysis.wall import Wall",
+    "tests/server/daemon/conftest.py": "from grabberd.server.daemon.service import Service",
+    "tests/server/daemon/test_service.py": "",
     "tests/drivers/fake/test_world.py": "",
     "tests/contract/test_driver_contract.py": "",
-    "tests/web/modules/test_modules.py": "",
+    "tests/server/web/modules/test_modules.py": "",
     "tests/proofs/vm/test_usb.py": "from grabberd.core.geometry.view import View",
 }
 VIEW = "src/grabberd/core/geometry/view.py"
 NEAREST_FIRST = [
-    "tests/geometry/test_rotation.py",
-    "tests/analysis/test_shapes.py",
-    "tests/analysis/test_wall.py",
-    "tests/service/test_service.py",
+    "tests/core/geometry/test_rotation.py",
+    "tests/liner/analysis/test_shapes.py",
+    "tests/liner/analysis/test_wall.py",
+    "tests/server/daemon/test_service.py",
 ]
 
 
@@ -67,23 +67,27 @@ def test_with_time_enough_nothing_that_is_reached_is_left_out(imports: Imports) 
 
 
 def test_a_changed_test_runs_whatever_it_takes(imports: Imports) -> None:
-    selection = selected(imports, "tests/analysis/test_wall.py", limit_s=0.0)
-    assert names(selection.changed) == ["tests/analysis/test_wall.py"]
+    selection = selected(imports, "tests/liner/analysis/test_wall.py", limit_s=0.0)
+    assert names(selection.changed) == ["tests/liner/analysis/test_wall.py"]
     assert selection.near == ()
 
 
 @pytest.mark.parametrize(
     ("change", "near"),
     [
-        ("tests/analysis/shapes.py", ["tests/analysis/test_shapes.py"]),
-        ("tests/service/conftest.py", ["tests/service/test_service.py"]),
+        ("tests/liner/analysis/shapes.py", ["tests/liner/analysis/test_shapes.py"]),
+        ("tests/server/daemon/conftest.py", ["tests/server/daemon/test_service.py"]),
         ("src/grabberd/core/geometry/__init__.py", NEAREST_FIRST),
-        ("src/grabberd/server/web/static/js/main.js", ["tests/web/modules/test_modules.py"]),
+        ("src/grabberd/server/web/static/js/main.js", ["tests/server/web/modules/test_modules.py"]),
         (
             "drivers/grabberd_fake/world.py",
             ["tests/contract/test_driver_contract.py", "tests/drivers/fake/test_world.py"],
         ),
-        ("src/grabberd/geometry/deleted.py", ["tests/geometry/test_rotation.py"]),
+        ("src/grabberd/core/geometry/deleted.py", ["tests/core/geometry/test_rotation.py"]),
+        (
+            "src/grabberd_liner/analysis/deleted.py",
+            ["tests/liner/analysis/test_shapes.py", "tests/liner/analysis/test_wall.py"],
+        ),
     ],
 )
 def test_helpers_facades_and_files_that_nobody_imports_have_tests_too(

@@ -356,7 +356,8 @@ def test_two_daemons_do_not_share_a_folder_of_captures(tmp_path: Path) -> None:
 
 def test_importing_the_server_stays_light() -> None:
     heavy = "scipy.optimize", "pyarrow", "matplotlib"
-    code = f"import grabberd.server.api, grabberd.server.daemon.service, sys; print([m for m in {heavy} if m in sys.modules])"
+    modules = "grabberd.server.api, grabberd.server.daemon.service, sys"
+    code = f"import {modules}; print([m for m in {heavy} if m in sys.modules])"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
 

@@ -10,7 +10,7 @@ import tempfile
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -18,13 +18,14 @@ from typing import Any
 
 from fastapi.testclient import TestClient
 
-import grabberd
 from grabberd.config import default_config_file, load_config
 from grabberd.instrument.setup import set_up
 from grabberd.server.api import create_app
 from grabberd.server.daemon.service import Service
 
-SOURCE = Path(grabberd.__file__).parent
+from .source import ROOT, relative
+
+SOURCE = ROOT / "src"
 FIELDS = 100
 PATIENCE_S = 60.0
 # The threads of a field's way, and those that choose a threshold or look after files once a second, whoever
@@ -133,8 +134,12 @@ def _wait_until_sealed(client: TestClient, capture_id: str) -> None:
 
 def _own(found: Mapping[str, set[str]], wanted: Any) -> list[str]:
     files = {file for thread, some in found.items() if wanted(thread) for file in some}
-    root = str(SOURCE) + "/"
-    return sorted(file.removeprefix(root) for file in files if file.startswith(root))
+    return own(files)
+
+
+def own(files: Iterable[str]) -> list[str]:
+    """Those that are the program's own, without its drivers, as the docs name them."""
+    return sorted({relative(Path(file)) for file in files if Path(file).is_relative_to(SOURCE)})
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = (*sorted((ROOT / "src").glob("grabberd*")), *sorted((ROOT / "drivers").glob("grabberd_*")))
+LINER = "grabberd_liner"
 
 
 @cache

@@ -4,10 +4,10 @@ import ast
 import re
 
 from tests.house.docstrings import riddles
-from tests.house.drawing import ARCHITECTURE, layers, threads, written
+from tests.house.drawing import ARCHITECTURE, CORE, floors, layers, threads, written
 from tests.house.glossary import Ban, bans, breaches
 from tests.house.sizes import _components, cycles, too_long
-from tests.house.source import modules, words
+from tests.house.source import LINER, modules, words
 
 
 def test_no_name_contains_a_banned_word() -> None:
@@ -45,11 +45,16 @@ def test_no_file_is_longer_than_a_reader_takes_in() -> None:
 
 
 def test_every_module_parses_and_belongs_to_a_room() -> None:
-    rooms = {room for layer in layers() for room in layer} | {"config", "__main__"}
+    houses = {
+        "grabberd": {room for layer in layers() for room in layer} | {"__main__"},
+        CORE: {room for layer in layers(CORE) for room in layer},
+        LINER: set(floors(LINER)),
+    }
     for name, path in modules().items():
         ast.parse(path.read_text(encoding="utf-8"))
-        room = name.split(".")[1] if name.startswith("grabberd.") else None
-        assert room is None or room in rooms
+        for house, rooms in houses.items():
+            if name.startswith(f"{house}."):
+                assert name.removeprefix(f"{house}.").split(".")[0] in rooms
 
 
 def test_the_drawing_of_the_rooms_is_that_of_the_layers() -> None:

@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from grabberd.cli.app import app
 
-from .hops import SOURCE, Trace
+from .hops import Trace, own
 from .source import ROOT
 
 CONFIGS = ROOT / "configs"
@@ -35,10 +35,7 @@ def _traced(*arguments: object) -> list[str]:
     trace = Trace()
     with trace.watching(), trace.story() as found:
         _run(*arguments)
-    root = f"{SOURCE}/"
-    return sorted(
-        {file.removeprefix(root) for some in found.values() for file in some if file.startswith(root)}
-    )
+    return own({file for some in found.values() for file in some})
 
 
 def _run(*arguments: object) -> None:

@@ -2,6 +2,7 @@
 
 import http.server
 import json
+import os
 import shutil
 import sqlite3
 import ssl
@@ -22,10 +23,11 @@ from .small_release import SYSTEMD
 CHECKS = SYSTEMD / "release_checks.py"
 
 
-def checked(*words: str | Path) -> tuple[int, str]:
-    """Exit code and complaint of a check."""
+def checked(*words: str | Path, release: Path | None = None) -> tuple[int, str]:
+    """Exit code and complaint of a check; of this release, or of the one in a folder."""
     command = [sys.executable, CHECKS, *words]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    variables = os.environ | ({} if release is None else {"PYTHONPATH": str(release)})
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, env=variables)
     return done.returncode, done.stderr
 
 
@@ -107,3 +109,26 @@ def test_a_state_of_a_later_release_is_refused_with_its_version(tmp_path: Path) 
     code, said = checked("state", state)
     assert code == 1
     assert f"is of version {len(MIGRATIONS) + 1}" in said
+
+
+@pytest.mark.parametrize("room", ["archive", "storage"])
+def test_a_release_before_opens_the_state_wherever_its_class_lies(tmp_path: Path, room: str) -> None:
+    package = tmp_path / "release" / "grabberd"
+    for folder in (package, package / room, package / room / "state"):
+        folder.mkdir(parents=True)
+        (folder / "__init__.py").touch()
+    (package / room / "state" / "state_database.py").write_text(REFUSING)
+    sqlite3.connect(tmp_path / "state.sqlite").close()
+    code, said = checked("state", tmp_path / "state.sqlite", release=tmp_path / "release")
+    assert code == 1
+    assert "the release before refuses it" in said
+
+
+REFUSING = """
+class StateDatabase:
+    def __init__(self, path):
+        pass
+
+    def open(self):
+        raise ValueError("the release before refuses it")
+"""

@@ -1,4 +1,4 @@
-"""The documented names of what drivers are written against; they live in `instrument.acquisition` and in the core."""
+"""The documented path of what drivers are written against."""
 
 from grabberd.archive.measure_setups import INSTALLED_LOCATORS
 from grabberd.clock import Clock, SystemClock

@@ -1,1 +1,4 @@
-"""From fields to points: arrays in, arrays out; no clock, thread, file or log (paper figures 3, 4, 6, 8, 10)."""
+"""The core, from fields to points: arrays in, arrays out, without clocks, threads, files or logs.
+
+Its rooms follow the paper's own decomposition (figures 3, 4, 6, 8 and 10).
+"""

@@ -1,1 +1,1 @@
-"""How the program opens, holds, checks and writes any file: one place for locks, descriptors and full disks."""
+"""Files of any kind, opened, held, checked and written: one place for locks, descriptors and full disks."""

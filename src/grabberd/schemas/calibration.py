@@ -1,4 +1,4 @@
-"""Schema of a calibration, which `geometry.calibration` reads key by key."""
+"""Schema of a calibration, which `core.geometry.calibration` reads key by key."""
 
 from grabberd.core.geometry.calibration import LARGEST_SIDE_PX, SCHEMA
 from grabberd.core.geometry.view import PARAMETERS

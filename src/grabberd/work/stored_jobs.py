@@ -1,4 +1,4 @@
-"""What the queue needs of a store: jobs as rows, and the captures that could not be analysed."""
+"""The store that the queue needs: jobs as rows, and the captures that could not be analysed."""
 
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager

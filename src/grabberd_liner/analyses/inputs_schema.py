@@ -1,4 +1,4 @@
-"""Schema of the inputs of an analysis, which `processes.analysis` reads key by key."""
+"""Schema of the inputs of an analysis, which `chain.analysis` reads key by key."""
 
 from dataclasses import MISSING, fields
 

@@ -1,1 +1,1 @@
-"""Guided tests as the daemon knows them: listed, asked for by hand, and their offers accepted."""
+"""Guided tests: asked for, evaluated in a job, kept, shown and reported, and their offers accepted."""

@@ -1,1 +1,1 @@
-"""Finds the captures of a study, with their analyses: in folders of results, or in an archive."""
+"""Studies: captures found with their analyses in folders or an archive, compared, exported and reported."""

@@ -47,7 +47,7 @@ def run(folder: Path, script: Path, *words: str) -> subprocess.CompletedProcess[
         "LD_PRELOAD": str(runtime()),
         "ASAN_OPTIONS": "detect_leaks=0",
         "PYTHONMALLOC": "malloc",
-        "PYTHONPATH": os.pathsep.join([str(folder), str(HERE.parent), *sys.path[1:]]),
+        "PYTHONPATH": os.pathsep.join([str(folder), str(HERE.parents[1]), *sys.path[1:]]),
     }
     return subprocess.run(
         [sys.executable, str(script), *words], env=environment, capture_output=True, text=True, check=False

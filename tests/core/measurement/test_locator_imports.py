@@ -18,7 +18,8 @@ luma[8:12, 10:17] = 200
 settings = LocationSettings({settings})
 for bits in (1, 8):
     assert len(measure_by_numpy(quantise(Field.intact(luma, 0), bits, 100), settings)) == 1
-print(*(name.rpartition(".")[2] for name in sys.modules if name.startswith("grabberd.core.measurement.locators.")))
+start = "grabberd.core.measurement.locators."
+print(*(name.rpartition(".")[2] for name in sys.modules if name.startswith(start)))
 """
 
 

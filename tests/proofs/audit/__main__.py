@@ -1,4 +1,4 @@
-"""`python -m tests.proofs.audit [--seeds N] [--write FILE]`: the audit of many runs; fails on a single lie."""
+"""`python -m tests.proofs.audit [--seeds N] [--write FILE]`: audits many runs; fails on a single lie."""
 
 import argparse
 import logging

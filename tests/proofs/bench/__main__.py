@@ -1,4 +1,4 @@
-"""`python -m tests.proofs.bench [PART] [--seconds N] [--write FILE]`; a part is a key of `PARTS`, or all of them."""
+"""`python -m tests.proofs.bench [PART] [--seconds N] [--write FILE]`; a part is one of `PARTS`, or `all`."""
 
 import argparse
 import platform

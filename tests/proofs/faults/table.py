@@ -22,8 +22,8 @@ busy", or "time gap" where there is no evidence of the cause): during this run
 
 ## Faults of a grabber
 
-Injected into the simulated grabber by the scripts in `tests/proofs/faults/scenarios/`. A capture that loses fields
-continues with the gap in its ledger, unless it was told to end.
+Injected into the simulated grabber by the scripts in `tests/proofs/faults/scenarios/`. A capture that loses
+fields continues with the gap in its ledger, unless it was told to end.
 """
 MACHINE = """
 ## Faults of the computer and of clients

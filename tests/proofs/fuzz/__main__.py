@@ -47,9 +47,9 @@ def _round(samples: Path, name: str, seed: int) -> int:
         f"{name}.grab"
     )  # whatever it is: some commands look for captures by their ending
     count = COMMANDS_AT_ONCE if name in COMMANDS else FILES_AT_ONCE
-    words = [sys.executable, "-m", "fuzz.child", str(samples), name, str(seed), str(count), str(file)]
+    words = [sys.executable, "-m", "proofs.fuzz.child", str(samples), name, str(seed), str(count), str(file)]
     if name == REQUESTS:
-        words = [sys.executable, "-m", "fuzz.http_requests", str(samples), str(seed)]
+        words = [sys.executable, "-m", "proofs.fuzz.http_requests", str(samples), str(seed)]
     begin_s = time.monotonic()
     if name == ARRAYS:
         code, said = hostile_arrays.run(samples.with_name("kernel"), seed)

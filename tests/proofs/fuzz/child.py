@@ -1,6 +1,6 @@
 """A process that reads hostile files, one after the other; the parent watches what becomes of it.
 
-    python -m fuzz.child SAMPLES TARGET SEED COUNT FILE
+    python -m proofs.fuzz.child SAMPLES TARGET SEED COUNT FILE
 
 The file that is read stands in FILE, and its number on a line of the output, before it is read.
 """

@@ -1,6 +1,6 @@
 """Random sequences of valid and invalid requests to the real application, over a folder of hostile captures.
 
-    python -m fuzz.http_requests SAMPLES SEED [COUNT]
+    python -m proofs.fuzz.http_requests SAMPLES SEED [COUNT]
 
 What is done before is remembered: ids of captures, jobs and calibrations come back in later requests,
 each sent by a stranger, a viewer, an operator or an admin. An error of the daemon itself, an exception in its

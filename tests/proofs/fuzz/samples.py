@@ -19,7 +19,7 @@ from proofs.fuzz.commands import run_command
 
 CONFIGS = default_config_file().parent
 FIELDS = 14
-FIRST_FORMAT = Path(__file__).parents[2] / "storage" / "format_1"
+FIRST_FORMAT = Path(__file__).parents[2] / "archive" / "format_1"
 """Captures of format 1, which are read for ever."""
 
 

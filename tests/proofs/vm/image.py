@@ -3,7 +3,7 @@
 The image does not hold the checkout: that comes through a share, so a change of the source needs no new
 image. It is kept below `$GRABBERD_VM_CACHE` (or the user's cache folder) under a name made of its recipe.
 
-    PYTHONPATH=tests python -m vm.image      builds it, or says where it is
+    PYTHONPATH=tests python -m proofs.vm.image      builds it, or says where it is
 """
 
 import fcntl
@@ -52,10 +52,10 @@ TimeoutStartSec=infinity
 Environment=PYTHONPATH=/run/metadata:/run/copy/src:/run/copy/drivers:/run/copy/tests:/opt/site
 Environment=OPENBLAS_NUM_THREADS=1 HOME=/root PYTHONUNBUFFERED=1 PYTHONDONTWRITEBYTECODE=1
 # What is read from the host while a test runs would take of the guest's time what it takes of the host's.
-ExecStartPre=/usr/bin/mkdir -p /run/copy/tests
+ExecStartPre=/usr/bin/mkdir -p /run/copy/tests/proofs
 ExecStartPre=/usr/bin/cp -a /checkout/src /checkout/drivers /checkout/configs /run/copy
-ExecStartPre=/usr/bin/cp -a /checkout/tests/vm /run/copy/tests
-ExecStart=/usr/bin/python3 -m vm.guest.agent
+ExecStartPre=/usr/bin/cp -a /checkout/tests/proofs/vm /run/copy/tests/proofs
+ExecStart=/usr/bin/python3 -m proofs.vm.guest.agent
 StandardOutput=journal+console
 StandardError=journal+console
 [Install]

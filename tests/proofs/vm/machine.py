@@ -120,7 +120,7 @@ class Machine:
     def call(
         self, function: Callable[..., Any], *, timeout_s: float = CALL_TIMEOUT_S, **arguments: Any
     ) -> Any:
-        """Runs a function of `vm.guest` there.
+        """Runs a function of `proofs.vm.guest` there.
 
         Args:
             function: by its module and name; its result has to be JSON.

@@ -1,6 +1,6 @@
 """The installed service for a day of the machine's time, with a fault every minute, by lot.
 
-PYTHONPATH=tests python -m vm.months [--hours N] [--seed N] --log FILE     runs it, a line for each fault
+PYTHONPATH=tests python -m proofs.vm.months [--hours N] [--seed N] --log FILE   runs it, a line for each fault
 python -m tests.proofs.months summary FILE --write docs/reference/months-of-the-service.md
 """
 

@@ -169,7 +169,7 @@ def test_a_notebook_runs_beside_the_package(walk: Walk) -> None:
     walk.types(f"curl -sSfO {HERE}/docs/tutorials/first_look.ipynb")
     walk.types("""sed -i 's|grabberd.example(\\\\"liner.grab\\\\")|\\\\"liner.grab\\\\"|' first_look.ipynb""")
     said = walk.types(
-        "notebook/bin/python /checkout/tests/vm/guest/notebook.py first_look.ipynb /share", 1400
+        "notebook/bin/python /checkout/tests/proofs/vm/guest/notebook.py first_look.ipynb /share", 1400
     )
     assert "cow: 112" in said or "'cow': '112'" in said
     assert "first_look.ipynb: ran to its end, 5 pictures" in said

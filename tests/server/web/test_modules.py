@@ -1,4 +1,4 @@
-"""The page's own logic, run by Node where it is installed: tests/web/modules/*.test.mjs."""
+"""The page's own logic, run by Node where it is installed: tests/server/web/modules/*.test.mjs."""
 
 import json
 import re

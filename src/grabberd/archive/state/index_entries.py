@@ -35,7 +35,7 @@ class IndexEntry(NamedTuple):
         length: Number of fields that should have come, and `losses`, of those that did not; −1 if unknown.
         runs: Number of runs.
         calibration: Id of the calibration of the newest run; empty if there is none.
-        widths: Course of the wall's width as a JSON list, see `storage.export.width_course`; empty until
+        widths: Course of the wall's width as a JSON list, see `archive.export.width_course`; empty until
             somebody has asked for it.
     """
 

@@ -9,7 +9,6 @@ from typing import Any
 
 from grabberd.archive import CaptureMeta, CaptureReader, CaptureWriter, RunInfo
 from grabberd.archive.capture.schema import PART, RESERVE_BYTES, sealed_path
-from grabberd.archive.catalogue.capture_documents import document_of
 from grabberd.archive.catalogue.disk_guard import DiskGuard
 from grabberd.clock import UtcClock
 from grabberd.core.chain.measure import MeasuredField
@@ -22,6 +21,7 @@ from grabberd.documents.captures import CaptureDocument
 from grabberd.errors import DeviceLost, GrabberdError, StorageError, StreamEnded
 from grabberd.instrument.capture.capture_request import NewCapture
 from grabberd.instrument.capture.recorder import Recorder
+from grabberd.instrument.capture.recording_document import recording_document
 from grabberd.instrument.channels.channel_recording import ChannelRecording
 
 ROOM_SLOTS = 8
@@ -165,21 +165,7 @@ class Recording:
     @property
     def document(self) -> CaptureDocument:
         """The capture as it is shown while it is recorded, measured or sealed; its file is not read."""
-        recorder = self.recorder
-        document = document_of(
-            self.meta,
-            recorder.ledger,
-            self.runs,
-            fields=recorder.fields,
-            first_time_ns=self.first_time_ns,
-            size_bytes=self.size_bytes,
-            account=self.channels,
-        )
-        ended = "unsealed" if self.sealed.is_set() and not self.is_sealed else "sealing"
-        state = "recording" if recorder.recording else ended
-        length = recorder.length_fields if state == "recording" else None
-        changes = {"state": state, "length_fields": length, "ended_because": recorder.ended_because}
-        return document.model_copy(update=changes)
+        return recording_document(self)
 
     @property
     def first_n(self) -> int:

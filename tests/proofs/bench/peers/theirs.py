@@ -1,4 +1,4 @@
-"""The peers' side, a process of their own environment: `python -m tests.proofs.bench.peers.theirs FIELDS.npz`.
+"""The peers' side, a process of their environment: `python -m tests.proofs.bench.peers.theirs FIELDS.npz`.
 
 Asked by lines of JSON, it answers each with one: `{"way": …}` with what it took for every field, `{"way": …,
 "found": true}` with what was found. What a peer returns is only read out while nobody takes its time.

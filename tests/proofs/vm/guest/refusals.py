@@ -39,7 +39,7 @@ def while_another_streams() -> dict[str, str] | None:
 
 def without_rights() -> dict[str, str] | None:
     """The same for a user who may not open the node."""
-    asked = "import json; from vm.guest import refusals; print(json.dumps(refusals.of()))"
+    asked = "import json; from proofs.vm.guest import refusals; print(json.dumps(refusals.of()))"
     said = run(f"setpriv --reuid=65534 --regid=65534 --clear-groups {sys.executable} -c '{asked}'")
     refusal: dict[str, str] | None = json.loads(said)
     return refusal

@@ -4,7 +4,7 @@ The paper compares centroid, Vernier, Tian-Huhns, edge and correlation (3.5); `t
 the most accurate with grey values, `weighted` nearly as accurate at half the cost, and locale decoding, the
 best at 1 bit, has a folder of its own. `locator` defines their common input and output, `windows` and
 `disc_image` what several of them use. Those that no default selects are imported only when asked for
-(`measurement.settings`).
+(`core.measurement.settings`).
 
 A package of its own may add a locator by an entry point in the group `grabberd.locators`: a function of the
 type `Locator`, whose name becomes a value of `location.method`. It needs nothing else than what is exported

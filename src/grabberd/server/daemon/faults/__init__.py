@@ -1,1 +1,0 @@
-"""Faults of the daemon itself: told and counted, its descriptors shared, its state database recovered."""
