@@ -6,6 +6,7 @@ The limit is one of time and not of steps, for half a minute is what a developer
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -116,6 +117,7 @@ def is_test(path: Path) -> bool:
     return path.parts[0] == "tests" and path.name.startswith("test_") and not path.is_relative_to(VM)
 
 
+@cache
 def _users(imports: Imports) -> Mapping[Path, set[Path]]:
     users: dict[Path, set[Path]] = {}
     for user, used in imports.used.items():

@@ -1,0 +1,1 @@
+"""Seeded mutants of functions, wherever these live: `python -m tests.proofs.mutants`."""
