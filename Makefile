@@ -25,7 +25,7 @@ SITE_SOURCES = README.md CHANGELOG.md $(shell find docs src/grabberd/library -na
 OF_PACKAGE := test_deb.py test_first_day.py
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto ffmpeg promtool screenshots test-vm test-wheel test-pythons sizes test-install test-deb test-vm-deb test-container wheel sdist deb check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs site format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser test-installed browser mosquitto ffmpeg promtool screenshots test-vm test-wheel test-pythons sizes test-install test-deb test-vm-deb test-container wheel sdist deb check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs site format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -35,11 +35,13 @@ run: $(RUNS)  ## start the daemon on the simulated grabber at http://127.0.0.1:8
 	@echo "Starting the daemon on the simulated grabber; its captures are in $(STATE)/. Ctrl-C ends it."
 	@STATE_DIRECTORY="$(abspath $(STATE))" exec $(BIN)/grabberd serve $(if $(PORT),--port $(PORT))
 
-# Checks and installations wait for the disk, the network and each other's single processes: side by side they leave no
-# processor idle. The tests come after them, alone: they keep all processors at work by themselves.
-test: $(READY) npm  ## every check and test that this machine can run
-	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target check test-wheel test-install
+test: $(READY) npm  ## every check, and the tests of everything but the page in a browser, installations and the virtual machine
+	@$(MAKE) --no-print-directory check
 	@$(MAKE) --no-print-directory pytest
+
+# Installations wait for the disk, the network and each other's single processes: side by side they leave no processor idle.
+test-installed: wheel sdist  ## the wheel, the source archive and the bundle, each installed into an empty place
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target test-wheel test-install
 
 check: $(READY) check-page site  ## ruff, mypy, the arrows between the rooms and the page's types
 	$(BIN)/ruff format --check src drivers systemd tests docs tools
@@ -57,7 +59,7 @@ types: npm  ## the page's types, from docs/reference/openapi.json
 	@! command -v npm >/dev/null || { $(MAKE) --no-print-directory $(NODE) && npm run --silent types; }
 
 # Where the environment forbids bytecode, each of the many daemons in the tests would compile all modules anew.
-pytest: $(READY) browser mosquitto ffmpeg promtool  ## the tests alone, on all processors
+pytest: $(READY) mosquitto ffmpeg promtool  ## the tests alone, on all processors
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 test-browser: $(READY) browser  ## the operator's page in a real browser, before a real daemon

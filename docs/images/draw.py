@@ -24,8 +24,6 @@ from grabberd.core.chain.measure import MeasuredField, MeasureSetup, measure_fie
 from grabberd.core.field import Field, NumberedField, PackedField, double_lines, quantise
 from grabberd.files.documents import read_yaml
 from grabberd.instrument.setup import set_up
-from grabberd.reports.columns import Columns
-from grabberd.reports.figures import model_svg, states_of, time_svg
 from grabberd_fake import FakeGrabber, JumpingClock
 from grabberd_liner.analysis import Grid, Surface, TimedPoints
 from grabberd_liner.chain.analysis.analyse import analyse
@@ -37,6 +35,8 @@ from grabberd_liner.render import synthetic_view
 from grabberd_liner.render.model_pictures import Gallery, Modelling
 from grabberd_liner.render.viewpoint import SIDES
 from grabberd_liner.render.wire_model import Look
+from grabberd_liner.reports.columns import Columns
+from grabberd_liner.reports.figures import model_svg, states_of, time_svg
 
 THRESHOLD = 60
 SCALE = 2

@@ -25,7 +25,7 @@ from grabberd.core.chain.columns import LABELS, WORD, Column, TableSpec
 from grabberd.core.reconstruction.object_model import KEYS, TARGET_KEYS, FileKey
 from grabberd.documents.requests import CertifiedLength
 from grabberd.instrument.setup import set_up
-from grabberd.schemas import SCHEMAS, schema_of
+from grabberd.schemas import known_forms, schema_of
 from grabberd.server.api import create_app
 from grabberd.server.daemon.service import Service
 from grabberd_liner.chain.analysis.columns import TABLES
@@ -74,7 +74,7 @@ def documents() -> dict[str, str]:
         ),
         "commands.md": runpy.run_path(str(HERE / "commands.py"))["page"](),
         "schemas.md": _filled("schemas", SCHEMAS=_schemas()),
-        **{f"schemas/{name}.schema.json": _json(schema_of(name)) for name in SCHEMAS},
+        **{f"schemas/{name}.schema.json": _json(schema_of(name)) for name in known_forms()},
     }
 
 
@@ -84,7 +84,7 @@ def _json(document: dict[str, Any]) -> str:
 
 def _schemas() -> Iterator[str]:
     yield "| `grabberd schema …` | | file |\n|---|---|---|"
-    for name, form in SCHEMAS.items():
+    for name, form in known_forms().items():
         yield f"| `{name}` | {form.title} | [{name}.schema.json](schemas/{name}.schema.json) |"
 
 

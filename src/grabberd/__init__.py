@@ -13,52 +13,46 @@ follow the decomposition of the paper (I. Maalen-Johansen, *Close-range videomet
 Threads, files, clocks and HTTP live in the rooms above `core`; `grabberd_liner` is the liner science.
 """
 
-from importlib import import_module
-
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Analysis": "grabberd_liner.analyses.library",
-    "Calibration": "grabberd.library.calibrations",
-    "Capture": "grabberd.library.capture",
-    "Connection": "grabberd.library.connection",
-    "GrabberdError": "grabberd.errors",
-    "PointTable": "grabberd.library.point_table",
-    "RemoteCapture": "grabberd.library.connection",
-    "calibrate": "grabberd.library.calibrations",
-    "connect": "grabberd.library.connection",
-    "example": "grabberd.library.examples",
+    "Calibration": "grabberd.library.calibrations:Calibration",
+    "Capture": "grabberd.library.capture:Capture",
+    "Connection": "grabberd.library.connection:Connection",
+    "GrabberdError": "grabberd.errors:GrabberdError",
+    "PointTable": "grabberd.library.point_table:PointTable",
+    "RemoteCapture": "grabberd.library.connection:RemoteCapture",
+    "calibrate": "grabberd.library.calibrations:calibrate",
+    "connect": "grabberd.library.connection:connect",
+    "example": "grabberd.library.examples:example",
     "open": "grabberd.library.capture:open_capture",
 }
-"""Module of each public name, and its name there where it is another.
+"""Module of each public name of the program's own, and its name there; those of extensions win.
 
 It is imported when the name is first used, so that a script does not wait for what it has no use for. Type
 checkers read the same in `__init__.pyi`.
 """
 
-__all__ = [
-    "Analysis",
-    "Calibration",
-    "Capture",
-    "Connection",
-    "GrabberdError",
-    "PointTable",
-    "RemoteCapture",
-    "__version__",
-    "calibrate",
-    "connect",
-    "example",
-    "open",
-]
+
+def _homes() -> dict[str, str]:
+    from grabberd.extension import extensions  # noqa: PLC0415 - `import grabberd` imports nothing else
+
+    return _HOMES | {name: home for one in extensions() for name, home in one.library.items()}
 
 
 def __getattr__(name: str) -> object:
-    if name not in _HOMES:
+    from grabberd.extension import load  # noqa: PLC0415
+
+    homes = _homes()
+    if name == "__all__":
+        found: object = sorted(["__version__", *homes])
+    elif name in homes:
+        found = load(homes[name])
+    else:
         raise AttributeError(f"module 'grabberd' has no attribute {name!r}")
-    module, _, own = _HOMES[name].partition(":")
-    found = globals()[name] = getattr(import_module(module), own or name)
+    globals()[name] = found
     return found
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), "__all__", *_homes()})

@@ -7,7 +7,8 @@ from playwright.sync_api import Browser
 
 from grabberd.reports import calibration_html
 from grabberd_liner.analyses.report import analysis_html
-from reports import analysis_documents, documents
+from liner.reports import analysis_documents
+from reports import documents
 
 TOO_WIDE = """() => [...document.querySelectorAll('table, svg, .equations')].flatMap((one) => {
     const page = document.querySelector('main');

@@ -19,7 +19,8 @@ FIELDS = 150
 
 DRIVER = """
 import contextlib
-from grabberd.instrument.acquisition import FieldOrder, StreamInfo
+from grabberd.core.field import FieldOrder
+from grabberd.instrument.acquisition import StreamInfo
 from grabberd.errors import DeviceRefused
 
 class Grabber:

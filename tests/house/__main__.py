@@ -7,6 +7,7 @@ import sys
 
 from .drawing import ARCHITECTURE, written
 from .hops import stories
+from .houses import table as houses_table
 from .sizes import cycles, same_names, table, too_long
 from .source import ROOT
 from .walks import walks
@@ -25,7 +26,19 @@ def main() -> int:
     """Counts, compares, and with `--write` writes; the exit status is 1 if a walk-through misses a file."""
     hops = {**stories(), **walks()}
     report = "\n".join(
-        [HEAD, "| hops of | files |", "|---|---|", *_hops(hops), "", table(), "", _names(), ""]
+        [
+            HEAD,
+            "| hops of | files |",
+            "|---|---|",
+            *_hops(hops),
+            "",
+            houses_table(),
+            "",
+            table(),
+            "",
+            _names(),
+            "",
+        ]
     )
     print(report)
     if "--write" in sys.argv:
@@ -52,7 +65,7 @@ def _hops(hops: dict[str, list[str]]) -> list[str]:
 def _names() -> str:
     repeated = same_names()
     return (
-        f"Import cycles: {len(cycles())}. Files over 400 lines: {len(too_long())}. "
+        f"Import cycles: {len(cycles())}. Files over 500 lines: {len(too_long())}. "
         f"File names that occur more than once: {len(repeated)}."
     )
 

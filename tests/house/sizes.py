@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from .source import LINER, ROOT, imports, modules, relative
 
-LONGEST = 400
+LONGEST = 500
 """Lines of the longest file that a reader still takes in as one thing."""
 
 

@@ -3,9 +3,11 @@
 import ast
 import re
 
+import pytest
 from tests.house.docstrings import riddles
 from tests.house.drawing import ARCHITECTURE, CORE, floors, layers, threads, written
 from tests.house.glossary import Ban, bans, breaches
+from tests.house.houses import houses, references
 from tests.house.sizes import _components, cycles, too_long
 from tests.house.source import LINER, modules, words
 
@@ -48,7 +50,7 @@ def test_every_module_parses_and_belongs_to_a_room() -> None:
     houses = {
         "grabberd": {room for layer in layers() for room in layer} | {"__main__"},
         CORE: {room for layer in layers(CORE) for room in layer},
-        LINER: set(floors(LINER)),
+        LINER: {*floors(LINER), *(path.stem for path in modules()[LINER].parent.glob("*.py"))},
     }
     for name, path in modules().items():
         ast.parse(path.read_text(encoding="utf-8"))
@@ -67,3 +69,22 @@ def test_every_thread_of_the_daemon_is_in_the_drawing() -> None:
     for name, module in threads():
         if not module.startswith("grabberd.library.reprocess"):
             assert any(name in row for row in drawn), f"{module} starts the thread {name}"
+
+
+def test_every_module_belongs_to_a_house() -> None:
+    assert set(houses()) == set(modules())
+
+
+@pytest.mark.parametrize("house", ["ground", "core", "instrument", "outlets", "drivers"])
+def test_nobody_but_the_liner_science_names_the_liner_science(house: str) -> None:
+    assert references(house, "liner") == []
+
+
+@pytest.mark.parametrize("house", ["instrument", "liner", "outlets", "drivers"])
+def test_the_core_names_nothing_above_it(house: str) -> None:
+    assert references("core", house) == references("ground", house) == []
+
+
+def test_a_string_that_names_a_module_is_a_reference() -> None:
+    found = {one.named for one in references("liner", "liner")}
+    assert "grabberd_liner.analyses.job" in found

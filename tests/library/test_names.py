@@ -30,6 +30,18 @@ def test_type_checkers_read_the_same_names() -> None:
     assert imported | {"__version__"} == set(grabberd.__all__)
 
 
+def test_without_extensions_a_capture_is_the_instruments_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("__all__", "Analysis", "Capture", "open"):
+        assert getattr(grabberd, name)
+        monkeypatch.delattr(grabberd, name)
+    monkeypatch.setattr("grabberd.extension.extensions", tuple)
+    assert "Analysis" not in [*dir(grabberd), *grabberd.__all__]
+    with grabberd.open(grabberd.example("liner.grab")) as capture:
+        assert type(capture).__module__ == "grabberd.library.capture"
+        with pytest.raises(AttributeError, match="'Capture' object has no attribute 'analyse'"):
+            capture.analyse()
+
+
 def test_importing_it_imports_nothing_else() -> None:
     program = (
         "import sys, importlib; before = set(sys.modules); import grabberd; print(set(sys.modules) - before)"

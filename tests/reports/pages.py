@@ -3,12 +3,23 @@
 import re
 from html.parser import HTMLParser
 
+from jinja2 import Environment
+
 VOID = {"meta", "br", "hr"}
 
 
 def folded(text: str) -> str:
     """As a browser shows it: line ends and indents are spaces, those that do not break stay."""
     return re.sub(r"[ \n]+", " ", text)
+
+
+def chapters_left_out(environment: Environment, report: str) -> list[str]:
+    """Templates in the folder of a report that it does not name, but for its head."""
+    assert environment.loader is not None
+    source, _, _ = environment.loader.get_source(environment, f"{report}.html.jinja")
+    chapters = [name for name in environment.list_templates() if name.startswith(f"{report}/")]
+    names = [name.removeprefix(f"{report}/").removesuffix(".html.jinja") for name in chapters]
+    return [name for name in names if name != "head" and f'"{name}"' not in source]
 
 
 class Page(HTMLParser):

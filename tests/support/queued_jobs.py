@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import ClassVar, NamedTuple
@@ -11,6 +12,7 @@ from slots import ManualClock
 
 from grabberd.archive.state.job_store import JobStore
 from grabberd.clock import UtcClock
+from grabberd.documents.jobs import JobDocument
 from grabberd.documents.results import MeasurementResult
 from grabberd.errors import InputError
 from grabberd.fault_board import FaultBoard
@@ -192,10 +194,11 @@ def jobs_in(
     kinds: Kinds | None = None,
     context: Contexts = lambda job, spec: JobContext(job=job),
     memory_bytes: int = MEMORY_BYTES,
+    ended: Callable[[JobDocument, Sequence[str]], None] = lambda job, captures: None,
 ) -> Jobs:
     """The jobs of a state directory, opened but not started."""
     clock = clock or ManualClock()
     store, faults = JobStore(folder), FaultBoard(clock)
-    queue = JobQueue(clock, store, {**KINDS, **SIMPLE_KINDS} if kinds is None else kinds, faults)
+    queue = JobQueue(clock, store, {**KINDS, **SIMPLE_KINDS} if kinds is None else kinds, faults, ended)
     queue.open()
     return Jobs(queue, JobRunner(queue, store, context, faults, memory_bytes), store, faults)

@@ -1,11 +1,11 @@
 """A service on the simulated grabber for tests: as fast as its reader goes, or at the camera's own pace."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from grabberd.clock import SystemClock
 from grabberd.config import Config, default_config_file, load_config
@@ -15,6 +15,7 @@ from grabberd.server.daemon.service import Service
 from grabberd_fake import FakeGrabber
 
 PATIENCE_S = 120.0
+T = TypeVar("T")
 
 
 def configuration(options: Mapping[str, Any], **changes: Any) -> Config:
@@ -47,6 +48,14 @@ def running(folder: Path, options: Mapping[str, Any] | None = None, **changes: A
     """A started service; fast, unless the options say otherwise."""
     config = configuration({"pace": "free", **(options or {})}, **changes)
     with started(Service(set_up(config, default_config_file()), folder)) as service:
+        yield service
+
+
+@contextmanager
+def standing(folder: Path) -> Iterator[Service]:
+    """A started, fast service whose own clock stands: what was measured last stays what is newest."""
+    config = configuration({"pace": "free"})
+    with started(Service(set_up(config, default_config_file()), folder, clock=PatientClock())) as service:
         yield service
 
 
@@ -83,6 +92,15 @@ def wait_until_it_accepts(service: Service) -> None:
     board = service.instrument(None).board
     with board.changed:
         assert board.changed.wait_for(lambda: service.instrument(None).accepts, PATIENCE_S), board.now
+
+
+def until(found: Callable[[], T | None]) -> T:
+    """What is found as soon as there is something."""
+    end_s = time.monotonic() + PATIENCE_S
+    while not (seen := found()):
+        assert time.monotonic() < end_s, seen
+        time.sleep(0.02)
+    return seen
 
 
 def sealed(service: Service) -> Recording:

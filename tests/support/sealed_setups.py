@@ -1,5 +1,6 @@
 """A device whose captures are analysed when they are sealed, and a barn of them."""
 
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,14 @@ def setups_of(folder: Path, inputs: JsonObject | None = None, **analysis: Any) -
 class Barn:
     """A state directory with what looks after its captures, as one start of a daemon has it."""
 
+    def fields(self, capture_id: str) -> Mapping[str, object]:
+        """What the analyses add to a capture's document."""
+        return {"analysis": self.analyses.of(capture_id)}
+
+    def analysed(self, captures: Collection[str] | None) -> Collection[str]:
+        """The captures that have an analysis."""
+        return self.store.among(captures)
+
     def __init__(
         self, folder: Path, clock: ManualClock, setups: dict[str, DeviceSetup] | None = None
     ) -> None:
@@ -44,12 +53,11 @@ class Barn:
         self.captures = folder / "captures"
         self.captures.mkdir(exist_ok=True)
         self.jobs: Jobs = jobs_in(folder, clock=clock)
-        self.archive = Archive(self.captures, list)
+        self.archive = Archive(self.captures, list, results=self)
         self.archive.index.rebuild()
         self.store = AnalysisStore(folder / "analyses")
         self.store.open()
         self.analyses = CaptureAnalyses(self.store, self.jobs.queue, self.archive.index)
-        self.archive.analysis = self.analyses.of
         settings = StateStore(folder / "state.sqlite")
         settings.open()
         self.profiles = Profiles(folder / "state.sqlite", lambda document: [], clock)

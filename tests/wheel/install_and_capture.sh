@@ -29,7 +29,7 @@ from grabberd.server.web import Files, render
 edition = Files().edition
 assert "js/main.js" in edition.files and "symbols.svg" in edition.files, "the page has been forgotten"
 assert edition.version in render(edition, "en", {})
-from grabberd.reports.environment import environment
+from grabberd_liner.reports.environment import environment
 for name in ("calibration", "analysis"):
     environment().get_template(f"{name}.html.jinja")
 '

@@ -81,10 +81,10 @@ def _imported_app() -> Callable[[], None]:
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:
         signal.signal(signal.SIGINT, _end_at_once)
-    from grabberd.cli.application import COMMANDS, GROUPS, application  # noqa: PLC0415
+    from grabberd.cli.application import application, commands, groups, is_own  # noqa: PLC0415
 
     first = sys.argv[1] if len(sys.argv) > 1 else ""
-    if first in COMMANDS or first in GROUPS:
+    if is_own(first) or first in commands() or first in groups():
         app = application(first)
     else:
         from grabberd.cli.app import app  # noqa: PLC0415

@@ -8,6 +8,7 @@ import typer
 
 from grabberd import __version__
 from grabberd.core.kernel import in_use, what_is_slower
+from grabberd.extension import extensions, in_order
 
 # In the order of a rig's life, which is that of the help; typer lists groups of commands after them.
 COMMANDS: Mapping[str, str] = {
@@ -21,13 +22,9 @@ COMMANDS: Mapping[str, str] = {
     "calibrate": "grabberd.cli.calibrate",
     "measure": "grabberd.cli.measure",
     "accuracy": "grabberd.cli.accuracy",
-    "analyse": "grabberd_liner.analyses.command",
-    "study": "grabberd_liner.studies.command",
-    "test": "grabberd_liner.guided_tests.command",
     "check": "grabberd.cli.check",
     "plan": "grabberd.cli.plan",
     "export": "grabberd.cli.export",
-    "render": "grabberd_liner.render.command",
     "reprocess": "grabberd.cli.reprocess",
     "devices": "grabberd.cli.devices",
     "logger": "grabberd.cli.logger",
@@ -38,15 +35,29 @@ COMMANDS: Mapping[str, str] = {
     "schema": "grabberd.cli.schema",
     "new": "grabberd.cli.new",
 }
-"""Commands, by name, and the modules in which they are."""
+"""The program's own commands, by name, and the modules in which they are."""
 GROUPS: Mapping[str, str] = {
     "jobs": "grabberd.cli.jobs",
     "outlet": "grabberd.cli.outlet",
-    "profile": "grabberd_liner.profiles.command",
     "token": "grabberd.cli.token",
     "storage": "grabberd.cli.storage",
 }
-"""Groups of commands, a module each."""
+"""Its own groups of commands, a module each."""
+
+
+def commands() -> dict[str, str]:
+    """All commands, those of extensions at their places."""
+    return in_order(COMMANDS.items(), (one for extension in extensions() for one in extension.commands))
+
+
+def groups() -> dict[str, str]:
+    """All groups of commands, those of extensions at their places."""
+    return in_order(GROUPS.items(), (one for extension in extensions() for one in extension.groups))
+
+
+def is_own(name: str) -> bool:
+    """True for a command or group of the program's own, which need not wait for extensions to be found."""
+    return name in COMMANDS or name in GROUPS
 
 
 def application(*only: str) -> typer.Typer:
@@ -63,10 +74,11 @@ def application(*only: str) -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_options)
-    for name, module in COMMANDS.items():
+    own = bool(only) and all(map(is_own, only))
+    for name, module in (COMMANDS if own else commands()).items():
         if not only or name in only:
             app.command(name)(getattr(import_module(module), name.replace("-", "_")))
-    for name, module in GROUPS.items():
+    for name, module in (GROUPS if own else groups()).items():
         if not only or name in only:
             app.add_typer(import_module(module).commands, name=name)
     return app

@@ -50,10 +50,13 @@ def _problems(
 
 
 def _check_devices(config: "Config", file: Path) -> None:
+    from grabberd.extension import extensions, load  # noqa: PLC0415
     from grabberd.instrument.setup import set_up  # noqa: PLC0415
-    from grabberd_liner.analyses.inputs import check_analysis_inputs  # noqa: PLC0415
 
-    check_analysis_inputs(set_up(config, file), file)
+    setups = set_up(config, file)
+    checks = [load(one.config_check) for one in extensions() if one.config_check]
+    if problems := [problem for check in checks for problem in check(setups, file)]:
+        raise ConfigError(problems)
 
 
 def _check_tls(config: "Config", file: Path) -> None:

@@ -17,12 +17,12 @@ def schema(
     """
     from grabberd.cli.options import print_json  # noqa: PLC0415
     from grabberd.errors import NotFound  # noqa: PLC0415
-    from grabberd.schemas import SCHEMAS, schema_of  # noqa: PLC0415
+    from grabberd.schemas import known_forms, schema_of  # noqa: PLC0415
 
     if name is None:
-        for known, form in SCHEMAS.items():
+        for known, form in known_forms().items():
             typer.echo(f"{known:20} {form.title}")
         return
-    if name not in SCHEMAS:
-        raise NotFound(f"there is no schema {name!r}", f"name one of: {', '.join(SCHEMAS)}")
+    if name not in known_forms():
+        raise NotFound(f"there is no schema {name!r}", f"name one of: {', '.join(known_forms())}")
     print_json(schema_of(name))

@@ -6,11 +6,10 @@ from pydantic import Field
 
 from grabberd.core.ledger import LossCause, Outcome, Rebase
 from grabberd.documents.calibrations import CalibrationDocument
-from grabberd.documents.capture_analyses import CaptureAnalysis
 from grabberd.documents.channels import ChannelsSummary
 from grabberd.documents.coverage import CoverageDocument, CoverageSummary
 from grabberd.documents.devices import ObjectModelDocument
-from grabberd.documents.document import DescribedBy, Document, with_examples
+from grabberd.documents.document import DescribedBy, Document, extended, with_examples
 from grabberd.documents.examples import CAPTURE, GROUP
 from grabberd.documents.field_order import FieldOrderDocument
 from grabberd.documents.named_types import LINES, CaptureState, JsonObject, Verdict
@@ -97,6 +96,7 @@ class GroupDocument(Document):
     )
 
 
+@extended
 class CaptureDocument(Document):
     """A capture."""
 
@@ -149,9 +149,6 @@ class CaptureDocument(Document):
         None,
         description="How well what was measured beside the picture was recorded, such as the vacuum; null "
         "where nothing was to be.",
-    )
-    analysis: CaptureAnalysis | None = Field(
-        None, description="Its latest analysis; null if none was ever asked for, by whomever."
     )
     labels: dict[str, str]
     note: str

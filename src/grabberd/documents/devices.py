@@ -7,15 +7,13 @@ from pydantic import Field
 from grabberd.core.ledger import LossCause, Outcome, Rebase
 from grabberd.core.reconstruction.accuracy.drift_check import RigVerdict
 from grabberd.documents.calibrations import ActiveCalibration
-from grabberd.documents.capture_analyses import DeviceAnalysis
-from grabberd.documents.document import Document
+from grabberd.documents.document import Document, extended
 from grabberd.documents.faults import FaultDocument
 from grabberd.documents.field_order import FieldOrderDocument
 from grabberd.documents.health import DeviceHealth, HealthPart
 from grabberd.documents.named_types import LINES, JsonObject, Latency, ViewCounts
 from grabberd.documents.states import DeviceState, Rung
 from grabberd.errors import Cause
-from grabberd_liner.guided_tests.documents import DeviceTest
 
 
 class RingDocument(Document):
@@ -114,6 +112,7 @@ class ComputerDocument(Document):
     standstill_s: dict[Cause, float] = Field(description="For how long together.")
 
 
+@extended
 class DeviceDocument(Document):
     """Present state of a device."""
 
@@ -165,12 +164,6 @@ class DeviceDocument(Document):
     field_order: FieldOrderDocument | None = Field(
         description="Sequence of the fields in time, by the latest movement; null before the first seconds, "
         "and for progressive pictures."
-    )
-    latest_analysis: DeviceAnalysis | None = Field(
-        None, description="Null until one has ended; those of the last month are known after a restart."
-    )
-    latest_test: DeviceTest | None = Field(
-        None, description="Null until one has ended; those of the last month are known after a restart."
     )
     live: LiveDocument | None = Field(description="Null unless a field of the last seconds was measured.")
 
@@ -239,16 +232,6 @@ class LightDocument(Document):
 
     threshold: int
     views: dict[str, ViewLightDocument]
-
-
-class PulsationDocument(Document):
-    """Latest known pulsation rate of the liner before a device; all null where it is not known."""
-
-    rate_per_min: float | None = Field(description="Pulsations per minute.")
-    capture: str | None = Field(
-        description="The device's newest analysed capture, from which the rate was determined."
-    )
-    analysis: int | None = Field(description="Number of its analysis.")
 
 
 class ReadyDocument(Document):

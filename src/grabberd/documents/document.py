@@ -1,15 +1,35 @@
 """The base of every document that enters or leaves the daemon."""
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
+
+from grabberd.extension import extensions, in_order, load
 
 
 class Document(BaseModel):
     """A part of a request or a response; unknown keys are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+D = TypeVar("D", bound=Document)
+
+
+def extended(model: type[D]) -> type[D]:
+    """The document with the fields that extensions add, each at its place; a subclass would lack them."""
+    added = [place for one in extensions() for place in one.fields.get(model.__name__, ())]
+    if added:
+        fields = in_order(model.model_fields.items(), added)
+        model.__pydantic_fields__ = {name: _field(one) for name, one in fields.items()}
+        model.model_rebuild(force=True)
+    return model
+
+
+def _field(one: FieldInfo | str) -> FieldInfo:
+    return FieldInfo.from_annotation(load(one)) if isinstance(one, str) else one
 
 
 def with_examples(*examples: Any) -> ConfigDict:

@@ -3,14 +3,12 @@
 from grabberd.core.ledger import Outcome
 from grabberd.core.reconstruction.accuracy.drift_check import RigVerdict
 from grabberd.core.reconstruction.coverage.verdict import CoverageVerdict
-from grabberd.documents.capture_analyses import AnalysisState
 from grabberd.documents.channels import ChannelsVerdict
 from grabberd.documents.document import Document
 from grabberd.documents.health import HealthLevel, HealthPart
 from grabberd.documents.named_types import CaptureState, Verdict
 from grabberd.documents.states import DeviceState
 from grabberd.errors import Cause
-from grabberd_liner.guided_tests.documents import CheckVerdict, LinerTestKind
 
 
 class OnlineMessage(Document):
@@ -43,44 +41,6 @@ class DeviceStateMessage(Document):
     rig: RigVerdict | None
     capture_id: str | None
     disk_minutes_left: float | None
-
-
-class MeasuredValue(Document):
-    """A value with its standard deviation, in the same unit."""
-
-    value: float | None
-    sigma: float | None
-    unit: str
-
-
-class AnalysisMessage(Document):
-    """The analysis that ended last of those of a device's captures."""
-
-    device: str
-    capture_id: str
-    state: AnalysisState
-    analysis: int | None
-    created_utc: str | None
-    quantities: dict[str, MeasuredValue]
-    problem: str | None
-    hint: str | None
-
-
-class LinerTestMessage(Document):
-    """The guided test that ended last of those of a device's captures."""
-
-    device: str
-    capture_id: str
-    state: AnalysisState
-    test: str | None
-    kind: LinerTestKind | None
-    liner: str | None
-    verdict: CheckVerdict | None
-    created_utc: str | None
-    quantities: dict[str, MeasuredValue]
-    offers: bool
-    problem: str | None
-    hint: str | None
 
 
 class LedgerSummary(Document):

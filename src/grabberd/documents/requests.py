@@ -22,7 +22,6 @@ from grabberd.documents.named_types import (
     OverrunPolicy,
     Weights,
 )
-from grabberd_liner.guided_tests.documents import LinerTestKind
 
 CHECK_S = 10.0
 """Length of a check's capture."""
@@ -145,79 +144,6 @@ class CapturePatch(Document):
         description="Names of fields to mark, by their numbers; a name replaces an earlier one, null removes "
         "a mark.",
     )
-
-
-class AnalysisRequest(Document):
-    """An analysis to run; missing inputs are not assumed, but reported as missing."""
-
-    model_config = with_examples(
-        {
-            "inputs": {
-                "reference": "nominal",
-                "material": {"E_mpa": 3, "wall_mm": 2.5, "poisson": 0.5, "F0_n": 60, "radius_mm": 12.5},
-                "vacuum": {
-                    "pulsation": {"kpa": 0, "sigma_kpa": 0.5},
-                    "liner": {"kpa": 42, "sigma_kpa": 0.5},
-                },
-                "plane": "symmetry",
-                "sought_kpa": 1,
-            },
-            "bursts": ["20260301T093100250Z-barn"],
-        },
-        {"profiles": True},
-    )
-
-    inputs: JsonObject = Field(
-        default_factory=dict,
-        description="What is known in addition to the points, as in `grabberd analyse --inputs`: reference, "
-        "material, vacuum, plane, heights_mm, phases, sought_kpa.",
-    )
-    bursts: list[CaptureName] = Field(
-        default_factory=list,
-        max_length=100,
-        description="Ids of further captures of the same liner, to be merged with it by phase.",
-    )
-    run: int | None = Field(
-        None, ge=1, le=2**53, description="Run whose points to analyse; default: the latest."
-    )
-    vacuum_log: str | None = Field(None, description="Text of a vacuum logger's CSV file.")
-    profiles: bool = Field(
-        False,
-        description="Complete the inputs from the profiles that the capture's labels `liner`, `pulsator`, "
-        "`cup` and `cow` name; what is in `inputs` wins.",
-    )
-    configured: bool = Field(
-        False,
-        description="Take the inputs that the configuration names for the device, "
-        "`devices.NAME.analysis.inputs`, where `inputs` has none, as analyses do that follow a capture by "
-        "themselves.",
-    )
-
-
-class LinerTestRequest(Document):
-    """A guided test to make of captures that were taken for it."""
-
-    model_config = with_examples(
-        {"kind": "artificial-teat", "captures": ["20260301T093000125Z-barn", "20260301T093100250Z-barn"]}
-    )
-
-    kind: LinerTestKind = Field(description="The recipe.")
-    captures: list[CaptureName] = Field(
-        min_length=1,
-        max_length=100,
-        description="Ids of the captures, in any order; their labels find the profiles that complete the "
-        "inputs, and state the known pressures and the milkings.",
-    )
-    inputs: JsonObject = Field(
-        default_factory=dict,
-        description="Inputs of the analyses that win over profiles and recipe, as in `AnalysisRequest`.",
-    )
-
-    @model_validator(mode="after")
-    def _distinct(self) -> Self:
-        if len(set(self.captures)) < len(self.captures):
-            raise ValueError("captures name one twice: each counts once")
-        return self
 
 
 class CertifiedLength(Document):

@@ -1,6 +1,8 @@
 """Results of jobs, one document for each kind of job."""
 
-from typing import Literal
+from functools import reduce
+from operator import or_
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
@@ -9,14 +11,7 @@ from grabberd.documents.coverage import CoverageDocument
 from grabberd.documents.document import Document
 from grabberd.documents.field_order import FieldOrderDocument
 from grabberd.documents.job_problem import JobProblem
-from grabberd_liner.analyses.documents import AnalysisRecord
-from grabberd_liner.guided_tests.documents import CheckVerdict, LinerTestKind
-
-
-class AnalysisResult(AnalysisRecord):
-    """Result of a job `analyse`: the record of the analysis that it has stored."""
-
-    analysis: int = Field(description="Number of the analysis.")
+from grabberd.extension import extensions, in_order, load
 
 
 class CalibrationResult(Document):
@@ -129,20 +124,11 @@ class IdentificationResult(Document):
     problem: JobProblem | None = Field(description="Why it is unclear which target is which.")
 
 
-class LinerTestResult(Document):
-    """Result of a job `test`: a guided test of a liner."""
-
-    test: str = Field(description="Id of the test.")
-    kind: LinerTestKind
-    verdict: CheckVerdict
-    analyses: list[int] = Field(description="Number of the analysis of each capture, the oldest first.")
-
-
-JobResult = (
-    AnalysisResult
-    | CheckResult
-    | IdentificationResult
-    | LinerTestResult
-    | MeasurementResult
-    | CalibrationResult
-)
+_OWN = (CheckResult, IdentificationResult, MeasurementResult, CalibrationResult)
+if TYPE_CHECKING:
+    JobResult = Document
+else:
+    _ALL = in_order(
+        [(one.__name__, one) for one in _OWN], [one for found in extensions() for one in found.results]
+    )
+    JobResult = reduce(or_, (load(one) if isinstance(one, str) else one for one in _ALL.values()))

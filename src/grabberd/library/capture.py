@@ -1,4 +1,4 @@
-"""A capture file: its fields, points, ledger and runs; measured, analysed, judged and exported."""
+"""A capture file: its fields, points, ledger and runs; measured, judged and exported."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from grabberd import archive as storage
 from grabberd.archive import CaptureMeta, CaptureReader, RunInfo
-from grabberd.archive.input_files import read_truth, read_vacuum_log
+from grabberd.archive.input_files import read_truth
 from grabberd.archive.measure_setups import settings_of_capture
 from grabberd.core.chain.accuracy import Investigation, InvestigationSettings, investigate
 from grabberd.core.ledger import Ledger
@@ -18,8 +18,6 @@ from grabberd.library.fields import Fields
 from grabberd.library.jobs.measurement import measure_file
 from grabberd.library.point_table import Chosen, PointTable, read_points
 from grabberd.library.threads import one_thread
-from grabberd_liner.analyses.job import AnalysisOptions, analyse_file, with_log
-from grabberd_liner.analyses.library import Analysis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -175,44 +173,6 @@ class Capture:
         covered = made.coverage
         verdict, words = (str(covered.verdict), covered.in_words) if covered else (None, "")
         return Measurement(made.run, made.fields, made.points, verdict, words, made.warnings)
-
-    @one_thread
-    def analyse(
-        self,
-        inputs: PathLike | Mapping[str, Any] | None = None,
-        *,
-        run: int | None = None,
-        bursts: Sequence[PathLike] = (),
-        vacuum_log: PathLike | None = None,
-        progress: Progress = lambda _: None,
-    ) -> Analysis:
-        """Computes shape, strain, tension and pressure from the points of a run; nothing is written.
-
-        Args:
-            inputs: File or document of what is known besides the points, docs/howto/analyse.md; without it
-                only the shape is analysed.
-            run: Number of the run; None for the newest.
-            bursts: Other captures of the same liner, combined with it by phase.
-            vacuum_log: CSV file of a vacuum logger.
-            progress: Told the share that is done.
-
-        Raises:
-            InputError: An input does not suit this capture.
-            NotFound: The run does not exist.
-            AnalysisError: The points make no surface.
-        """
-        given = {} if inputs is None else document_of(inputs)
-        log = None if vacuum_log is None else read_vacuum_log(Path(vacuum_log))
-        source = "the program" if inputs is None or isinstance(inputs, Mapping) else str(inputs)
-        made = analyse_file(
-            progress,
-            path=self.path,
-            inputs=with_log(given, log),
-            bursts=[Path(one) for one in bursts],
-            sources={**dict.fromkeys(given, source), **({"vacuum.log": str(vacuum_log)} if log else {})},
-            options=AnalysisOptions(run=run),
-        )
-        return Analysis(made)
 
     @one_thread
     def accuracy(

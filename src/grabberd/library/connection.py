@@ -7,10 +7,10 @@ from tempfile import mkdtemp
 from typing import Any
 from urllib.parse import quote, urlencode
 
+import grabberd
 from grabberd.client.daemon import TIMEOUT_S, Daemon
 from grabberd.client.points_stream import StreamedPoints, follow_points
 from grabberd.errors import NotReady
-from grabberd.library.capture import Capture
 from grabberd.library.documents import PathLike
 
 HERE = "http://127.0.0.1:8050"
@@ -90,7 +90,7 @@ class RemoteCapture:
             time.sleep(_POLL_S)
         return self
 
-    def open(self, folder: PathLike | None = None) -> Capture:
+    def open(self, folder: PathLike | None = None) -> "grabberd.Capture":
         """Downloads the capture's file and opens it.
 
         Args:
@@ -102,7 +102,7 @@ class RemoteCapture:
         """
         out = Path(mkdtemp(prefix="grabberd-") if folder is None else folder) / f"{self.id}.grab"
         self._daemon.download(f"{self._address}/file", out)
-        return Capture(out)
+        return grabberd.open(out)
 
     def __repr__(self) -> str:
         return f"<RemoteCapture {self.id}: {self.state}>"

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from grabberd.reports.document import CALIBRATION, check_document
-from grabberd.reports.environment import render
+from grabberd.reports.environment import environment
 from grabberd.reports.figures import require_matplotlib
 from grabberd.reports.names import symbol
 from grabberd.reports.numbers import Measured, common_exponent, measured, power_of_ten
@@ -68,7 +68,7 @@ def calibration_html(document: Document) -> str:
     """
     check_document(document, CALIBRATION)
     require_matplotlib()
-    return render("calibration.html.jinja", document, **values(document))
+    return environment().render("calibration.html.jinja", document, **values(document))
 
 
 def values(document: Document) -> dict[str, Any]:

@@ -3,27 +3,28 @@
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from grabberd.errors import InputError
 
-CALIBRATION = "grabberd/calibration-report/1"
-ANALYSIS = "grabberd/analysis-report/1"
-STUDY = "grabberd/study/1"
-LINER_TEST = "grabberd/liner-test/1"
 
-_NEEDED = {
-    CALIBRATION: ("id", "created_utc", "result", "views"),
-    ANALYSIS: ("id", "created_utc", "inputs", "tables", "states"),
-    STUDY: ("created_utc", "question", "tables"),
-    LINER_TEST: ("kind", "created_utc", "captures", "checks"),
-}
-_COMMANDS = {
-    CALIBRATION: "calibrate … --report FILE",
-    ANALYSIS: "analyse … --out DIR",
-    STUDY: "study … --out DIR",
-    LINER_TEST: "test … --out DIR",
-}
+class ReportForm(NamedTuple):
+    """The form of the documents that a kind of report is drawn from.
+
+    Attributes:
+        schema: Name of their schema.
+        needed: Parts that every report of this kind needs.
+        command: The command that makes them.
+    """
+
+    schema: str
+    needed: Sequence[str]
+    command: str
+
+
+CALIBRATION = ReportForm(
+    "grabberd/calibration-report/1", ("id", "created_utc", "result", "views"), "calibrate … --report FILE"
+)
 
 
 def document_json(document: Mapping[str, Any]) -> str:
@@ -37,18 +38,19 @@ def document_json(document: Mapping[str, Any]) -> str:
     return "{\n" + ",\n".join(parts) + "\n}\n"
 
 
-def check_document(document: Mapping[str, Any], schema: str) -> None:
+def check_document(document: Mapping[str, Any], form: ReportForm) -> None:
     """Check that a report can be drawn from a document.
 
     Raises:
-        InputError: it has another schema, lacks a part that every report of this one needs, or has a number
+        InputError: it has another schema, lacks a part that every report of its kind needs, or has a number
             that is not finite.
     """
-    hint = f"make the report again: grabberd {_COMMANDS[schema]}"
-    if document.get("schema") != schema:
-        raise InputError(f"the report's schema must be {schema!r}, not {document.get('schema')!r}", hint)
-    if missing := [key for key in _NEEDED[schema] if not document.get(key)]:
-        raise InputError(f"the {schema.split('/')[1].replace('-', ' ')} has no {', '.join(missing)}", hint)
+    hint = f"make the report again: grabberd {form.command}"
+    if document.get("schema") != form.schema:
+        raise InputError(f"the report's schema must be {form.schema!r}, not {document.get('schema')!r}", hint)
+    if missing := [key for key in form.needed if not document.get(key)]:
+        kind = form.schema.split("/")[1].replace("-", " ")
+        raise InputError(f"the {kind} has no {', '.join(missing)}", hint)
     _check_finite(document)
 
 

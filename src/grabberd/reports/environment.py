@@ -4,12 +4,12 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from statistics import median
+from types import ModuleType
 from typing import Any, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, pass_environment
 
 from grabberd.reports import figures, names, numbers
-from grabberd_liner.analyses.pressure_method import OUTDATED_PRESSURE, OUTDATED_TITLE
 
 _NUMBER = re.compile(r"(< |[+−])?\d+(\.\d+)?( × 10\S+)?( \(\S+\))?")
 """All that the filters make of numbers: "< 0.001", "+1", "1.2 × 10⁻⁵", "9.123 (0.020)"."""
@@ -43,6 +43,11 @@ class DocumentEnvironment(Environment):
     where either is absent. Variables stay strict: a misspelt one is an error.
     """
 
+    def render(self, template: str, document: Mapping[str, Any], **values: Any) -> str:
+        """Write a report or one of its chapters: the same text for the same document and values."""
+        written = self.get_template(template).render(document=document, **values)
+        return written.strip() + "\n"  # the comment that opens a template leaves an empty line before it
+
     def getattr(self, obj: Any, attribute: str) -> Any:
         """Return `obj.attribute`; of a mapping its key, so that a key called "values" is not the method."""
         return _known(obj, attribute) if _is_part(obj) else super().getattr(obj, attribute)
@@ -53,7 +58,7 @@ class DocumentEnvironment(Environment):
 
 
 @cache
-def environment() -> Environment:
+def environment() -> DocumentEnvironment:
     """Return the one environment, which keeps the templates it has compiled."""
     made = DocumentEnvironment(
         loader=PackageLoader("grabberd.reports"),
@@ -64,16 +69,13 @@ def environment() -> Environment:
         trim_blocks=False,
     )
     made.filters.update({written.__name__: written for written in _FILTERS})
-    made.globals.update({name: getattr(figures, name) for name in figures.__all__ if name.endswith("_svg")})
-    made.globals["has_samples"] = figures.has_samples
-    made.globals.update(outdated_title=OUTDATED_TITLE, outdated_pressure=OUTDATED_PRESSURE)
+    made.globals.update(figures_in(figures), has_samples=figures.has_samples)
     return made
 
 
-def render(template: str, document: Mapping[str, Any], **values: Any) -> str:
-    """Write a report or one of its chapters: the same text for the same document and values."""
-    written = environment().get_template(template).render(document=document, **values)
-    return written.strip() + "\n"  # the comment that opens a template leaves an empty line before the page
+def figures_in(package: ModuleType) -> dict[str, Any]:
+    """The functions of a package that draw, by name."""
+    return {name: getattr(package, name) for name in package.__all__ if name.endswith("_svg")}
 
 
 @pass_environment

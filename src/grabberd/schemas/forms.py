@@ -1,12 +1,24 @@
 """Parts that schemas of documents are put together from, for what readers take value by value."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 Schema = dict[str, Any]
 
 LARGEST_INTEGER = (1 << 31) - 1
 """Whole numbers that a reader takes where nothing else limits them."""
+
+
+class Form(NamedTuple):
+    """The form of a file.
+
+    Attributes:
+        title: What the file is.
+        made: Makes its schema.
+    """
+
+    title: str
+    made: Callable[[], Schema]
 
 
 def text(description: str = "") -> Schema:

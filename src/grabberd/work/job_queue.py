@@ -37,18 +37,23 @@ class JobQueue:
         store: The jobs on disk.
         kinds: Classes of jobs by their kinds.
         faults: Where it is told that a queue was lost.
+        ended: Called with every job that has ended, and the captures that it should have analysed.
 
     Attributes:
-        ended: Called with every job that has ended, and the captures that it should have analysed.
         interrupt: Called with the number of a job that was cancelled while it ran.
     """
 
     def __init__(
-        self, clock: UtcClock, store: JobStore, kinds: Kinds, faults: FaultBoard | None = None
+        self,
+        clock: UtcClock,
+        store: JobStore,
+        kinds: Kinds,
+        faults: FaultBoard | None = None,
+        ended: Callable[[JobDocument, Sequence[str]], None] = lambda job, captures: None,
     ) -> None:
-        self.ended: Callable[[JobDocument, Sequence[str]], None] = lambda job, analyses: None
         self.interrupt: Callable[[int], None] = lambda _: None
         self._clock = clock
+        self._ended = ended
         self._store = store
         self._kinds = kinds
         self._faults = faults or FaultBoard(clock)
@@ -226,7 +231,7 @@ class JobQueue:
             known = {capture: one for capture, one in self._unanalysed.items() if capture not in analysed}
             self._unanalysed = known | {one.capture: one for one in unanalysed}
             self._prune()
-        self.ended(ended.job, entry.analyses)
+        self._ended(ended.job, entry.analyses)
 
     def interrupted(self, number: int, words: str, hint: str) -> bool:
         """Lets a job whose process has ended wait again, or fail after enough attempts; True if it waits.

@@ -23,18 +23,16 @@ class JobContext:
         job: Id of the job, written into what it makes, by which its next attempt knows that it is made.
         files: Paths of the captures that it reads, by id.
         captures: Folder of the captures.
-        analyses: Folder of the `AnalysisStore`.
         calibrations: Folder of the `CalibrationStore`.
-        tests: Folder of the `LinerTestStore`.
+        folders: Folders in which jobs of extensions leave their results, by name.
         calibrator: Function that calibrates; None for that of the program.
     """
 
     job: str
     files: Mapping[str, Path] = field(default_factory=dict)
     captures: Path = Path()
-    analyses: Path = Path()
     calibrations: Path = Path()
-    tests: Path = Path()
+    folders: Mapping[str, Path] = field(default_factory=dict)
     calibrator: Callable[..., Any] | None = None
 
     def file(self, capture_id: str) -> Path:

@@ -1,19 +1,24 @@
 """The latest analysis of each capture, as it is shown with the capture, and of each device."""
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from typing import NamedTuple, Protocol
 
 from pydantic import ValidationError
 
 from grabberd.archive.state.capture_index import CaptureIndex
-from grabberd.documents.capture_analyses import CaptureAnalysis, DeviceAnalysis
+from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.jobs import JobDocument
 from grabberd.errors import GrabberdError
 from grabberd.work.stored_jobs import Unanalysed
-from grabberd_liner.analyses.documents import AnalysisRecord, QuantityDocument
+from grabberd_liner.analyses.documents import (
+    AnalysisRecord,
+    CaptureAnalysis,
+    DeviceAnalysis,
+    QuantityDocument,
+)
 from grabberd_liner.analyses.store import AnalysisStore
 
 log = logging.getLogger(__name__)
@@ -135,3 +140,22 @@ def _main(record: AnalysisRecord) -> Iterable[QuantityDocument]:
     """The main quantities of an analysis that were found."""
     found = {one.name: one for one in record.quantities if one.value is not None}
     return [found[name] for name in MAIN if name in found]
+
+
+def capture_columns(capture: CaptureDocument | None) -> Mapping[str, object]:
+    """Columns of the table of captures: state and number of the analysis, and main quantities with σ.
+
+    Values have seven digits, as in all tables; there is None where nothing was found.
+    """
+    analysis: CaptureAnalysis | None = getattr(capture, "analysis", None)
+    found = {one.name: one for one in analysis.quantities} if analysis else {}
+    columns: dict[str, object] = {
+        "analysis_state": analysis.state if analysis else "",
+        "analysis": analysis.analysis if analysis else None,
+        "analysis_problem": analysis.problem.message if analysis and analysis.problem else "",
+    }
+    for name in MAIN:
+        values = (found[name].value, found[name].sigma) if name in found else (None, None)
+        for column, value in zip((name, f"sigma_{name}"), values, strict=True):
+            columns[column] = None if value is None else float(f"{value:.7g}")
+    return columns

@@ -1,8 +1,7 @@
 """The documents of analyses, built from the records beside them."""
 
-from grabberd.documents.devices import PulsationDocument
 from grabberd.errors import ExtraMissing, NotFound
-from grabberd_liner.analyses.documents import AnalysisList, AnalysisRow
+from grabberd_liner.analyses.documents import AnalysisList, AnalysisRow, PulsationDocument
 from grabberd_liner.analyses.pressure_method import is_outdated
 from grabberd_liner.analyses.store import PAGE, AnalysisStore
 
@@ -48,7 +47,7 @@ def report_page(analyses: AnalysisStore, capture_id: str, number: int) -> bytes:
     if row is None or not row.outdated_pressure:
         return page
     # What draws the notice is needed for these pages alone, and the daemon starts without it.
-    from grabberd.reports import marked_outdated  # noqa: PLC0415
+    from grabberd_liner.analyses.report import marked_outdated  # noqa: PLC0415
 
     return marked_outdated(page.decode()).encode()
 

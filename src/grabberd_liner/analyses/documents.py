@@ -1,10 +1,12 @@
 """Analyses of a capture."""
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
+from typing_extensions import TypeAliasType
 
 from grabberd.documents.document import Document
+from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.named_types import JsonObject
 from grabberd_liner.profiles.documents import ProfileUse
 
@@ -12,6 +14,8 @@ _METHOD = (
     "How pressures were found: `equilibrium`, as the load of a wall in equilibrium; null in earlier ones, "
     "whose pressures are wrong."
 )
+
+AnalysisState = TypeAliasType("AnalysisState", Literal["queued", "running", "done", "failed", "cancelled"])
 
 
 class QuantityDocument(Document):
@@ -62,6 +66,12 @@ class AnalysisRecord(Document):
         None, description="Optional part that draws the report and was not installed."
     )
     page_problem: str | None = Field(None, description="Any other reason why there is no page.")
+
+
+class AnalysisResult(AnalysisRecord):
+    """Result of a job `analyse`: the record of the analysis that it has stored."""
+
+    analysis: int = Field(description="Number of the analysis.")
 
 
 class AnalysisRow(AnalysisRecord):
@@ -160,3 +170,51 @@ class MapDocument(Document):
     columns: dict[str, list[Any]] = Field(
         description="One value per target, in the same sequence in every column; null where there is none."
     )
+
+
+class CaptureAnalysis(Document):
+    """The latest analysis of a capture: asked for, made, or come to nothing."""
+
+    state: AnalysisState = Field(
+        description="Of the analysis that was asked for last; `failed` also if the capture cannot be "
+        "analysed, so that none was queued."
+    )
+    job: str | None = Field(None, description="Id of its job, until that has ended.")
+    analysis: int | None = Field(None, description="Number of the newest analysis that there is.")
+    created_utc: str | None = Field(None, description="When that was made.")
+    quantities: list[QuantityDocument] = Field(
+        default_factory=list,
+        description="Its main quantities with their standard deviations, those alone that were found: liner "
+        "compression, overpressure, teat load, opening and closing time, rate, ratio and stroke; of a "
+        "ramp with the empty liner touch point and critical collapsing pressure difference and bending "
+        "stiffness; empty for an analysis of an earlier version.",
+    )
+    problem: JobProblem | None = Field(None, description="Why the analysis came to nothing.")
+
+
+class DeviceAnalysis(CaptureAnalysis):
+    """The analysis that ended last of those of a device's captures."""
+
+    capture: str = Field(description="Id of the capture.")
+
+
+class PulsationDocument(Document):
+    """Latest known pulsation rate of the liner before a device; all null where it is not known."""
+
+    rate_per_min: float | None = Field(description="Pulsations per minute.")
+    capture: str | None = Field(
+        description="The device's newest analysed capture, from which the rate was determined."
+    )
+    analysis: int | None = Field(description="Number of its analysis.")
+
+
+CAPTURE_ANALYSIS = Annotated[
+    CaptureAnalysis | None,
+    Field(None, description="Its latest analysis; null if none was ever asked for, by whomever."),
+]
+"""Field `analysis` of a capture."""
+LATEST_ANALYSIS = Annotated[
+    DeviceAnalysis | None,
+    Field(None, description="Null until one has ended; those of the last month are known after a restart."),
+]
+"""Field `latest_analysis` of a device."""

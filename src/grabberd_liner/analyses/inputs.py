@@ -5,7 +5,7 @@ from pathlib import Path
 
 from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.named_types import JsonObject
-from grabberd.errors import ConfigError, GrabberdError, Problem
+from grabberd.errors import GrabberdError, Problem
 from grabberd.instrument.setup import DeviceSetup
 from grabberd_liner.chain.guided_tests.recipes import Recipe
 from grabberd_liner.profiles.profiles import FoundProfiles
@@ -48,14 +48,9 @@ def inputs_of_test(recipe: Recipe, found: FoundProfiles, device: DeviceSetup) ->
     return {key: value for key, value in (device.analysis_inputs or {}).items() if key not in stated}
 
 
-def check_analysis_inputs(setups: Mapping[str, DeviceSetup], file: Path) -> None:
-    """Checks that captures can be analysed with their devices' inputs, as far as that is known beforehand.
-
-    Raises:
-        ConfigError: Some cannot; it lists all problems.
-    """
-    if problems := [problem for setup in setups.values() for problem in _problems(setup, file)]:
-        raise ConfigError(problems)
+def problems_of_inputs(setups: Mapping[str, DeviceSetup], file: Path) -> list[Problem]:
+    """Problems of captures' analyses with their devices' inputs, as far as they are known beforehand."""
+    return [problem for setup in setups.values() for problem in _problems(setup, file)]
 
 
 def _problems(setup: DeviceSetup, file: Path) -> Iterator[Problem]:

@@ -15,11 +15,10 @@ from grabberd import __version__
 from grabberd.clock import SystemClock, iso_utc
 from grabberd.documents.named_types import JsonObject
 from grabberd.documents.requests import CaptureName
-from grabberd.documents.results import AnalysisResult
 from grabberd.errors import ExtraMissing, InputError
 from grabberd.work.job_spec import JobContext, JobSpec
 from grabberd.work.progress import Progress, portion
-from grabberd_liner.analyses.documents import AnalysisRecord, QuantityDocument
+from grabberd_liner.analyses.documents import AnalysisRecord, AnalysisResult, QuantityDocument
 from grabberd_liner.analyses.pressure_method import PRESSURE_METHOD
 from grabberd_liner.analyses.resolved_inputs import resolved_inputs, use_of
 from grabberd_liner.analyses.store import DOCUMENT, PAGE, RECORD, AnalysisStore
@@ -104,7 +103,7 @@ class AnalysisJob(JobSpec):
         Raises:
             GrabberdError: As `analyse_file`.
         """
-        analyses = AnalysisStore(context.analyses)
+        analyses = AnalysisStore(context.folders["analyses"])
         if (number := analyses.made_by(self.subject, context.job)) is not None:
             record = AnalysisRecord.model_validate(analyses.record(self.subject, number))
             return AnalysisResult(analysis=number, **dict(record))

@@ -7,17 +7,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from grabberd.reports.columns import Columns
-from grabberd.reports.document import ANALYSIS, check_document
-from grabberd.reports.environment import render
-from grabberd.reports.figures import State, require_matplotlib, states_of
+from grabberd.reports.document import ReportForm, check_document
+from grabberd.reports.figures import require_matplotlib
 from grabberd.reports.numbers import measured
 from grabberd_liner.analyses.pressure_method import is_outdated
+from grabberd_liner.reports.columns import Columns
+from grabberd_liner.reports.environment import environment
+from grabberd_liner.reports.figures import State, states_of
 
 Document = Mapping[str, Any]
+ANALYSIS = ReportForm(
+    "grabberd/analysis-report/1", ("id", "created_utc", "inputs", "tables", "states"), "analyse … --out DIR"
+)
 Tables = Mapping[str, Columns]
 
 
+_BEGIN = "<main>"
 _CLOSED = ("liner compression, mean", "liner compression, greatest", "teat load")
 """Titles of the quantities that the verdict is about."""
 
@@ -64,7 +69,13 @@ def analysis_html(document: Document) -> str:
     """
     check_document(document, ANALYSIS)
     require_matplotlib()
-    return render("analysis.html.jinja", document, **values(document))
+    return environment().render("analysis.html.jinja", document, **values(document))
+
+
+def marked_outdated(page: str) -> str:
+    """Put the notice of wrong pressures at the top of a report that was drawn before it was known."""
+    notice = environment().render("outdated.html.jinja", {})
+    return page.replace(_BEGIN, f"{_BEGIN}\n{notice}", 1)
 
 
 def values(document: Document) -> dict[str, Any]:

@@ -7,7 +7,6 @@ from fastapi.responses import FileResponse
 
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.problems import Problem
-from grabberd.documents.requests import AnalysisRequest
 from grabberd.server.api.etags import IMMUTABLE, NOT_MODIFIED, IfNoneMatch, tagged
 from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.server.api.reading.readings import reads
@@ -18,7 +17,9 @@ from grabberd_liner.analyses.documents import AnalysisDocument, AnalysisList, An
 from grabberd_liner.analyses.exported_maps import read_map
 from grabberd_liner.analyses.job import AnalysisJob
 from grabberd_liner.analyses.preparation import prepare_in_process
+from grabberd_liner.analyses.requests import AnalysisRequest
 from grabberd_liner.analyses.store import DOCUMENT, RECORD
+from grabberd_liner.part import liner_of
 
 router = APIRouter(prefix="/captures", tags=["analyses"], responses=PROBLEMS, route_class=OnceRoute)
 
@@ -63,7 +64,7 @@ def prepare_analysis(
 def list_analyses(capture_id: CaptureId, service: ServiceOf) -> AnalysisList:
     """The analyses with their inputs and a summary of their results, newest first."""
     service.archive.document(capture_id)
-    return analysis_list(service.analyses, capture_id)
+    return analysis_list(liner_of(service).analyses, capture_id)
 
 
 @router.get(
@@ -79,7 +80,7 @@ def get_analysis(
     """The report's document: inputs, problems, target grid, and the tables summary, fields, sections, phases,
     phase_sections, cycles and gaps column by column, which contain the curves over time and phase.
     """
-    content = service.analyses.file(capture_id, number, DOCUMENT).read_bytes()
+    content = liner_of(service).analyses.file(capture_id, number, DOCUMENT).read_bytes()
     return tagged(content, "application/json", if_none_match, IMMUTABLE)
 
 
@@ -107,7 +108,7 @@ def get_analysis_map(
     """Position, curvature, strain, tension and pressure with σ at every target, in one field or at one phase
     of the mean cycle.
     """
-    folder = service.analyses.file(capture_id, number, RECORD).parent
+    folder = liner_of(service).analyses.file(capture_id, number, RECORD).parent
     content = read_map(folder, *(("field", field) if field is not None else ("phase", phase)))
     return tagged(content, "application/json", if_none_match, IMMUTABLE)
 
@@ -121,7 +122,7 @@ def get_analysis_map(
 @reads
 def get_analysis_report(capture_id: CaptureId, number: AnalysisNumber, service: ServiceOf) -> Response:
     """The report as a self-contained page: model and pressure, curves, maps, tables, inputs, sources."""
-    page = report_page(service.analyses, capture_id, number)
+    page = report_page(liner_of(service).analyses, capture_id, number)
     return Response(page, media_type="text/html; charset=utf-8", headers=REPORT_HEADERS)
 
 
@@ -138,8 +139,8 @@ def get_analysis_table(
     """One table with all its rows, such as targets, triangles or edges; the reference of the analysis tables
     describes every column. The file name says so if the analysis has outdated pressures.
     """
-    path = service.analyses.file(capture_id, number, f"{table}.csv")
-    row = analysis_row(service.analyses, capture_id, number)
+    path = liner_of(service).analyses.file(capture_id, number, f"{table}.csv")
+    row = analysis_row(liner_of(service).analyses, capture_id, number)
     mark = "-outdated-pressure" if row is not None and row.outdated_pressure else ""
     name = f"{capture_id}-analysis-{number}-{table}{mark}.csv"
     return FileResponse(path, media_type="text/csv", filename=name, headers={"Cache-Control": IMMUTABLE})
@@ -176,5 +177,5 @@ def _job(service: Service, capture_id: str, wanted: AnalysisRequest) -> Analysis
         bursts=tuple(wanted.bursts),
         run_number=wanted.run,
         vacuum_log=wanted.vacuum_log,
-        profiles=service.profiles.of_labels(document.labels) if wanted.profiles else None,
+        profiles=liner_of(service).profiles.of_labels(document.labels) if wanted.profiles else None,
     )

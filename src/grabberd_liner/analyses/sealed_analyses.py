@@ -167,7 +167,7 @@ class SealedAnalyses:
         except NotFound:  # deleted meanwhile
             return
         setup = self._setups.get(document.device)
-        if document.analysis is not None or document.state != "sealed" or setup is None:
+        if self._analyses.of(capture_id) is not None or document.state != "sealed" or setup is None:
             return
         found = self._profiles.of_labels(document.labels)
         analysed = document.created_utc >= self._since.get(document.device, NEVER)

@@ -109,6 +109,15 @@ class LinerTestDocument(Document):
     offer: ProfileOffer | None = Field(None, description="Null if the test has nothing to offer.")
 
 
+class LinerTestResult(Document):
+    """Result of a job `test`: a guided test of a liner."""
+
+    test: str = Field(description="Id of the test.")
+    kind: LinerTestKind
+    verdict: CheckVerdict
+    analyses: list[int] = Field(description="Number of the analysis of each capture, the oldest first.")
+
+
 class LinerTestRow(Document):
     """A test in a list."""
 
@@ -168,3 +177,10 @@ class RecipeList(Document):
     """The guided tests that there are."""
 
     recipes: list[RecipeDocument]
+
+
+LATEST_TEST = Annotated[
+    DeviceTest | None,
+    Field(None, description="Null until one has ended; those of the last month are known after a restart."),
+]
+"""Field `latest_test` of a device."""

@@ -4,12 +4,11 @@ from pydantic import Field
 
 from grabberd.documents.named_types import JsonObject
 from grabberd.documents.requests import CaptureName
-from grabberd.documents.results import LinerTestResult
 from grabberd.work.job_spec import JobContext, JobSpec
 from grabberd.work.progress import Progress, portion
 from grabberd_liner.analyses.job import SOURCE
 from grabberd_liner.analyses.store import AnalysisStore
-from grabberd_liner.guided_tests.documents import LinerTestDocument, LinerTestKind
+from grabberd_liner.guided_tests.documents import LinerTestDocument, LinerTestKind, LinerTestResult
 from grabberd_liner.guided_tests.store import LinerTestStore
 from grabberd_liner.profiles.profiles import FoundProfiles
 
@@ -58,7 +57,7 @@ class LinerTestJob(JobSpec):
         """
         from grabberd_liner.guided_tests.run import run_liner_test, store_analyses, write_liner_test  # noqa: PLC0415 - the daemon does without it
 
-        tests = LinerTestStore(context.tests)
+        tests = LinerTestStore(context.folders["tests"])
         if (made := tests.made_by(context.job)) is not None:
             return self._result(made, tests.document(made))
         ids = {context.file(capture): capture for capture in self.captures}
@@ -70,7 +69,7 @@ class LinerTestJob(JobSpec):
             self.inputs,
             dict.fromkeys(self.inputs, self.source),
         )
-        numbers = store_analyses(AnalysisStore(context.analyses), output, context.job)
+        numbers = store_analyses(AnalysisStore(context.folders["analyses"]), output, context.job)
         document = output.document.model_copy(update={"analyses": numbers})
         with tests.scratch() as folder:
             write_liner_test(folder, document)

@@ -3,12 +3,15 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from grabberd.reports.document import LINER_TEST, check_document
-from grabberd.reports.environment import render
+from grabberd.reports.document import ReportForm, check_document
 from grabberd.reports.figures import require_matplotlib
 from grabberd.reports.numbers import measured
+from grabberd_liner.reports.environment import environment
 
 Document = Mapping[str, Any]
+LINER_TEST = ReportForm(
+    "grabberd/liner-test/1", ("kind", "created_utc", "captures", "checks"), "test … --out DIR"
+)
 
 _TITLES = {
     "reference": "Reference state",
@@ -56,7 +59,7 @@ def liner_test_html(document: Document) -> str:
     """
     check_document(document, LINER_TEST)
     require_matplotlib()
-    return render("liner_test.html.jinja", document, **values(document))
+    return environment().render("liner_test.html.jinja", document, **values(document))
 
 
 def values(document: Document) -> dict[str, Any]:

@@ -6,7 +6,6 @@ from fastapi import APIRouter, Path, Query, Request, Response, status
 
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.problems import Problem
-from grabberd.documents.requests import LinerTestRequest
 from grabberd.server.api.etags import IMMUTABLE, NOT_MODIFIED, IfNoneMatch, tagged
 from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.server.api.reading.readings import reads
@@ -22,7 +21,9 @@ from grabberd_liner.guided_tests.documents import (
     RecipeList,
     RecipeStep,
 )
+from grabberd_liner.guided_tests.requests import LinerTestRequest
 from grabberd_liner.guided_tests.store import DOCUMENT, PAGE
+from grabberd_liner.part import liner_of
 from grabberd_liner.profiles.documents import NAME_PATTERN, ProfileDocument
 
 router = APIRouter(prefix="/tests", tags=["tests"], responses=PROBLEMS, route_class=OnceRoute)
@@ -42,7 +43,7 @@ def list_tests(
     cursor: Cursor = None,
 ) -> LinerTestList:
     """The tests with their verdicts and quantities, newest first, page by page."""
-    page, following = page_of(service.liner_tests.rows(kind, liner), _by_number, limit, cursor)
+    page, following = page_of(liner_of(service).liner_tests.rows(kind, liner), _by_number, limit, cursor)
     return LinerTestList(tests=page, next=following)
 
 
@@ -59,7 +60,7 @@ def make_test(
     of the test. A capture whose label `test` names a recipe for a single capture is tested automatically as
     soon as it is sealed.
     """
-    return accepted(service.jobs.submit(service.liner_tests.job(wanted)), request, response)
+    return accepted(service.jobs.submit(liner_of(service).liner_tests.job(wanted)), request, response)
 
 
 @router.get("/recipes", summary="List the recipes of guided tests")
@@ -77,8 +78,10 @@ def list_recipes() -> RecipeList:
 @reads
 def get_test(test_id: TestId, service: ServiceOf, if_none_match: IfNoneMatch = None) -> Response:
     """The checks of a test with their reasons, its quantities, and its offer to the liner's profile."""
-    service.liner_tests.store.document(test_id)  # 507 for a damaged one, in place of what is no document
-    content = service.liner_tests.store.file(test_id, DOCUMENT).read_bytes()
+    liner_of(service).liner_tests.store.document(
+        test_id
+    )  # 507 for a damaged one, in place of what is no document
+    content = liner_of(service).liner_tests.store.file(test_id, DOCUMENT).read_bytes()
     return tagged(content, "application/json", if_none_match, IMMUTABLE)
 
 
@@ -91,7 +94,7 @@ def get_test(test_id: TestId, service: ServiceOf, if_none_match: IfNoneMatch = N
 @reads
 def get_test_report(test_id: TestId, service: ServiceOf) -> Response:
     """The self-contained one-page report: verdict, checks, quantities, figure, sources."""
-    page = service.liner_tests.store.file(test_id, PAGE).read_bytes()
+    page = liner_of(service).liner_tests.store.file(test_id, PAGE).read_bytes()
     return Response(page, media_type="text/html; charset=utf-8", headers=REPORT_HEADERS)
 
 
@@ -100,7 +103,7 @@ def accept_offer(test_id: TestId, service: ServiceOf) -> ProfileDocument:
     """Store the values found by a test as the next version of the liner's profile. 409 if it offers nothing,
     or the profile has been changed since the test; repeated, it answers with the version stored.
     """
-    return service.liner_tests.accept(test_id)
+    return liner_of(service).liner_tests.accept(test_id)
 
 
 def _recipe(recipe: Recipe) -> RecipeDocument:

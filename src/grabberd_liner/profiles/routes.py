@@ -10,6 +10,7 @@ from grabberd.errors import InputError
 from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.server.api.routes.dependencies import PROBLEMS, ServiceOf
 from grabberd.server.api.routes.paging import Cursor, Limit, page_of
+from grabberd_liner.part import liner_of
 from grabberd_liner.profiles.documents import (
     NAME_PATTERN,
     ProfileDocument,
@@ -42,7 +43,7 @@ def list_profiles(
     cursor: Cursor = None,
 ) -> ProfileList:
     """The newest version of each profile, the latest change first, page by page."""
-    rows = service.profiles.rows(kind, name=name, retired=retired)
+    rows = liner_of(service).profiles.rows(kind, name=name, retired=retired)
     page, following = page_of(rows, _position, limit, cursor)
     return ProfileList(profiles=page, next=following)
 
@@ -57,7 +58,7 @@ def add_profile(
     new: ProfileRequest, service: ServiceOf, request: Request, response: Response
 ) -> ProfileDocument:
     """Store the first version of a profile. 409 if there is one of its kind and name, even a retired one."""
-    stored = service.profiles.put(_document(new), after=0)
+    stored = liner_of(service).profiles.put(_document(new), after=0)
     response.headers["Location"] = _address(request, stored.document)
     return stored.document
 
@@ -65,7 +66,7 @@ def add_profile(
 @router.get("/{kind}/{name}", summary="Get a profile")
 def get_profile(kind: Kind, name: Name, service: ServiceOf) -> ProfileDocument:
     """The newest version of a profile, retired or not."""
-    return service.profiles.get(kind, name)
+    return liner_of(service).profiles.get(kind, name)
 
 
 @router.put(
@@ -81,7 +82,7 @@ def put_profile(
     """
     document = _document(new)
     check_name(document, kind, name)
-    stored = service.profiles.put(document, after=new.after)
+    stored = liner_of(service).profiles.put(document, after=new.after)
     if stored.is_new and stored.document.version == 1:
         response.status_code = status.HTTP_201_CREATED
         response.headers["Location"] = _address(request, stored.document)
@@ -91,19 +92,19 @@ def put_profile(
 @router.delete("/{kind}/{name}", summary="Retire a profile")
 def retire_profile(kind: Kind, name: Name, service: ServiceOf) -> ProfileDocument:
     """Retire a profile: labels no longer select it. All of its versions stay readable."""
-    return service.profiles.retire(kind, name)
+    return liner_of(service).profiles.retire(kind, name)
 
 
 @router.get("/{kind}/{name}/versions", summary="List a profile's versions")
 def list_profile_versions(kind: Kind, name: Name, service: ServiceOf) -> ProfileVersions:
     """All versions of a profile, newest first."""
-    return service.profiles.versions(kind, name)
+    return liner_of(service).profiles.versions(kind, name)
 
 
 @router.get("/{kind}/{name}/versions/{version}", summary="Get a version of a profile")
 def get_profile_version(kind: Kind, name: Name, version: Number, service: ServiceOf) -> ProfileDocument:
     """One version of a profile; it never changes."""
-    return service.profiles.get(kind, name, version)
+    return liner_of(service).profiles.get(kind, name, version)
 
 
 def _document(new: ProfileRequest) -> JsonObject:

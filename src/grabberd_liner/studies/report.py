@@ -3,15 +3,16 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from grabberd.reports.columns import Columns
-from grabberd.reports.document import STUDY, check_document
-from grabberd.reports.environment import render
+from grabberd.reports.document import ReportForm, check_document
 from grabberd.reports.figures import require_matplotlib
-from grabberd.reports.figures.groups import PANELS
 from grabberd.reports.numbers import DASH, measured, p_value, probability, significant
+from grabberd_liner.reports.columns import Columns
+from grabberd_liner.reports.environment import environment
+from grabberd_liner.reports.figures.groups import PANELS
 from grabberd_liner.studies.report_answers import MOSTLY_COMMON, answer, trend_answer
 
 Document = Mapping[str, Any]
+STUDY = ReportForm("grabberd/study/1", ("created_utc", "question", "tables"), "study … --out DIR")
 _MOST_NAMES = 3
 _SHORT = {"no difference shown": "not shown", "no change shown": "not shown"}
 _MANY = 1000
@@ -53,7 +54,7 @@ def study_html(document: Document) -> str:
     """
     check_document(document, STUDY)
     require_matplotlib()
-    return render("study.html.jinja", document, **values(document))
+    return environment().render("study.html.jinja", document, **values(document))
 
 
 def values(document: Document) -> dict[str, Any]:

@@ -9,7 +9,6 @@ from grabberd.archive.catalogue.annotations import CaptureAnnotations
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.annotation_store import Annotation, AnnotationStore
 from grabberd.errors import Conflict, InputError, NotFound
-from grabberd_liner.analyses.store import AnalysisStore
 
 
 class Busy:
@@ -42,10 +41,8 @@ class Barn:
             write(captures, slots(2), name=name, id=name, note="as recorded", labels={"cow": "101"})
         self.archive = Archive(captures, list, list, self.store.get, self.store.all)
         self.archive.index.rebuild()
-        self.analyses = AnalysisStore(folder / "analyses")
-        self.analyses.open()
-        self.jobs = Busy()
-        self.annotations = CaptureAnnotations(self.archive, self.store, self.jobs, self.analyses)
+        self.jobs, self.removed = Busy(), list[str]()
+        self.annotations = CaptureAnnotations(self.archive, self.store, self.jobs, self.removed.append)
 
     @property
     def files(self) -> set[str]:
@@ -100,10 +97,8 @@ def test_retention_spares_pinned_captures_and_those_that_a_job_needs(barn: Barn)
 
 def test_a_capture_is_deleted_with_all_that_is_said_of_it(barn: Barn) -> None:
     barn.annotations.annotate("a", note="x")
-    removed: list[str] = []
-    barn.analyses.remove = removed.append  # type: ignore[method-assign]
     barn.annotations.delete("a")
-    assert (barn.files, removed, barn.store.all()) == ({"b"}, ["a"], {})
+    assert (barn.files, barn.removed, barn.store.all()) == ({"b"}, ["a"], {})
     with pytest.raises(NotFound):
         barn.annotations.delete("a")
 

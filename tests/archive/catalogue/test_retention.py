@@ -112,7 +112,7 @@ class Barn:
         self.jobs = jobs_in(folder).queue
         self.analyses = AnalysisStore(folder / "analyses")
         self.analyses.open()
-        self.keeping = CaptureAnnotations(self.archive, self.annotations, self.jobs, self.analyses)
+        self.keeping = CaptureAnnotations(self.archive, self.annotations, self.jobs, self.analyses.remove)
         disk = DiskGuard(0, lambda _: self.free)
         self.retention = Retention(
             self.archive, policy, disk, ManualClock(0), self.keeping.spared, self.keeping.delete

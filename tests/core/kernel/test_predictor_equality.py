@@ -46,7 +46,7 @@ def test_the_predictors_are_numpys(count):
 BITS = """
 import hashlib
 import numpy as np
-from kernel.test_predictor_equality import fields
+from core.kernel.test_predictor_equality import fields
 
 ours, _ = fields()
 rng, digest = np.random.default_rng(1), hashlib.sha256(ours.precision)

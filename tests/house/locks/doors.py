@@ -13,12 +13,12 @@ from grabberd.archive import CaptureReader, CaptureWriter
 from grabberd.archive.state.outbox import Outbox
 from grabberd.cli import main
 from grabberd.cli.app import app
+from grabberd.cli.terminal import console
 from grabberd.client.lsl.events import DeviceEvents
 from grabberd.client.lsl.points_layout import PointsLayout
 from grabberd.clock import SystemClock
 from grabberd.config import default_config_file, load_config
 from grabberd.core.ledger import Slot
-from grabberd.documents.capture_analyses import DeviceAnalysis
 from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.examples import CAPTURE
 from grabberd.documents.roles import Role
@@ -28,13 +28,15 @@ from grabberd.server.api.problems import STATUS
 from grabberd.server.daemon.kinds import KINDS
 from grabberd.server.daemon.service import Service
 from grabberd.server.mqtt.home_assistant import discovery
-from grabberd.server.mqtt.messages import TOPICS, Topics, capture_summary, device_analysis, device_state
+from grabberd.server.mqtt.messages import Topics, all_topics, capture_summary, device_state
+from grabberd_liner.analyses.documents import DeviceAnalysis
+from grabberd_liner.messages import device_analysis
+from grabberd_liner.part import liner_of
 
 __all__ = [
     "CAPTURE",
     "KINDS",
     "STATUS",
-    "TOPICS",
     "CaptureDocument",
     "CaptureReader",
     "CaptureWriter",
@@ -47,13 +49,16 @@ __all__ = [
     "Service",
     "Slot",
     "Topics",
+    "all_topics",
     "app",
     "capture_summary",
     "click_commands",
+    "console",
     "create_app",
     "device_analysis",
     "device_state",
     "discovery",
+    "liner_of",
     "main",
     "openapi",
     "opened",

@@ -15,8 +15,8 @@ from unittest.mock import patch
 import grabberd
 
 from .computer import computer
-from .doors import main
-from .interface import PLAIN
+from .doors import console, main
+from .interface import PLAIN, WIDTH
 from .kept import digest
 
 FORMAT_1 = Path(__file__).parents[2] / "archive" / "format_1"
@@ -167,7 +167,11 @@ def _beside(folder: Path) -> Iterator[None]:
     own = {key: value for key, value in os.environ.items() if not key.startswith(("GRABBERD_", "STATE_DIR"))}
     os.chdir(folder)
     try:
-        with patch.dict(os.environ, {**own, **PLAIN, "HOME": str(folder)}, clear=True):
+        # The console has read its width from the environment when it was made, which may have been before.
+        with (
+            patch.dict(os.environ, {**own, **PLAIN, "HOME": str(folder)}, clear=True),
+            patch.object(console, "_width", WIDTH),
+        ):
             yield
     finally:
         os.chdir(before)

@@ -6,12 +6,12 @@ from typing import Any
 
 from .doors import (
     CAPTURE,
-    TOPICS,
     CaptureDocument,
     DeviceAnalysis,
     DeviceEvents,
     PointsLayout,
     Topics,
+    all_topics,
     capture_summary,
     device_analysis,
     device_state,
@@ -35,7 +35,7 @@ def mqtt() -> dict[str, Any]:
     )
     announced = discovery("homeassistant", topics, "Ås barn 2", "cup north", "v4l2")
     return {
-        "topics": {one.name: [topics.name(one, device="cup"), one.retained] for one in TOPICS},
+        "topics": {one.name: [topics.name(one, device="cup"), one.retained] for one in all_topics()},
         "capture": summary.model_dump(mode="json"),
         "analysis": device_analysis("cup", latest).model_dump(mode="json"),
         "state": _state(),

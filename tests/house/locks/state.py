@@ -15,7 +15,7 @@ from fastapi.testclient import TestClient
 
 import grabberd
 
-from .doors import KINDS, Outbox, Role, Service, create_app, opened, service_in
+from .doors import KINDS, Outbox, Role, Service, create_app, liner_of, opened, service_in
 from .exits import FORMAT_1, grabberd_root, run
 from .kept import KEPT, plain
 
@@ -148,7 +148,7 @@ def _queued(folder: Path, made_utc: str) -> None:
     with opened(folder, made_utc) as service:
         documents = service.instruments["simulated"].setup.made_with
         frame = yaml.safe_load(grabberd.example("calibration-frame.yaml").read_text("utf-8"))
-        found = service.profiles.of_labels({"liner": "example-reference", "cow": "example-112"})
+        found = liner_of(service).profiles.of_labels({"liner": "example-reference", "cow": "example-112"})
         for parameters in _waiting(plain(documents), frame, found):
             kind = parameters.pop("kind")
             service.jobs.submit(KINDS[kind].model_validate(parameters), automatic=kind == "test")

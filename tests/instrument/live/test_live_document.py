@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 import pytest
-from running import running, sealed
+from running import sealed, standing
 
 from grabberd.archive.export.points_document import PointsQuery, points_json
 from grabberd.documents.document import Document
@@ -15,7 +15,7 @@ from grabberd.server.daemon.service import Service
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    with running(tmp_path_factory.mktemp("live")) as service:
+    with standing(tmp_path_factory.mktemp("live")) as service:
         service.capture_control.start(None, CaptureRequest(fields=10))
         sealed(service)
         yield service

@@ -5,12 +5,13 @@ from pathlib import Path
 
 import pytest
 import yaml
-from running import PATIENCE_S, running, sealed
+from running import PATIENCE_S, running, sealed, until
 
 from grabberd.config import AnalysisConfig
-from grabberd.documents.capture_analyses import CaptureAnalysis
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.server.daemon.service import Service
+from grabberd_liner.analyses.documents import CaptureAnalysis
+from grabberd_liner.part import liner_of
 
 SHAPE = {"heights_mm": [0], "phases": 4}
 
@@ -46,10 +47,10 @@ def test_a_pulsating_liner_is_captured_and_its_quantities_are_there(
         assert quantities["rate_per_min"].value == pytest.approx(60, abs=1)
         assert all(one.sigma is not None for one in found.quantities)
         assert {"liner_opening_s", "liner_closing_s", "wall_ratio"} <= quantities.keys()
-        latest = service.state().devices["simulated"].latest_analysis
-        assert latest is not None
+        # It is told right after the job has ended, by the thread that ended it.
+        latest = until(lambda: service.state().devices["simulated"].latest_analysis)
         assert (latest.capture, latest.analysis) == (capture_id, 1)
-        assert service.analyses.records(capture_id)[0]["inputs"] == SHAPE
+        assert liner_of(service).analyses.records(capture_id)[0]["inputs"] == SHAPE
         service.annotations.delete(capture_id)
 
 
@@ -64,6 +65,6 @@ def test_one_that_does_not_pulsate_says_so_and_stays_so(tmp_path: Path, by_itsel
     assert "does not pulsate" in found.problem.message
     assert found.problem.hint
     with running(tmp_path / "state", analysis=by_itself) as service:
-        service.sealed_analyses.look()
+        liner_of(service).sealed_analyses.look()
         assert analysed(service, capture_id) == found
         assert [job.attempts for job in service.jobs.list()] == [1]

@@ -9,13 +9,13 @@ from running import running, sealed
 from archive.milkings import milking
 from core.chain.milking import field, still
 from grabberd.archive import CaptureReader
-from grabberd.documents.results import AnalysisResult
 from grabberd.errors import MeasurementError
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.library.jobs import measurement as measuring
 from grabberd.library.jobs.measurement import MeasurementJob
 from grabberd.work.job_spec import JobContext
 from grabberd_liner.analyses import job as analysing
+from grabberd_liner.analyses.documents import AnalysisResult
 from grabberd_liner.analyses.job import AnalysisJob
 from grabberd_liner.analyses.store import AnalysisStore
 
@@ -34,12 +34,12 @@ def test_an_analysis_is_not_made_twice(tmp_path: Path, monkeypatch: pytest.Monke
     store = AnalysisStore(tmp_path / "analyses")
     store.open()
     files = {"c1": milking(tmp_path, still(3), "c1")}
-    context = JobContext(job="job-7", files=files, analyses=store.directory)
+    context = JobContext(job="job-7", files=files, folders={"analyses": store.directory})
     job = AnalysisJob(subject="c1", inputs=SHAPE)
     first = job.run(silent, context)
     assert isinstance(first, AnalysisResult)
     assert (first.analysis, first.job) == (1, "job-7")
-    other = job.run(silent, JobContext(job="job-8", files=files, analyses=store.directory))
+    other = job.run(silent, JobContext(job="job-8", files=files, folders={"analyses": store.directory}))
     monkeypatch.setattr(analysing, "analyse_file", refused)
     assert job.run(silent, context) == first
     assert (other.analysis, store.numbers("c1")) == (2, [1, 2])
@@ -49,7 +49,7 @@ def test_its_quantities_are_in_its_record_with_sigma_or_reason(tmp_path: Path) -
     store = AnalysisStore(tmp_path / "analyses")
     store.open()
     files = {"c1": milking(tmp_path, [field(n) for n in range(46)], "c1")}
-    context = JobContext(job="job-7", files=files, analyses=store.directory)
+    context = JobContext(job="job-7", files=files, folders={"analyses": store.directory})
     AnalysisJob(subject="c1", inputs={**SHAPE, "phases": 4}, pulsating=True).run(silent, context)
     record = json.loads((store.directory / "c1" / "1" / "record.json").read_text())
     found = {one["name"]: one for one in record["quantities"]}
@@ -63,7 +63,7 @@ def test_one_that_has_to_pulsate_and_does_not_is_refused_before_the_work(tmp_pat
     store = AnalysisStore(tmp_path / "analyses")
     store.open()
     files = {"c1": milking(tmp_path, still(3), "c1")}
-    context = JobContext(job="job-7", files=files, analyses=store.directory)
+    context = JobContext(job="job-7", files=files, folders={"analyses": store.directory})
     with pytest.raises(MeasurementError, match=r"the wall does not pulsate: .*only 3 fields"):
         AnalysisJob(subject="c1", inputs=SHAPE, pulsating=True).run(silent, context)
     assert store.numbers("c1") == []

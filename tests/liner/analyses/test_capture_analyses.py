@@ -1,6 +1,7 @@
 """The latest analysis of a capture and of a device, as they are shown."""
 
 import json
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,10 @@ from queued_jobs import jobs_in
 from archive.captures import slots, write
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.catalogue.capture_table import captures_csv
-from grabberd.documents.capture_analyses import CaptureAnalysis
 from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.states import JobState
 from grabberd_liner.analyses.capture_analyses import CaptureAnalyses
+from grabberd_liner.analyses.documents import CaptureAnalysis
 from grabberd_liner.analyses.job import AnalysisJob
 from grabberd_liner.analyses.store import AnalysisStore
 
@@ -36,6 +37,14 @@ QUANTITIES = [
 class Barn:
     """Two captures of a device, and what is known of their analyses."""
 
+    def fields(self, capture_id: str) -> Mapping[str, object]:
+        """What the analyses add to a capture's document."""
+        return {"analysis": self.analyses.of(capture_id)}
+
+    def analysed(self, captures: Collection[str] | None) -> Collection[str]:
+        """The captures that have an analysis."""
+        return self.store.among(captures)
+
     def __init__(self, folder: Path) -> None:
         captures = folder / "captures"
         captures.mkdir(exist_ok=True)
@@ -43,14 +52,12 @@ class Barn:
             if not (captures / f"{name}.grab").exists():
                 device = {"name": "cup"}
                 write(captures, slots(2), name=name, id=name, device=device, labels={"cow": "=1+1"}, note="n")
-        self.jobs = jobs_in(folder)
-        self.archive = Archive(captures, list)
+        self.jobs = jobs_in(folder, ended=lambda job, captures: self.analyses.ended(captures))
+        self.archive = Archive(captures, list, results=self)
         self.archive.index.rebuild()
         self.store = AnalysisStore(folder / "analyses")
         self.store.open()
         self.analyses = CaptureAnalyses(self.store, self.jobs.queue, self.archive.index)
-        self.archive.analysis = self.analyses.of
-        self.jobs.queue.ended = lambda job, captures: self.analyses.ended(captures)
         self.analyses.open(reversed(self.jobs.queue.list()))
 
     def analyse(self, capture: str, number: int = 1, **record: Any) -> None:

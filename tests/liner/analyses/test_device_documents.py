@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.documents.devices import PulsationDocument
 from grabberd_liner.analyses.device_documents import analysis_list, pulsation_document, report_page
+from grabberd_liner.analyses.documents import PulsationDocument
 from grabberd_liner.analyses.store import PAGE, RECORD, AnalysisStore
 
 NOTHING = PulsationDocument(rate_per_min=None, capture=None, analysis=None)

@@ -6,18 +6,17 @@ import sys
 import pytest
 
 from grabberd.errors import ExtraMissing, InputError
-from grabberd.reports import marked_outdated
-from grabberd.reports.environment import render
-from grabberd.reports.figures import model_svg, states_of
-from grabberd_liner.analyses.report import analysis_html, values
-from reports.analysis_documents import earlier, full, least
+from grabberd_liner.analyses.report import analysis_html, marked_outdated, values
+from grabberd_liner.reports.environment import environment
+from grabberd_liner.reports.figures import model_svg, states_of
+from liner.reports.analysis_documents import earlier, full, least
 from reports.hostile import EVIL, hostile
 from reports.pages import Page
 
 
 def chapter(name, document):
     """One chapter alone."""
-    return Page(render(f"analysis/{name}.html.jinja", document, **values(document)))
+    return Page(environment().render(f"analysis/{name}.html.jinja", document, **values(document)))
 
 
 @pytest.fixture(scope="module")
@@ -258,5 +257,5 @@ def test_without_matplotlib_the_extra_is_named(monkeypatch):
 
 
 def test_reports_are_imported_without_matplotlib():
-    code = "import sys, grabberd.reports; sys.exit('matplotlib' in sys.modules)"
+    code = "import sys, grabberd_liner.analyses.report; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

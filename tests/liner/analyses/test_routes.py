@@ -19,6 +19,7 @@ from grabberd.server.daemon.service import Service
 from grabberd.work.job_spec import JobContext
 from grabberd_liner.analyses.documents import AnalysisDocument
 from grabberd_liner.analyses.job import AnalysisJob
+from grabberd_liner.part import liner_of
 from server.api.conftest import service_in
 
 pytestmark = pytest.mark.timeout(600)
@@ -106,7 +107,7 @@ def analysed(client: TestClient) -> str:
     """The address of an analysis with everything, the first of its capture; made as the job makes it."""
     service = service_of(client)
     files = {"pulsating": service.archive.sealed_path("pulsating")}
-    context = JobContext(job="job-1", files=files, analyses=service.analyses.directory)
+    context = JobContext(job="job-1", files=files, folders={"analyses": liner_of(service).analyses.directory})
     made = AnalysisJob(subject="pulsating", inputs=INPUTS).run(lambda share: None, context)
     assert made.analysis == 1
     return f"{CAPTURES}/pulsating/analyses/1"
@@ -195,7 +196,7 @@ def test_every_table_comes_as_csv(client: TestClient, analysed: str) -> None:
 
 def test_an_analysis_with_outdated_pressures_says_so_wherever_it_is_read(client: TestClient) -> None:
     number = done(client, "resting", inputs=SHAPE)
-    folder = service_of(client).analyses.directory / "resting" / str(number)
+    folder = liner_of(service_of(client)).analyses.directory / "resting" / str(number)
     record = json.loads((folder / "record.json").read_text())
     document = json.loads((folder / "report.json").read_text())
     del record["pressure_method"], document["pressure_method"]
@@ -250,7 +251,7 @@ def test_cancelled_it_leaves_nothing(client: TestClient) -> None:
         assert client.delete(f"/api/v1/jobs/{job}").json()["state"] == "cancelled"
     assert done(client, "another", inputs=SHAPE)
     assert rows(client, "pulsating") == before
-    assert list(service_of(client).analyses.directory.glob(".*")) == []
+    assert list(liner_of(service_of(client)).analyses.directory.glob(".*")) == []
 
 
 def test_they_are_deleted_with_the_capture(client: TestClient) -> None:
@@ -260,7 +261,7 @@ def test_they_are_deleted_with_the_capture(client: TestClient) -> None:
     assert client.delete(f"{CAPTURES}/kept").status_code == 204
     for gone in (address, f"{address}/report", f"{address}/fields.csv", f"{CAPTURES}/kept/analyses"):
         assert is_problem(client.get(gone), 404)
-    assert not (service_of(client).analyses.directory / "kept").exists()
+    assert not (liner_of(service_of(client)).analyses.directory / "kept").exists()
 
 
 @pytest.mark.parametrize(
@@ -334,7 +335,7 @@ def test_a_running_capture_is_not_analysed(client: TestClient) -> None:
 
 def test_a_report_that_could_not_be_drawn_says_why_and_keeps_its_numbers(client: TestClient) -> None:
     number = rows(client, "another")[0]["analysis"] if rows(client, "another") else done(client, "another")
-    folder = service_of(client).analyses.directory / "another" / str(number)
+    folder = liner_of(service_of(client)).analyses.directory / "another" / str(number)
     address = f"{CAPTURES}/another/analyses/{number}"
     record = json.loads((folder / "record.json").read_text())
     for reason, status in (({"missing_extra": "report"}, 501), ({"page_problem": "KeyError: 'x'"}, 404)):

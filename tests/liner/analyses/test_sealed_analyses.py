@@ -14,13 +14,13 @@ from archive.captures import slots, write
 from grabberd.archive.state.annotation_store import Annotation
 from grabberd.archive.state.state_store import StateStore
 from grabberd.config import AnalysisConfig, default_config_file
-from grabberd.documents.capture_analyses import CaptureAnalysis
 from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.states import JobState
 from grabberd.errors import StorageError
 from grabberd.instrument.setup import DeviceSetup, set_up
 from grabberd.server.daemon.check_job import NOTE as CHECK
 from grabberd.work import job_queue
+from grabberd_liner.analyses.documents import CaptureAnalysis
 from grabberd_liner.analyses.inputs import inputs_of_test
 from grabberd_liner.analyses.job import AnalysisJob
 from grabberd_liner.analyses.sealed_analyses import AGAIN_S

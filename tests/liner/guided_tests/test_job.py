@@ -60,9 +60,8 @@ class Folder:
         self.files = {name: milking(folder, still(24), name) for name in names}
 
     def context(self, job: str = "job-7") -> JobContext:
-        return JobContext(
-            job=job, files=self.files, analyses=self.analyses.directory, tests=self.tests.directory
-        )
+        folders = {"analyses": self.analyses.directory, "tests": self.tests.directory}
+        return JobContext(job=job, files=self.files, folders=folders)
 
 
 def checks(document: LinerTestDocument) -> dict[str, str]:

@@ -11,12 +11,12 @@ from archive.captures import slots, write
 from archive.liner_tests import FAILED, damage, stored_test
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.documents.job_problem import JobProblem
-from grabberd.documents.requests import LinerTestRequest
-from grabberd.documents.results import LinerTestResult
 from grabberd.documents.states import JobState
 from grabberd.errors import Conflict, InputError, NotFound
+from grabberd_liner.guided_tests.documents import LinerTestResult
 from grabberd_liner.guided_tests.job import LinerTestJob
 from grabberd_liner.guided_tests.liner_tests import LinerTests
+from grabberd_liner.guided_tests.requests import LinerTestRequest
 from grabberd_liner.guided_tests.store import LinerTestStore
 from grabberd_liner.profiles.documents import ProfileDocument
 from grabberd_liner.profiles.profiles import Profiles
@@ -31,7 +31,9 @@ class Barn:
     def __init__(self, folder: Path) -> None:
         self.folder = folder / "captures"
         self.folder.mkdir(exist_ok=True)
-        self.jobs: Jobs = jobs_in(folder, clock=ManualClock())
+        self.jobs: Jobs = jobs_in(
+            folder, clock=ManualClock(), ended=lambda job, captures: self.tests.ended(job)
+        )
         self.archive = Archive(self.folder, list)
         self.archive.index.rebuild()
         self.profiles = Profiles(folder / "state.sqlite", lambda document: [], ManualClock())
@@ -39,7 +41,6 @@ class Barn:
         self.store = LinerTestStore(folder / "tests")
         self.store.open()
         self.tests = LinerTests(self.store, self.archive, self.profiles)
-        self.jobs.queue.ended = lambda job, captures: self.tests.ended(job)
         self.tests.open(reversed(self.jobs.queue.list()))
 
     def capture(self, name: str, created_utc: str = "2026-03-01T09:30:00.000Z", **labels: str) -> str:

@@ -13,6 +13,7 @@ from archive.milkings import milking
 from core.chain.milking import still
 from grabberd.server.api import create_app
 from grabberd.server.daemon.service import Service
+from grabberd_liner.part import liner_of
 from liner.chain.analysis.profiling import LINER, changed
 from server.api.conftest import service_in
 
@@ -41,7 +42,7 @@ def client(service: Service) -> Iterator[TestClient]:
 def made(service: Service, client: TestClient) -> str:
     """Id of a test with an offer for the first version of liner A's profile."""
     assert client.post("/api/v1/profiles", json={"profile": LINER}).status_code == 201
-    return stored_test(service.liner_tests.store, 1, offer=OFFER)
+    return stored_test(liner_of(service).liner_tests.store, 1, offer=OFFER)
 
 
 def is_problem(answer: Any, status: int, words: str) -> bool:
@@ -58,7 +59,7 @@ def test_the_recipes_say_what_to_do_and_how_long_it_takes(client: TestClient) ->
 
 
 def test_tests_are_listed_page_by_page_newest_first(client: TestClient, service: Service) -> None:
-    ids = [stored_test(service.liner_tests.store, n) for n in (1, 2, 3)]
+    ids = [stored_test(liner_of(service).liner_tests.store, n) for n in (1, 2, 3)]
     found, cursor = [], None
     while True:
         page = client.get(TESTS, params={"limit": 2, **({"cursor": cursor} if cursor else {})}).json()
@@ -69,7 +70,7 @@ def test_tests_are_listed_page_by_page_newest_first(client: TestClient, service:
 
 
 def test_a_list_is_narrowed_to_a_liner_and_a_recipe(client: TestClient, service: Service) -> None:
-    store = service.liner_tests.store
+    store = liner_of(service).liner_tests.store
     ramp = stored_test(store, 1, liner="Blåros 2")
     failed = stored_test(store, 2, kind="reference", verdict="failed", checks=[FAILED])
     assert [row["id"] for row in client.get(TESTS, params={"liner": "Blåros 2"}).json()["tests"]] == [ramp]
@@ -89,7 +90,7 @@ def test_its_report_is_a_page_that_loads_nothing(client: TestClient, made: str, 
     answer = client.get(f"{TESTS}/{made}/report")
     assert answer.headers["content-type"] == "text/html; charset=utf-8"
     assert "default-src 'none'" in answer.headers["content-security-policy"]
-    without = stored_test(service.liner_tests.store, 2, page=False)
+    without = stored_test(liner_of(service).liner_tests.store, 2, page=False)
     assert is_problem(client.get(f"{TESTS}/{without}/report"), 404, "has no test.html")
 
 
@@ -97,7 +98,7 @@ def test_what_does_not_exist_or_is_damaged_says_so(client: TestClient, made: str
     for path in (f"{TESTS}/job-7", f"{TESTS}/job-7/report"):
         assert is_problem(client.get(path), 404, "no test 'job-7'")
     assert is_problem(client.post(f"{TESTS}/job-7/accept"), 404, "no test 'job-7'")
-    damage(service.liner_tests.store, made)
+    damage(liner_of(service).liner_tests.store, made)
     assert is_problem(client.get(f"{TESTS}/{made}"), 507, "cannot be read")
     assert is_problem(client.post(f"{TESTS}/{made}/accept"), 507, "cannot be read")
     (row,) = client.get(TESTS).json()["tests"]
@@ -153,5 +154,5 @@ def test_an_offer_that_came_too_late_or_is_none_is_refused(
     changed_meanwhile = {"profile": changed(LINER, "note", "remounted"), "after": 1}
     assert client.put("/api/v1/profiles/liner/A", json=changed_meanwhile).status_code == 200
     assert is_problem(client.post(f"{TESTS}/{made}/accept"), 409, "version 2 of the liner profile A")
-    nothing = stored_test(service.liner_tests.store, 2)
+    nothing = stored_test(liner_of(service).liner_tests.store, 2)
     assert is_problem(client.post(f"{TESTS}/{nothing}/accept"), 409, "has nothing to offer")

@@ -142,8 +142,8 @@ def test_what_is_in_force_survives_the_loss_of_the_state(service: Service, tmp_p
         backup.write_bytes(b"garbage")
     service.upkeep.look(STATE_EVERY)
     assert causes(service) == [Cause.SETTINGS_LOST]
-    assert service._state_store.get("threshold.simulated") == {"kind": "fixed", "value": 77, "map": False}
-    assert service._state_store.get("captures_folder") == id_of(service.archive.directory)
+    assert service.state_store.get("threshold.simulated") == {"kind": "fixed", "value": 77, "map": False}
+    assert service.state_store.get("captures_folder") == id_of(service.archive.directory)
     assert capture(service, fields=5).exists()
 
 

@@ -7,15 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from running import running
 
-from grabberd.documents.capture_analyses import DeviceAnalysis
 from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.examples import CAPTURE
-from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.mqtt import (
-    AnalysisMessage,
     CaptureSummary,
     DeviceStateMessage,
-    MeasuredValue,
     OnlineMessage,
 )
 from grabberd.documents.state import StateDocument
@@ -23,10 +19,9 @@ from grabberd.server.mqtt.messages import (
     ONLINE,
     SCHEMA,
     STATE,
-    TOPICS,
     Topics,
+    all_topics,
     capture_summary,
-    device_analysis,
     device_state,
 )
 
@@ -66,23 +61,6 @@ def test_numbers_that_always_waver_are_quiet(tmp_path: Path) -> None:
     assert (one.rate_hz, one.disk_minutes_left) == (50, 1200)
 
 
-def test_an_analysis_has_its_quantities_by_name_or_its_problem() -> None:
-    known = CaptureDocument.model_validate(CAPTURE).analysis
-    assert known is not None
-    done = device_analysis("cup", DeviceAnalysis.model_validate(known.model_dump() | {"capture": "c1"}))
-    assert (done.device, done.capture_id, done.state, done.analysis, done.problem) == (
-        "cup",
-        "c1",
-        "done",
-        1,
-        None,
-    )
-    assert done.quantities["liner_compression_mean_kpa"] == MeasuredValue(value=11.8, sigma=1.1, unit="kPa")
-    problem = JobProblem(message="the wall does not pulsate", hint="start the pulsator")
-    failed = device_analysis("cup", DeviceAnalysis(state="failed", capture="c2", problem=problem))
-    assert (failed.quantities, failed.problem, failed.hint) == ({}, problem.message, problem.hint)
-
-
 def test_a_summary_sums_a_capture_up() -> None:
     capture = CaptureDocument.model_validate(CAPTURE)
     summary = capture_summary(capture, file="a.grab", site={}, rate_hz=50.0, calibration_id="rig-7")
@@ -92,7 +70,7 @@ def test_a_summary_sums_a_capture_up() -> None:
 
 def test_the_document_names_every_topic_and_every_key() -> None:
     text = DOCUMENT.read_text()
-    for topic in TOPICS:
+    for topic in all_topics():
         retained = "yes" if topic.retained else "no"
         assert (
             f"| `PREFIX/BARN/{topic.name.replace('{device}', 'DEVICE')}` | {retained} | {topic.words} |"
@@ -100,7 +78,6 @@ def test_the_document_names_every_topic_and_every_key() -> None:
         )
     for heading, message in (
         ("## A device's state", DeviceStateMessage),
-        ("## A device's latest analysis", AnalysisMessage),
         ("## A capture's summary", CaptureSummary),
     ):
         part = text.partition(heading)[2].partition("\n## ")[0]

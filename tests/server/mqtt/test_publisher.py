@@ -21,12 +21,13 @@ from archive.liner_tests import stored_test
 from grabberd.config import MqttConfig, MqttTlsConfig, default_config_file, shipped_configs
 from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.jobs import JobDocument
-from grabberd.documents.results import LinerTestResult
 from grabberd.documents.state import MqttDocument
 from grabberd.documents.states import JobState
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.instrument.setup import set_up
 from grabberd.server.daemon.service import Service
+from grabberd_liner.guided_tests.documents import LinerTestResult
+from grabberd_liner.part import liner_of
 
 BARN = "Stall 3/Nord"
 START = "grabberd/Stall%203%2FNord"
@@ -109,7 +110,7 @@ def test_the_latest_analysis_of_a_device_is_retained(tmp_path: Path) -> None:
             capture_id = capture(service)
             problem = JobProblem(message="the wall does not pulsate", hint="start the pulsator")
             service.jobs.refuse(capture_id, problem)
-            service.capture_analyses.note(capture_id)
+            liner_of(service).capture_analyses.note(capture_id)
             heard.until(lambda: heard.latest("/simulated/analysis") is not None)
         with receiver(known.port, "later") as later:
             later.until(lambda: later.latest("/simulated/analysis") is not None)
@@ -124,7 +125,7 @@ def test_so_is_its_latest_guided_test(tmp_path: Path) -> None:
     with broker(tmp_path) as known, receiver(known.port) as heard:
         with publishing(tmp_path / "state", known.port) as service:
             capture_id = capture(service)
-            test_id = stored_test(service.liner_tests.store)
+            test_id = stored_test(liner_of(service).liner_tests.store)
             job = JobDocument(
                 id=test_id,
                 kind="test",
@@ -134,7 +135,7 @@ def test_so_is_its_latest_guided_test(tmp_path: Path) -> None:
                 progress=1.0,
                 result=LinerTestResult(test=test_id, kind="ramp", verdict="passed", analyses=[1]),
             )
-            service.liner_tests.ended(job)
+            liner_of(service).liner_tests.ended(job)
             heard.until(lambda: heard.latest("/simulated/test") is not None)
         with receiver(known.port, "later") as later:
             later.until(lambda: later.latest("/simulated/test") is not None)

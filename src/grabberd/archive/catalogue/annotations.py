@@ -1,6 +1,6 @@
 """Pins, notes, labels and marks of captures, and their deletion by hand."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Protocol
 
@@ -9,7 +9,6 @@ from grabberd.archive.state.annotation_store import AnnotationStore
 from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.named_types import MOST_LABELS, MOST_MARKS
 from grabberd.errors import Conflict, InputError
-from grabberd_liner.analyses.store import AnalysisStore
 
 
 class Jobs(Protocol):
@@ -32,6 +31,12 @@ class CaptureAnnotations:
     """Annotates and deletes captures.
 
     Annotations are kept in the state database, beside the captures: a sealed file is never changed by them.
+
+    Args:
+        archive: The captures.
+        annotations: Their annotations.
+        jobs: Those that may be working on them.
+        remove_results: Called with a capture that is deleted, whose results go with it.
     """
 
     def __init__(
@@ -39,12 +44,12 @@ class CaptureAnnotations:
         archive: Archive,
         annotations: AnnotationStore,
         jobs: Jobs,
-        analyses: AnalysisStore,
+        remove_results: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._archive = archive
         self._annotations = annotations
         self._jobs = jobs
-        self._analyses = analyses
+        self._remove_results = remove_results
 
     def annotate(
         self,
@@ -92,7 +97,7 @@ class CaptureAnnotations:
         return pinned | self._jobs.busy_subjects()
 
     def delete(self, capture_id: str) -> None:
-        """Deletes a capture for good: its file, its analyses and its annotations.
+        """Deletes a capture for good: its file, its results and its annotations.
 
         Raises:
             NotFound: No capture has that id.
@@ -103,9 +108,9 @@ class CaptureAnnotations:
         if self._annotations.get(capture_id).pinned:
             raise Conflict(f"capture {capture_id} is pinned", "unpin it first: PATCH it with pinned: false")
         self._jobs.check_idle(capture_id)
-        # The capture first: if its file cannot be deleted, its analyses and annotations stay with it.
+        # The capture first: if its file cannot be deleted, its results and annotations stay with it.
         self._archive.remove(capture_id)
-        self._analyses.remove(capture_id)
+        self._remove_results(capture_id)
         self._annotations.remove(capture_id)
         self._jobs.forget_capture(capture_id)
 

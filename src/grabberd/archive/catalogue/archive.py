@@ -19,11 +19,10 @@ from grabberd.archive.catalogue.capture_documents import (
 )
 from grabberd.archive.catalogue.descriptions import Descriptions
 from grabberd.archive.catalogue.index_keeper import IndexKeeper
-from grabberd.archive.catalogue.library import Library
+from grabberd.archive.catalogue.library import Library, Results
 from grabberd.archive.state.annotation_store import Annotation
 from grabberd.archive.state.capture_index import Unusable
 from grabberd.archive.state.index_entries import SEALED_ENTRY, IndexEntry
-from grabberd.documents.capture_analyses import CaptureAnalysis
 from grabberd.documents.captures import CaptureDocument, MarkDocument
 from grabberd.errors import (
     CaptureFileError,
@@ -84,6 +83,7 @@ class Archive:
         armed: Returns the captures that wait for their trigger.
         annotation: Returns the annotation of a capture by its id.
         annotations: Returns all annotations by their captures' ids.
+        results: What others make of captures.
         folder: The folder as it is told from others; created if it does not exist and none is remembered.
         faults: Where a folder that is gone and an index that is damaged are told.
 
@@ -91,7 +91,6 @@ class Archive:
         folder: See above.
         index: Index of the captures that have ended.
         keeper: Rebuilds the index.
-        analysis: Returns the latest analysis of a capture by its id; set by who knows of analyses.
         library: The captures as lists search them.
     """
 
@@ -102,6 +101,7 @@ class Archive:
         armed: Callable[[], Sequence[ArmedCapture]] = list,
         annotation: Callable[[str], Annotation] = lambda _: Annotation(),
         annotations: Callable[[], Mapping[str, Annotation]] = dict,
+        results: Results | None = None,
         *,
         folder: CapturesFolder | None = None,
         faults: FaultBoard | None = None,
@@ -117,9 +117,9 @@ class Archive:
         self._recordings = recordings
         self._armed = armed
         self._annotation = annotation
-        self.analysis: Callable[[str], CaptureAnalysis | None] = lambda _: None
+        self._results = results
         self.annotations = annotations
-        self.library = Library(self.index, annotation, annotations)
+        self.library = Library(self.index, annotation, annotations, results)
         self._descriptions = Descriptions(describe)
 
     def open(self) -> None:
@@ -279,7 +279,7 @@ class Archive:
             "note": document.note if annotation.note is None else annotation.note,
             "labels": document.labels if annotation.labels is None else dict(annotation.labels),
             "marks": [MarkDocument(n=n, name=name) for n, name in sorted(annotation.marks.items())],
-            "analysis": self.analysis(document.id),
+            **(self._results.fields(document.id) if self._results else {}),
         }
         return document.model_copy(update=changes)
 

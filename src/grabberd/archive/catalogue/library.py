@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from datetime import tzinfo
+from typing import Protocol
 
 from grabberd.archive.state.annotation_store import Annotation
 from grabberd.archive.state.capture_catalogue import CaptureCatalogue, Found, Row
@@ -15,6 +16,18 @@ from grabberd.files.json_value import read_json
 _UNKNOWN = -1
 
 
+class Results(Protocol):
+    """Results that others make of captures, such as analyses."""
+
+    def fields(self, capture_id: str) -> Mapping[str, object]:
+        """Fields that they add to a capture's document."""
+        ...
+
+    def analysed(self, captures: Collection[str] | None) -> Collection[str]:
+        """The captures that they have results of, among these or among all."""
+        ...
+
+
 class Library:
     """Answers questions about captures from memory; what has changed since is read before it answers.
 
@@ -22,9 +35,7 @@ class Library:
         index: The captures on disk.
         annotation: Returns the annotation of a capture by its id.
         annotations: Returns all annotations by their captures' ids.
-
-    Attributes:
-        analysed: Returns the ids of the captures that have an analysis, of all or of some; set by who knows.
+        results: What others make of captures.
     """
 
     def __init__(
@@ -32,8 +43,9 @@ class Library:
         index: CaptureIndex,
         annotation: Callable[[str], Annotation],
         annotations: Callable[[], Mapping[str, Annotation]],
+        results: Results | None = None,
     ) -> None:
-        self.analysed: Callable[[Collection[str] | None], Collection[str]] = lambda _: ()
+        self._analysed = results.analysed if results else lambda _: set[str]()
         self._index = index
         self._annotation = annotation
         self._annotations = annotations
@@ -66,7 +78,8 @@ class Library:
         """
         with self._reading:
             self._read_what_changed()
-        return self._catalogue.ask(query, [_current_row(one) for one in current], days_in)
+        analysed = self._analysed({one.id for one in current})
+        return self._catalogue.ask(query, [_current_row(one, one.id in analysed) for one in current], days_in)
 
     def _read_what_changed(self) -> None:
         known: Mapping[str, Annotation]
@@ -75,11 +88,11 @@ class Library:
         try:
             if stale is None:
                 self._catalogue.replace(
-                    self._rows(self._index.list(), self._annotations(), self.analysed(None))
+                    self._rows(self._index.list(), self._annotations(), self._analysed(None))
                 )
             elif stale:
                 entries = self._index.some(sorted(stale))
-                known, analysed = {one.id: self._annotation(one.id) for one in entries}, self.analysed(stale)
+                known, analysed = {one.id: self._annotation(one.id) for one in entries}, self._analysed(stale)
                 self._catalogue.change(stale, self._rows(entries, known, analysed))
         except BaseException:
             self._put_back(stale)
@@ -114,7 +127,7 @@ def _row(entry: IndexEntry, annotation: Annotation, analysed: bool) -> Row:
     )
 
 
-def _current_row(document: CaptureDocument) -> Row:
+def _current_row(document: CaptureDocument, analysed: bool) -> Row:
     """A capture in the making: what only its end decides is unknown."""
     return Row(
         document.id,
@@ -122,7 +135,7 @@ def _current_row(document: CaptureDocument) -> Row:
         document.device,
         "",
         document.pinned,
-        document.analysis is not None and document.analysis.analysis is not None,
+        analysed,
         "",
         bool(document.runs),
         sum(document.ledger.counts.values()) if document.state != "armed" else _UNKNOWN,

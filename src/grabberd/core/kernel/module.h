@@ -6,7 +6,6 @@
 #include "grey.h"
 #include "kernel.h"
 #include "space.h"
-#include "wall.h"
 
 int grabberd_locate(const Picture *, const Settings *, double *out, int64_t capacity, Outcome *);
 int grabberd_locate_grey(const GreyPicture *, const GreySettings *, double *out, int64_t capacity, GreyOutcome *);

@@ -19,6 +19,8 @@ PyObject *hypotheses_of(PyObject *self, PyObject *arguments);
 PyObject *largest_of(PyObject *self, PyObject *arguments);
 PyObject *precision_of(PyObject *self, PyObject *arguments);
 PyObject *predictor_of_seen(PyObject *self, PyObject *arguments);
+PyObject *forces_of(PyObject *self, PyObject *arguments);
+PyObject *stiffness_of(PyObject *self, PyObject *arguments);
 
 bool is_world(const Py_buffer *world); /* a World that is sound in itself */
 

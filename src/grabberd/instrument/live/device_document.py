@@ -1,9 +1,9 @@
 """The document of a device at this moment."""
 
+from collections.abc import Mapping
 from dataclasses import asdict
 
 from grabberd.core.ledger import LossCause, Outcome, Rebase
-from grabberd.documents.capture_analyses import DeviceAnalysis
 from grabberd.documents.devices import (
     ComputerDocument,
     DeviceDocument,
@@ -20,17 +20,15 @@ from grabberd.instrument.device.worker import Worker
 from grabberd.instrument.instrument import Instrument
 from grabberd.instrument.live.health import Surroundings, device_health, lacks_of
 from grabberd.instrument.live.live_document import live_document
-from grabberd_liner.guided_tests.documents import DeviceTest
 
 
 def device_document(
     instrument: Instrument,
     active: ActiveCalibrations,
     around: Surroundings,
-    latest_analysis: DeviceAnalysis | None = None,
-    latest_test: DeviceTest | None = None,
+    fields: Mapping[str, object],
 ) -> DeviceDocument:
-    """A device at this moment."""
+    """A device at this moment, with the fields that others add to it."""
     health = device_health(instrument, around)
     status, rate_hz = instrument.board.now, instrument.board.rate_hz
     # Read once: a capture may end, or begin, while the document is built.
@@ -73,10 +71,8 @@ def device_document(
         group_id=capture.group.id if capture is not None and capture.group is not None else None,
         rig=instrument.worker.rig.document,
         field_order=instrument.worker.field_order.document,
-        latest_analysis=latest_analysis,
-        latest_test=latest_test,
         live=live_document(instrument, around.clock),
-    )
+    ).model_copy(update=fields)
 
 
 def _stream(stream: StreamInfo) -> JsonObject:

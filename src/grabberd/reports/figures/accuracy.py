@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from grabberd.reports.columns import Array
-from grabberd.reports.figures.drawing import INK, PALE, WIDTH_MM, Svg, drawn
+from grabberd.reports.figures.drawing import INK, PALE, WIDTH_MM, Array, Svg, drawn
 from grabberd.reports.numbers import fixed
 
 if TYPE_CHECKING:

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from grabberd.reports.columns import Array
-from grabberd.reports.figures.drawing import FAINT, INK, Svg, drawn
+from grabberd.reports.figures.drawing import FAINT, INK, Array, Svg, drawn
 from grabberd.reports.names import colour
 
 if TYPE_CHECKING:

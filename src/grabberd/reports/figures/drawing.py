@@ -7,10 +7,15 @@ from html import escape
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from grabberd.errors import ExtraMissing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
 
 MM_PER_INCH = 25.4
 WIDTH_MM = 170.0

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from grabberd.reports.columns import Array
-from grabberd.reports.figures.drawing import FAINT, INK, WIDTH_MM, Svg, drawn
+from grabberd.reports.figures.drawing import FAINT, INK, WIDTH_MM, Array, Svg, drawn
 from grabberd.reports.names import colour
 from grabberd.reports.numbers import significant
 

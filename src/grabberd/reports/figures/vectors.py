@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from grabberd.reports.columns import Array
-from grabberd.reports.figures.drawing import FAINT, GREY, INK, Svg, drawn, nice
+from grabberd.reports.figures.drawing import FAINT, GREY, INK, Array, Svg, drawn, nice
 from grabberd.reports.names import colour
 from grabberd.reports.numbers import significant
 

@@ -9,6 +9,7 @@ from fastapi.routing import APIRoute
 from starlette.concurrency import run_in_threadpool
 
 from grabberd import __version__
+from grabberd.extension import extensions, in_order, load
 from grabberd.server.api import problems
 from grabberd.server.api.docs.openapi import describe
 from grabberd.server.api.guard.authentication import Attempts, Authenticator
@@ -26,7 +27,9 @@ from grabberd.server.api.routes import (
     capture_contents,
     capture_groups,
     capture_replay,
+    capture_zip,
     captures,
+    device_checks,
     devices,
     jobs,
     live,
@@ -42,10 +45,22 @@ from grabberd.server.api.snapshots import Snapshots
 from grabberd.server.api.streams.feeds import Feeds
 from grabberd.server.daemon.service import Service
 from grabberd.server.web import Files, Site
-from grabberd_liner.analyses import routes as analyses
-from grabberd_liner.guided_tests import routes as liner_tests
-from grabberd_liner.profiles import routes as profiles
-from grabberd_liner.studies import routes as studies
+
+VERSIONED = {
+    "captures": captures,
+    "capture_batches": capture_batches,
+    "capture_zip": capture_zip,
+    "capture_groups": capture_groups,
+    "capture_contents": capture_contents,
+    "capture_replay": capture_replay,
+    "calibrations": calibrations,
+    "jobs": jobs,
+    "sessions": sessions,
+    "live": live,
+    "settings": settings,
+    "devices": devices,
+}
+"""Routes under /api/v1, among which those of extensions take their places."""
 
 
 def create_app(service: Service, front: Front | None = None) -> FastAPI:
@@ -85,24 +100,11 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
     app.add_middleware(Shortcuts, snapshots=snapshots)
     app.add_middleware(HeadAsGet)
     app.add_middleware(Gate, front=front, authenticator=authenticator)
-    for part in (
-        captures,
-        capture_batches,
-        capture_groups,
-        capture_contents,
-        capture_replay,
-        analyses,
-        calibrations,
-        profiles,
-        studies,
-        liner_tests,
-        jobs,
-        sessions,
-        live,
-        settings,
-    ):
+    added = [place for one in extensions() for place in one.routes]
+    for module in in_order(VERSIONED.items(), added).values():
+        part = load(module) if isinstance(module, str) else module
         app.include_router(part.router, prefix="/api/v1")
-    for part in (devices, system, metrics, page, site):
+    for part in (device_checks, system, metrics, page, site):
         app.include_router(part.router)
     describe(app)
     return app

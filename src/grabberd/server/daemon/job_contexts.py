@@ -1,13 +1,13 @@
 """Surroundings of jobs in a running daemon."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.calibration_store import CalibrationStore
 from grabberd.library.jobs.calibrator import Calibrator, calibrate_captures
 from grabberd.work.job_spec import JobContext, JobSpec
-from grabberd_liner.analyses.store import AnalysisStore
-from grabberd_liner.guided_tests.store import LinerTestStore
 
 
 @dataclass(slots=True)
@@ -16,16 +16,14 @@ class JobContexts:
 
     Attributes:
         archive: The captures.
-        analyses: The analyses.
         calibrations: The calibrations.
-        tests: The guided tests.
+        folders: Folders for results of extensions' jobs, by name.
         calibrator: Function that calibrates.
     """
 
     archive: Archive
-    analyses: AnalysisStore
     calibrations: CalibrationStore
-    tests: LinerTestStore
+    folders: Mapping[str, Path]
     calibrator: Calibrator = calibrate_captures
 
     def of(self, job_id: str, spec: JobSpec) -> JobContext:
@@ -40,8 +38,7 @@ class JobContexts:
             job=job_id,
             files={capture: self.archive.sealed_path(capture) for capture in spec.captures},
             captures=self.archive.directory,
-            analyses=self.analyses.directory,
             calibrations=self.calibrations.directory,
-            tests=self.tests.directory,
+            folders=self.folders,
             calibrator=self.calibrator,
         )

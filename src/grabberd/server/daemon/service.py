@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,18 +50,12 @@ from grabberd.instrument.settings import Settings, configuration_document
 from grabberd.instrument.setup import DeviceSetup, configured_calibrations
 from grabberd.server.daemon.job_contexts import JobContexts
 from grabberd.server.daemon.kinds import KINDS
+from grabberd.server.daemon.service_part import ServiceParts
 from grabberd.server.daemon.upkeep import Upkeep
 from grabberd.server.mqtt.publisher_setup import create_publisher
 from grabberd.work.job_queue import JobQueue
 from grabberd.work.own_process import OwnProcesses
 from grabberd.work.runner import JobRunner
-from grabberd_liner.analyses.capture_analyses import CaptureAnalyses
-from grabberd_liner.analyses.sealed_analyses import SealedAnalyses
-from grabberd_liner.analyses.store import AnalysisStore
-from grabberd_liner.guided_tests.liner_tests import LinerTests
-from grabberd_liner.guided_tests.store import LinerTestStore
-from grabberd_liner.profiles.profiles import Profiles
-from grabberd_liner.profiles.quantity_process import problems_in_process
 
 if TYPE_CHECKING:  # an optional extra
     from grabberd.server.mqtt.publisher import Publisher
@@ -81,12 +74,7 @@ class Service:
         archive: The captures on disk.
         annotations: Pins, notes and labels of captures, and their deletion by hand.
         retention: Deletion of old captures, where it is configured.
-        analyses: Analyses of the captures' points.
-        liner_tests: Guided tests of liners.
-        profiles: Profiles of liners, pulsators, cups and cows.
         job_contexts: Where a job finds its captures and leaves its results.
-        capture_analyses: The latest of each capture, and of each device.
-        sealed_analyses: Queues analyses and tests of captures that are sealed.
         width_courses: The course of the wall's width of each capture in few numbers.
         calibrations: The calibrations that there are.
         active: The calibration that each device measures with.
@@ -102,6 +90,10 @@ class Service:
         processes: What takes the core to answer.
         idempotency: Requests that must take effect once only.
         publisher: Publishes states and captures to a broker; None if none is configured.
+        parts: The parts that extensions make, by the extension's name.
+        directory: The state directory.
+        state_store: Settings and choices in the state database.
+        setups: The devices as they are configured.
     """
 
     def __init__(
@@ -117,6 +109,8 @@ class Service:
         loggers: Mapping[str, LoggerSetup] | None = None,
     ) -> None:
         self._clock = clock = clock or SystemClock()
+        self.directory, self.setups = directory, setups
+        self.parts = ServiceParts()
         self._disk = disk or DiskGuard()
         fair_lock = FairLock()
         self.faults = FaultBoard(clock)
@@ -139,7 +133,7 @@ class Service:
         self._current = CurrentCaptures({name: one.captures for name, one in self.instruments.items()})
         self.state_keeper = StateKeeper(directory, self.faults, clock)
         state, heal = directory / STATE, self.state_keeper.heal
-        self._state_store = StateStore(state, heal)
+        self.state_store = StateStore(state, heal)
         store = AnnotationStore(state, heal)
         self.archive = Archive(
             directory / "captures",
@@ -147,7 +141,8 @@ class Service:
             self._current.armed,
             store.get,
             store.all,
-            folder=CapturesFolder.kept_in(self._state_store, CAPTURES_FOLDER, directory / "captures"),
+            self.parts,
+            folder=CapturesFolder.kept_in(self.state_store, CAPTURES_FOLDER, directory / "captures"),
             faults=self.faults,
         )
         self._capture_end = end = CaptureEnd(self.archive, self.instruments)
@@ -158,26 +153,16 @@ class Service:
         self.capture_control = CaptureControl(self._current, self.archive, store, clock)
         self.calibrations = CalibrationCatalog(directory / "calibrations", configured_calibrations(setups))
         self.access = Access(directory, clock, heal)
-        self.settings = Settings(self._state_store, self.instruments)
+        self.settings = Settings(self.state_store, self.instruments)
         self.configuration = configuration_document(setups)
-        self.active = ActiveCalibrations(self.calibrations, self._state_store, self.instruments, clock)
-        self.profiles = Profiles(state, partial(problems_in_process, self.processes), clock, heal)
-        self.analyses = AnalysisStore(directory / "analyses")
+        self.active = ActiveCalibrations(self.calibrations, self.state_store, self.instruments, clock)
         job_store = JobStore(directory)
-        self.jobs = JobQueue(clock, job_store, KINDS, self.faults)
-        tests = LinerTestStore(directory / "tests")
-        self.liner_tests = LinerTests(tests, self.archive, self.profiles)
-        self.job_contexts = JobContexts(self.archive, self.analyses, self.calibrations.store, tests)
-        self.job_runner = JobRunner(self.jobs, job_store, self.job_contexts.of, self.faults)
-        self.capture_analyses = CaptureAnalyses(self.analyses, self.jobs, self.archive.index)
-        self.archive.analysis = self.capture_analyses.of
-        self.archive.library.analysed = self.analyses.among
+        self.jobs = JobQueue(clock, job_store, KINDS, self.faults, self._job_ended)
         self.width_courses = WidthCourses(self.archive)
-        self.jobs.ended = self._job_ended
-        self.sealed_analyses = SealedAnalyses(
-            self.jobs, self.archive, self.capture_analyses, self._state_store, setups, self.profiles, clock
-        )
-        self.annotations = CaptureAnnotations(self.archive, store, self.jobs, self.analyses)
+        self.parts.make(self)
+        self.job_contexts = JobContexts(self.archive, self.calibrations.store, self.parts.folders)
+        self.job_runner = JobRunner(self.jobs, job_store, self.job_contexts.of, self.faults)
+        self.annotations = CaptureAnnotations(self.archive, store, self.jobs, self._remove_results)
         self.idempotency = IdempotencyStore(state, heal)
         self.retention = Retention(
             self.archive,
@@ -189,12 +174,12 @@ class Service:
         )
         self.scrub = Scrub(
             self.archive,
-            self._state_store,
+            self.state_store,
             self.faults,
             clock,
             lambda: bool(self._current.recordings()),
         )
-        looks = self.sealed_analyses.look, self.width_courses.look
+        looks = *(part.look for part in self.parts.values()), self.width_courses.look
         self.upkeep = Upkeep(self.archive, self.unsealed, self.state_keeper, self.loggers, looks)
         self.state_keeper.restored = self._keep_what_is_in_force
         self.publisher: Publisher | None = None
@@ -240,8 +225,8 @@ class Service:
         self.archive.open()
         self.open_stores()
         self.access.key.make()
-        self.capture_analyses.open(reversed(self.jobs.list()))
-        self.liner_tests.open(reversed(self.jobs.list()))
+        for part in self.parts.values():
+            part.start()
         self._started = True
         if slower := what_is_slower():
             log.warning("%s", slower)
@@ -266,21 +251,19 @@ class Service:
         self.state_keeper.open()
 
     def open_stores(self) -> None:
-        """Opens calibrations, analyses, jobs, profiles, tokens and settings; applies the stored choices.
+        """Opens calibrations, jobs, tokens, settings and what extensions keep; applies the stored choices.
 
         Raises:
             StorageError: The state directory cannot be used.
         """
         self.calibrations.store.open()
-        self.analyses.open()
-        self.liner_tests.store.open()
         self.jobs.open()
-        self._state_store.open()
-        self.profiles.open()
+        self.state_store.open()
         self.access.open()
         self.settings.open()
         self.active.open()
-        self.sealed_analyses.open()
+        for part in self.parts.values():
+            part.open()
 
     def end_captures(self) -> None:
         """Ends running captures, all at the same moment; their files are sealed meanwhile."""
@@ -359,8 +342,7 @@ class Service:
             instrument,
             self.active,
             around or self.surroundings(),
-            self.capture_analyses.latest.get(instrument.name),
-            self.liner_tests.latest.get(instrument.name),
+            self.parts.device_fields(instrument.name),
         )
 
     def recordings(self) -> list[Recording]:
@@ -374,7 +356,8 @@ class Service:
         self.archive.library.note()
         self.settings.keep()
         self.active.keep()
-        self.sealed_analyses.keep()
+        for part in self.parts.values():
+            part.keep()
 
     def _spared(self) -> set[str]:
         if not self.state_keeper.pins_known:
@@ -388,11 +371,16 @@ class Service:
 
     def _sealed(self, capture_id: str, device: str) -> None:
         self.width_courses.sealed(capture_id)
-        self.sealed_analyses.sealed(capture_id, device)
+        for part in self.parts.values():
+            part.sealed(capture_id, device)
         if self.publisher is not None:
             self.publisher.capture_ended()
 
     def _job_ended(self, job: JobDocument, captures: Sequence[str]) -> None:
         self.archive.ended(job.subject, captures)
-        self.capture_analyses.ended(captures)
-        self.liner_tests.ended(job)
+        for part in self.parts.values():
+            part.job_ended(job, captures)
+
+    def _remove_results(self, capture_id: str) -> None:
+        for part in self.parts.values():
+            part.removed(capture_id)

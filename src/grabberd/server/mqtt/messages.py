@@ -1,26 +1,18 @@
 """MQTT topics and the messages on them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping
+from functools import cache
 from typing import NamedTuple
 from urllib.parse import quote
 
 from grabberd.core.ledger import Outcome
-from grabberd.documents.capture_analyses import DeviceAnalysis
 from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.devices import DeviceDocument
 from grabberd.documents.document import Document
-from grabberd.documents.mqtt import (
-    AnalysisMessage,
-    CaptureSummary,
-    DeviceStateMessage,
-    LedgerSummary,
-    LinerTestMessage,
-    MeasuredValue,
-)
+from grabberd.documents.mqtt import CaptureSummary, DeviceStateMessage, LedgerSummary
 from grabberd.documents.named_types import JsonObject
 from grabberd.documents.state import StorageDocument
-from grabberd_liner.analyses.documents import QuantityDocument
-from grabberd_liner.guided_tests.documents import DeviceTest
+from grabberd.extension import extensions, load
 
 SCHEMA = 1
 """Schema version of all messages; a new key does not change it, a new meaning of a key does."""
@@ -36,17 +28,35 @@ class Topic(NamedTuple):
 
 ONLINE = Topic("online", True, "whether the daemon is connected; `false` is its last will")
 STATE = Topic("devices/{device}/state", True, "the state of a device")
-ANALYSIS = Topic(
-    "devices/{device}/analysis", True, "the analysis of one of the device's captures that ended last"
-)
-TEST = Topic("devices/{device}/test", True, "the guided test of one of the device's captures that ended last")
 LAST_CAPTURE = Topic(
     "devices/{device}/capture",
     True,
     "the summary of the device's capture that ended last; only with `home_assistant`",
 )
 CAPTURE = Topic("captures", False, "the summary of a capture that has ended")
-TOPICS = (ONLINE, STATE, ANALYSIS, TEST, LAST_CAPTURE, CAPTURE)
+
+
+class DeviceTopic(NamedTuple):
+    """A topic of an extension on which each device has a message.
+
+    Attributes:
+        topic: The topic, whose name has the placeholder `device`.
+        message: Its message by the device's state; None as long as there is nothing to tell.
+    """
+
+    topic: Topic
+    message: Callable[[DeviceDocument], Document | None]
+
+
+@cache
+def device_topics() -> tuple[DeviceTopic, ...]:
+    """The topics that extensions add for each device."""
+    return tuple(topic for one in extensions() if one.messages for topic in load(one.messages))
+
+
+def all_topics() -> tuple[Topic, ...]:
+    """All topics, in the order of the documentation."""
+    return ONLINE, STATE, *(one.topic for one in device_topics()), LAST_CAPTURE, CAPTURE
 
 
 class Message(NamedTuple):
@@ -116,48 +126,6 @@ def device_state(device: DeviceDocument, storage: StorageDocument) -> DeviceStat
         capture_id=device.capture_id,
         disk_minutes_left=_two_digits(storage.minutes_left),
     )
-
-
-def device_analysis(device: str, latest: DeviceAnalysis) -> AnalysisMessage:
-    """The latest analysis of a device: its main quantities by name, or why there are none."""
-    return AnalysisMessage(
-        device=device,
-        capture_id=latest.capture,
-        state=latest.state,
-        analysis=latest.analysis,
-        created_utc=latest.created_utc,
-        quantities=_by_name(latest.quantities),
-        problem=latest.problem.message if latest.problem else None,
-        hint=latest.problem.hint if latest.problem else None,
-    )
-
-
-def device_test(device: str, latest: DeviceTest) -> LinerTestMessage:
-    """The latest guided test of a device: its verdict and quantities, or why there are none."""
-    test, problem = latest.test, latest.problem
-    return LinerTestMessage(
-        device=device,
-        capture_id=latest.capture,
-        state=latest.state,
-        test=test and test.id,
-        kind=test and test.kind,
-        liner=test and test.liner,
-        verdict=test and test.verdict,
-        created_utc=test and test.created_utc,
-        quantities=_by_name(test.quantities if test else ()),
-        offers=test is not None and test.offers,
-        problem=problem and problem.message,
-        hint=problem and problem.hint,
-    )
-
-
-def _by_name(quantities: Iterable[QuantityDocument]) -> dict[str, MeasuredValue]:
-    """Quantities that were found."""
-    return {
-        one.name: MeasuredValue(value=one.value, sigma=one.sigma, unit=one.unit)
-        for one in quantities
-        if one.value is not None
-    }
 
 
 def capture_summary(

@@ -19,17 +19,14 @@ from grabberd.errors import GrabberdError, NotReady, StorageError
 from grabberd.server.mqtt.announcements import Announcements
 from grabberd.server.mqtt.broker import Broker, Connection
 from grabberd.server.mqtt.messages import (
-    ANALYSIS,
     CAPTURE,
     LAST_CAPTURE,
     ONLINE,
     STATE,
-    TEST,
     Message,
     Topics,
-    device_analysis,
     device_state,
-    device_test,
+    device_topics,
 )
 from grabberd.server.mqtt.summary_queue import SummaryQueue
 
@@ -197,12 +194,9 @@ class Publisher:
         state = self._state()
         for name, device in state.devices.items():
             messages = [self._topics.message(STATE, device_state(device, state.storage), device=name)]
-            if device.latest_analysis is not None:
-                analysis = device_analysis(name, device.latest_analysis)
-                messages.append(self._topics.message(ANALYSIS, analysis, device=name))
-            if device.latest_test is not None:
-                test = device_test(name, device.latest_test)
-                messages.append(self._topics.message(TEST, test, device=name))
+            for topic, message_of in device_topics():
+                if (document := message_of(device)) is not None:
+                    messages.append(self._topics.message(topic, document, device=name))
             if self._announcements.any and (latest := self.summaries.latest(name)) is not None:
                 messages.append(self._topics.message(LAST_CAPTURE, latest, device=name))
             for message in messages:

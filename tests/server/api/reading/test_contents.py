@@ -30,7 +30,7 @@ PROGRAM = f"""
 {NICED}
 import sys
 sys.path.insert(0, {str(Path(__file__).parents[3])!r})
-from api.reading import test_contents as here
+from server.api.reading import test_contents as here
 here.serve()
 """
 

@@ -75,7 +75,7 @@ def test_what_was_kept_and_cannot_be_used_is_left_and_said_so(
 ) -> None:
     service = service_in(tmp_path)
     service.open_stores()
-    service._state_store.put({"threshold.simulated": {"kind": "of old"}})
+    service.state_store.put({"threshold.simulated": {"kind": "of old"}})
     again = service_in(tmp_path)
     again.open_stores()
     assert again.settings.document().devices["simulated"].as_configured is True

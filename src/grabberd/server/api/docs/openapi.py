@@ -7,7 +7,7 @@ from fastapi import FastAPI
 
 from grabberd.documents.problems import Problem
 from grabberd.server.api.guard.authentication import COOKIE
-from grabberd.server.api.guard.roles import LEAST_ROLE
+from grabberd.server.api.guard.roles import least_roles
 
 SCHEMES = {
     "token": {"type": "http", "scheme": "bearer", "description": "As `grabberd token add` printed it."},
@@ -70,8 +70,8 @@ def _complete(description: Tree) -> None:
 
 
 def _add_role(key: str, operation: Tree) -> None:
-    least = LEAST_ROLE.get(key)
-    if least is None and key in LEAST_ROLE:
+    least = least_roles().get(key)
+    if least is None and key in least_roles():
         operation["security"] = []
     else:
         operation["x-least-role"] = least

@@ -1,8 +1,11 @@
-"""The least role for every route, in one table; the first match applies, and None is open to everybody."""
+"""The least role for every route, in one table; the first match applies, and None is open to everybody.
+
+The routes of extensions need no rows: who reads is a viewer, who changes something an operator.
+"""
 
 import re
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 from fastapi.requests import HTTPConnection
@@ -11,9 +14,10 @@ from starlette.types import Scope
 
 from grabberd.archive.access import Identity
 from grabberd.documents.roles import Role
+from grabberd.extension import extensions, load
 from grabberd.server.api.guard.refusals import Refusal
 
-LEAST_ROLE: Mapping[str, Role | None] = {
+_OWN: dict[str, Role | None] = {
     "GET /": None,
     "GET /static/{version}/{path:path}": None,
     "GET /healthz": None,
@@ -38,7 +42,6 @@ LEAST_ROLE: Mapping[str, Role | None] = {
     "GET /api/v1/devices/{name}/curves": Role.VIEWER,
     "GET /api/v1/devices/{name}/light": Role.VIEWER,
     "GET /api/v1/devices/{name}/object": Role.VIEWER,
-    "GET /api/v1/devices/{name}/pulsation": Role.VIEWER,
     "POST /api/v1/devices/{name}/check": Role.OPERATOR,
     "GET /api/v1/captures": Role.VIEWER,
     "GET /api/v1/captures.csv": Role.VIEWER,
@@ -46,7 +49,6 @@ LEAST_ROLE: Mapping[str, Role | None] = {
     "POST /api/v1/captures": Role.OPERATOR,
     "PATCH /api/v1/captures": Role.OPERATOR,
     "POST /api/v1/captures/deletion": Role.OPERATOR,
-    "POST /api/v1/captures/analysis": Role.OPERATOR,
     "GET /api/v1/captures/{capture_id}": Role.VIEWER,
     "PATCH /api/v1/captures/{capture_id}": Role.OPERATOR,
     "DELETE /api/v1/captures/{capture_id}": Role.OPERATOR,
@@ -72,13 +74,6 @@ LEAST_ROLE: Mapping[str, Role | None] = {
     "GET /api/v1/captures/{capture_id}/widths": Role.VIEWER,
     "GET /api/v1/captures/{capture_id}/replay/points": Role.VIEWER,
     "GET /api/v1/captures/{capture_id}/replay/pictures": Role.VIEWER,
-    "POST /api/v1/captures/{capture_id}/analysis": Role.OPERATOR,
-    "POST /api/v1/captures/{capture_id}/analysis/inputs": Role.OPERATOR,
-    "GET /api/v1/captures/{capture_id}/analyses": Role.VIEWER,
-    "GET /api/v1/captures/{capture_id}/analyses/{number}": Role.VIEWER,
-    "GET /api/v1/captures/{capture_id}/analyses/{number}/maps": Role.VIEWER,
-    "GET /api/v1/captures/{capture_id}/analyses/{number}/report": Role.VIEWER,
-    "GET /api/v1/captures/{capture_id}/analyses/{number}/{table}.csv": Role.VIEWER,
     "GET /api/v1/calibrations": Role.VIEWER,
     "POST /api/v1/calibrations": Role.OPERATOR,
     "PUT /api/v1/calibrations/active": Role.OPERATOR,
@@ -88,20 +83,6 @@ LEAST_ROLE: Mapping[str, Role | None] = {
     "GET /api/v1/calibrations/{calibration_id}/report.json": Role.VIEWER,
     "GET /api/v1/calibration-frames": Role.VIEWER,
     "POST /api/v1/captures/{capture_id}/identification": Role.OPERATOR,
-    "GET /api/v1/profiles": Role.VIEWER,
-    "POST /api/v1/profiles": Role.OPERATOR,
-    "GET /api/v1/profiles/{kind}/{name}": Role.VIEWER,
-    "PUT /api/v1/profiles/{kind}/{name}": Role.OPERATOR,
-    "DELETE /api/v1/profiles/{kind}/{name}": Role.OPERATOR,
-    "GET /api/v1/profiles/{kind}/{name}/versions": Role.VIEWER,
-    "GET /api/v1/profiles/{kind}/{name}/versions/{version}": Role.VIEWER,
-    "GET /api/v1/study": Role.VIEWER,
-    "GET /api/v1/tests": Role.VIEWER,
-    "POST /api/v1/tests": Role.OPERATOR,
-    "GET /api/v1/tests/recipes": Role.VIEWER,
-    "GET /api/v1/tests/{test_id}": Role.VIEWER,
-    "GET /api/v1/tests/{test_id}/report": Role.VIEWER,
-    "POST /api/v1/tests/{test_id}/accept": Role.OPERATOR,
     "GET /api/v1/jobs": Role.VIEWER,
     "GET /api/v1/jobs/{job_id}": Role.VIEWER,
     "DELETE /api/v1/jobs/{job_id}": Role.OPERATOR,
@@ -110,6 +91,18 @@ LEAST_ROLE: Mapping[str, Role | None] = {
     "GET /api/v1/config": Role.ADMIN,
     "GET /api/v1/diagnostics": Role.ADMIN,
 }
+
+
+@cache
+def least_roles() -> Mapping[str, Role | None]:
+    """The least role by method and address, of the program and its extensions."""
+    routes = [
+        route for one in extensions() for place in one.routes for route in load(place.target).router.routes
+    ]
+    added = [(method, route.path) for route in routes for method in route.methods]
+    return _OWN | {
+        f"{method} /api/v1{path}": Role.VIEWER if method == "GET" else Role.OPERATOR for method, path in added
+    }
 
 
 class _Row(NamedTuple):
@@ -127,7 +120,6 @@ REMEMBERED = 1024
 """Addresses whose rows are remembered; to try all rows takes longer than anything else that the gate does."""
 LONGEST_REMEMBERED = 200
 """Characters of an address: whoever it comes from is not known yet, and may send 32 KB."""
-_ROWS = tuple(_row(key, least) for key, least in LEAST_ROLE.items())
 
 
 def _find(scope: Scope) -> _Row | None:
@@ -136,9 +128,14 @@ def _find(scope: Scope) -> _Row | None:
     return find("GET" if method == "HEAD" else method, scope["path"])
 
 
+@cache
+def _rows() -> tuple[_Row, ...]:
+    return tuple(_row(key, least) for key, least in least_roles().items())
+
+
 @lru_cache(REMEMBERED)
 def _row_of(method: str, path: str) -> _Row | None:
-    return next((row for row in _ROWS if row.method == method and row.path.match(path)), None)
+    return next((row for row in _rows() if row.method == method and row.path.match(path)), None)
 
 
 def is_declared(method: str, path: str) -> bool:
