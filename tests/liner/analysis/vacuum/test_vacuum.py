@@ -53,6 +53,8 @@ def test_sigma_of_a_wave_grows_on_its_slopes() -> None:
     ("change", "said"),
     [
         ({"rate_per_min": 6.0}, "rate_per_min 6"),
+        ({"rate_per_min": 0.0}, "rate_per_min 0"),
+        ({"rate_per_min": -60.0}, "rate_per_min -60"),
         ({"ratio": 60.0}, "60:40 is .6"),
         ({"a_s": 0.0}, "must be longer than 0"),
         ({"system_kpa": 420.0}, "system_kpa 420"),
