@@ -7,6 +7,7 @@ How long each file's tests take is kept for `make test-affected`. Services show 
 where these are not the subject.
 """
 
+import gc
 import os
 import signal
 from collections.abc import Iterator
@@ -62,6 +63,20 @@ def processes() -> "Iterator[OwnProcesses]":
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The order is otherwise that of the files, which `--no-loadscope-reorder` keeps among the workers."""
     items.sort(key=lambda item: not item.path.relative_to(HERE).as_posix().startswith(LONGEST))
+
+
+def pytest_collection_finish() -> None:
+    """Twelve thousand tests and all modules are looked through for garbage once, and never again."""
+    gc.collect()
+    gc.freeze()
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown() -> None:
+    """Lets go of what refers to itself: a picture is a single object to the collector, which would wait for
+    thousands of them.
+    """
+    gc.collect(1)
 
 
 def pytest_configure(config: pytest.Config) -> None:

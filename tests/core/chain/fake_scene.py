@@ -1,7 +1,7 @@
 """Fields of the simulated grabber, and what is true in them."""
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 import yaml
@@ -33,7 +33,7 @@ class Scene:
             whole = Field.progressive(whole.luma) if lines == "progressive" else whole
             yield NumberedField(n, time_ns, n, quantise(whole, bits, threshold))
 
-    @cache  # noqa: B019 - a test module has one or two scenes
+    @lru_cache(maxsize=2)  # noqa: B019 - a scene has hundreds of pictures; two are compared at a time
     def measured(self, bits, lines):
         """Every field measured."""
         return list(measure_fields(self.packed(bits, lines), self.setup))
