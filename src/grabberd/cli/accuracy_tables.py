@@ -2,24 +2,28 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from grabberd.core.chain.accuracy import Compared, Investigation
-from grabberd.core.reconstruction.accuracy.accuracy import PAPER_PRECISION, PAPER_RMSE, Axes
-from grabberd.core.reconstruction.accuracy.pointing import PAPER_PX, PointingPrecision
-from grabberd.core.reconstruction.accuracy.rigid_motion import RigidMotion
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from grabberd.core.chain.accuracy import Compared, Investigation
+    from grabberd.core.reconstruction.accuracy.accuracy import Axes
+    from grabberd.core.reconstruction.accuracy.pointing import PointingPrecision
+    from grabberd.core.reconstruction.accuracy.rigid_motion import RigidMotion
 
 MUCH_CHI2 = 4.0
 """Above this the errors are more than twice the σ that the points carry."""
 
 
-def show(results: Sequence[Investigation], console: Console) -> None:
+def show(results: "Sequence[Investigation]", console: Console) -> None:
     """Print Table 1, lengths and pointing of every investigation."""
+    from grabberd.core.reconstruction.accuracy.accuracy import PAPER_PRECISION, PAPER_RMSE  # noqa: PLC0415
+
     table = Table("mm", "X", "Y", "Z", "XYZ", title="Accuracy, as in the paper's Table 1")
     _row(table, "paper, RMSE", PAPER_RMSE)
     _row(table, "paper, precision (σ)", PAPER_PRECISION)
@@ -37,7 +41,7 @@ def show(results: Sequence[Investigation], console: Console) -> None:
             console.print(line, highlight=False, soft_wrap=True)
 
 
-def _row(table: Table, name: str, axes: Axes) -> None:
+def _row(table: Table, name: str, axes: "Axes") -> None:
     table.add_row(name, *(f"{value:.4f}" for value in axes))
 
 
@@ -45,7 +49,7 @@ def _bits(bits: int) -> str:
     return f"{bits} bit" if bits == 1 else f"{bits} bits"
 
 
-def _words(result: Investigation) -> list[str]:
+def _words(result: "Investigation") -> list[str]:
     table, motion = result.single.accuracy, result.smoothing
     head = _bits(result.bits)
     left_out = int(motion.left_out.sum())
@@ -65,7 +69,7 @@ def _words(result: Investigation) -> list[str]:
     return words
 
 
-def _remarks(compared: Compared) -> list[str]:
+def _remarks(compared: "Compared") -> list[str]:
     """Remarks on the calibration."""
     if compared.chi2 <= MUCH_CHI2:
         return []
@@ -75,7 +79,9 @@ def _remarks(compared: Compared) -> list[str]:
     ]
 
 
-def _pointing_words(pointing: PointingPrecision) -> str:
+def _pointing_words(pointing: "PointingPrecision") -> str:
+    from grabberd.core.reconstruction.accuracy.pointing import PAPER_PX  # noqa: PLC0415
+
     (x, y), (paper_x, paper_y) = pointing.both_px, PAPER_PX
     return (
         f"pointing {x:.3f} px in x, {y:.3f} px in y, from {pointing.fields} measurements of "
@@ -83,17 +89,17 @@ def _pointing_words(pointing: PointingPrecision) -> str:
     )
 
 
-def _movement(acceleration_mm_s2: NDArray[np.float64]) -> str:
+def _movement(acceleration_mm_s2: "NDArray[np.float64]") -> str:
     greatest = float(acceleration_mm_s2.max(initial=0.0))
     return "the object is at rest" if greatest == 0 else f"accelerations about {greatest:.0f} mm/s²"
 
 
-def _fit_words(motion: RigidMotion) -> str:
+def _fit_words(motion: "RigidMotion") -> str:
     shift = ", ".join(f"{value:+.4f}" for value in motion.shift_mm)
     return f"rotated by {motion.angle_deg:.4f} degrees, shifted by {shift} mm; not scaled"
 
 
-def _length_words(compared: Compared) -> str:
+def _length_words(compared: "Compared") -> str:
     lengths = compared.lengths
     if lengths is None:
         return f"length-measuring error not determined: {compared.no_lengths}"
@@ -104,14 +110,17 @@ def _length_words(compared: Compared) -> str:
     )
 
 
-def document(results: Sequence[Investigation]) -> dict[str, Any]:
+def document(results: "Sequence[Investigation]") -> dict[str, Any]:
     """JSON document of all results; the first investigation is repeated at the top level."""
+    from grabberd.core.reconstruction.accuracy.accuracy import PAPER_PRECISION, PAPER_RMSE  # noqa: PLC0415
+    from grabberd.core.reconstruction.accuracy.pointing import PAPER_PX  # noqa: PLC0415
+
     investigations = [_investigation(result) for result in results]
     paper = {"rmse": PAPER_RMSE._asdict(), "precision": PAPER_PRECISION._asdict(), "pointing_px": PAPER_PX}
     return {**investigations[0]["single"], "paper": paper, "investigations": investigations}
 
 
-def _investigation(result: Investigation) -> dict[str, Any]:
+def _investigation(result: "Investigation") -> dict[str, Any]:
     found = result.smoothing
     shares = {name: getattr(found.shares, name).tolist() for name in ("white", "opposite", "common")}
     return {
@@ -127,7 +136,7 @@ def _investigation(result: Investigation) -> dict[str, Any]:
     }
 
 
-def _compared(compared: Compared) -> dict[str, Any]:
+def _compared(compared: "Compared") -> dict[str, Any]:
     table = compared.accuracy
     return {
         **{name: getattr(table, name) for name in ("fields", "matched", "missing", "wrong", "unknown")},
@@ -144,7 +153,7 @@ def _compared(compared: Compared) -> dict[str, Any]:
     }
 
 
-def _fit(motion: RigidMotion) -> dict[str, Any]:
+def _fit(motion: "RigidMotion") -> dict[str, Any]:
     return {
         "rotation": motion.rotation.tolist(),
         "shift_mm": motion.shift_mm.tolist(),

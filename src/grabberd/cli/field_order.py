@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 from grabberd.cli import EX_BAD_VERDICT
 from grabberd.cli.options import print_result, with_device
 from grabberd.cli.terminal import progress_console
-from grabberd.config import Config, DeviceConfig
 from grabberd.errors import DeviceRefused, StreamEnded, StreamFailed
 
 if TYPE_CHECKING:
+    from grabberd.config import Config, DeviceConfig
     from grabberd.core.chain.field_order import FieldOrderFinding
     from grabberd.core.field import Field
     from grabberd.core.reconstruction.accuracy.field_order import Order
@@ -27,7 +27,7 @@ EDGE_ROWS = 16
 """Rows at top and bottom left out: half lines, teletext and stamped numbers do not move."""
 
 
-def check(config: Config, file: Path | None, name: str | None, json: bool) -> int:
+def check(config: "Config", file: Path | None, name: str | None, json: bool) -> int:
     """Watch a device and print its field order; returns the exit code, 0 if it is right.
 
     Raises:
@@ -50,7 +50,7 @@ def _document(finding: "FieldOrderFinding") -> dict[str, Any]:
     return asdict(finding) | {name: ratio and ratio._asdict() for name, ratio in ratios.items()}
 
 
-def _watch(name: str, device: DeviceConfig) -> "tuple[StreamInfo, FieldOrderFinding]":
+def _watch(name: str, device: "DeviceConfig") -> "tuple[StreamInfo, FieldOrderFinding]":
     from grabberd.core.chain.field_order import check as judged  # noqa: PLC0415
     from grabberd.core.field import FieldOrder  # noqa: PLC0415
     from grabberd.instrument.acquisition import GRABBERS  # noqa: PLC0415
@@ -115,7 +115,7 @@ _WORDS = {
 }
 
 
-def _advice(order: "Order", device: DeviceConfig, info: "StreamInfo") -> str:
+def _advice(order: "Order", device: "DeviceConfig", info: "StreamInfo") -> str:
     from grabberd.core.field import FieldOrder  # noqa: PLC0415
 
     if order == "reversed":

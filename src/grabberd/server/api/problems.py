@@ -19,7 +19,7 @@ from grabberd.documents.problems import (
     Fault,
     GroupRefusedProblem,
     Problem,
-    Refusal,
+    Refusal as RefusalOfDevice,
     RefusalWhileRunning,
 )
 from grabberd.server.daemon.descriptors import exhaustion
@@ -109,11 +109,11 @@ def _name(error: errors.GrabberdError) -> str:
     return re.sub(r"(?<!^)(?=[A-Z])", "-", type(error).__name__).lower()
 
 
-def _refusal(device: str, error: errors.GrabberdError) -> Refusal:
+def _refusal(device: str, error: errors.GrabberdError) -> RefusalOfDevice:
     known = {"device": device, "type": f"{KIND}{_name(error)}", "detail": error.message, "hint": error.hint}
     if isinstance(error, errors.CaptureRunning):
         return RefusalWhileRunning(**known, capture_id=error.capture_id)
-    return Refusal(**known)
+    return RefusalOfDevice(**known)
 
 
 def _of_request(_: Request, error: Exception) -> ProblemResponse:

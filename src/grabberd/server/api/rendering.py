@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any
 
-from fastapi.responses import Response
+from fastapi import Response
 from fastapi.routing import APIRoute
 from pydantic import BaseModel
 

@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping
 
-from fastapi import HTTPException, Request
+from fastapi import Request
 from fastapi.responses import Response
+from starlette.exceptions import HTTPException
 
 from grabberd.server.api.problems import ProblemResponse, problem
 
