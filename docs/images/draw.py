@@ -33,8 +33,7 @@ from grabberd_liner.chain.analysis.inputs import read_inputs
 from grabberd_liner.chain.analysis.tables import tables
 from grabberd_liner.render import synthetic_view
 from grabberd_liner.render.model_pictures import Gallery, Modelling
-from grabberd_liner.render.viewpoint import SIDES
-from grabberd_liner.render.wire_model import Look
+from grabberd_liner.render.wire_model import SIDES, Look
 from grabberd_liner.reports.columns import Columns
 from grabberd_liner.reports.figures import model_svg, states_of, time_svg
 

@@ -11,8 +11,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from grabberd.archive.calibrations.calibration_frames import CALIBRATION_FRAME_KEYS
-from grabberd.archive.export.channel_columns import CHANNEL_COLUMNS
-from grabberd.archive.export.ply_file import PLY_NAMES, PLY_TYPES
+from grabberd.archive.export.channels_export import CHANNEL_COLUMNS
 from grabberd.archive.export.points_columns import (
     CLOUD_COLUMNS,
     DATASET_COLUMNS,
@@ -20,6 +19,7 @@ from grabberd.archive.export.points_columns import (
     GRID_COLUMNS,
     POINT_COLUMNS,
 )
+from grabberd.archive.export.table_files import PLY_NAMES, PLY_TYPES
 from grabberd.config import Config, default_config_file, load_config
 from grabberd.core.chain.columns import LABELS, WORD, Column, TableSpec
 from grabberd.core.reconstruction.object_model import KEYS, TARGET_KEYS, FileKey
@@ -29,8 +29,8 @@ from grabberd.schemas import known_forms, schema_of
 from grabberd.server.api import create_app
 from grabberd.server.daemon.service import Service
 from grabberd_liner.chain.analysis.columns import TABLES
-from grabberd_liner.chain.study.columns import TABLES as STUDY_TABLES
-from grabberd_liner.chain.study.columns import captures_spec
+from grabberd_liner.chain.study.tables import TABLES as STUDY_TABLES
+from grabberd_liner.chain.study.tables import captures_spec
 from grabberd_liner.profiles.documents import CowProfile, CupProfile, LinerProfile, PulsatorProfile
 
 HERE = Path(__file__).parent

@@ -16,16 +16,15 @@ world runs on an injectable clock; noise, jitter and rig follow from seeds; faul
                                                 --of vacuum: a logger's file)
 """
 
+from grabberd_fake.ellipse_truth import WallTruth, truth_of_wall
 from grabberd_fake.faults import KINDS
 from grabberd_fake.grabber import Clock, FakeGrabber, JumpingClock, RealClock
 from grabberd_fake.light_switch import FakeLight, FakeLightOptions
 from grabberd_fake.liner_truth import LinerTruth, WallPlaces, truth_of_liner
-from grabberd_fake.logger import FakeLogger
-from grabberd_fake.logger_options import LOGGER_FAULTS, FakeLoggerOptions
+from grabberd_fake.logger import LOGGER_FAULTS, FakeLogger, FakeLoggerOptions
 from grabberd_fake.options import SCENES, FakeOptions
 from grabberd_fake.stamp import Stamp, read_stamp
 from grabberd_fake.truth import truth_at
-from grabberd_fake.wall_truth import WallTruth, truth_of_wall
 from grabberd_fake.world import Truth, World
 
 NOT_SIMULATED = """\

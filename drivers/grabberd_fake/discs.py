@@ -1,14 +1,33 @@
-"""Images of discs as ellipses in the picture."""
+"""Targets, which are discs in space, and their images as ellipses in the picture; the image of the light."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd_fake.optics import Array, View
-from grabberd_fake.targets import Targets
+from grabberd_fake.light_options import LightOptions
+from grabberd_fake.optics import HALF, Array, View
+
+
+class Targets(NamedTuple):
+    """N discs.
+
+    Attributes:
+        xyz_mm: (N, 3) their centres in the object's frame; `normal`: (N, 3) unit vectors, outward.
+    """
+
+    xyz_mm: Array
+    normal: Array
+
+
+def grid_numbers(rows: int, columns: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Row and column of every place of a grid, row by row; (rows · columns,) each."""
+    row, column = np.divmod(np.arange(rows * columns, dtype=np.int32), np.int32(columns))
+    return row, column
+
 
 # The first harmonics of the boundary make the ellipse; eight points keep higher ones from aliasing into it.
 _BOUNDARY = 8
@@ -69,8 +88,7 @@ def _rim(targets: Targets, radius_mm: float) -> Array:
     u, v = _in_plane(targets.normal)
     spokes = np.concatenate([[[0.0, 0.0]], np.column_stack([_COSINES, _SINES])]) * radius_mm
     basis = np.stack([u, v], axis=1)
-    around: Array = targets.xyz_mm[:, np.newaxis] + spokes @ basis
-    return around
+    return targets.xyz_mm[:, np.newaxis] + spokes @ basis
 
 
 def _in_plane(normal: Array) -> tuple[Array, Array]:
@@ -89,8 +107,7 @@ def facing(view: View, targets: Targets, grazing_limit_deg: float) -> NDArray[np
     sight = view.center_mm() - targets.xyz_mm
     along = np.einsum("nx,nx->n", sight, targets.normal)
     limit = math.cos(math.radians(grazing_limit_deg))
-    faces: NDArray[np.bool_] = along > limit * np.sqrt(np.einsum("nx,nx->n", sight, sight))
-    return faces
+    return along > limit * np.sqrt(np.einsum("nx,nx->n", sight, sight))
 
 
 def smeared(ellipses: Ellipses, start: Array, end: Array, step_px: float) -> Ellipses:
@@ -112,3 +129,19 @@ def smeared(ellipses: Ellipses, start: Array, end: Array, step_px: float) -> Ell
     moved = (end - start)[which] * (time / 2) + (end + start)[which] * (time * time / 2)
     copied = ellipses.select(which)
     return Ellipses(copied.center + moved, copied.a, copied.b, (1.0 / copies)[which])
+
+
+def light_image(options: LightOptions, share: float) -> tuple[Ellipses, Ellipses]:
+    """Its images in the left and the right half, each in frame pixels: it lies in one of them."""
+    left = options.x_px < HALF
+    return _disc(options, share, left), _disc(options, share, not left)
+
+
+def _disc(options: LightOptions, share: float, drawn: bool) -> Ellipses:
+    radius, count = options.diameter_px / 2, int(drawn)
+
+    def rows(x: float, y: float) -> Array:
+        return np.full((count, 2), (x, y))
+
+    weight = np.full(count, share * options.brightness)
+    return Ellipses(rows(options.x_px, options.y_px), rows(radius, 0.0), rows(0.0, radius), weight)

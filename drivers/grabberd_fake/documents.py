@@ -3,10 +3,9 @@
 import math
 from typing import Any
 
-from grabberd_fake.optics import COLUMNS, HALF, LINES, Array, View
+from grabberd_fake.optics import COLUMNS, HALF, LINES, Array, View, build_views
 from grabberd_fake.options import FakeOptions
-from grabberd_fake.rig import build_views
-from grabberd_fake.scenes import build_scene
+from grabberd_fake.world import build_scene
 
 CREATED_UTC = "2026-01-01T00:00:00Z"
 # The nominal shape of a liner is known far less well than a certified object.

@@ -129,8 +129,7 @@ class DrawnAhead:
             raise self._failed("has ended") from error
         if not message:
             raise self._failed("has ended")
-        number: int = _FIELD.unpack(message)[0]
-        return number
+        return _FIELD.unpack(message)[0]
 
     def _failed(self, reason: str) -> StreamFailed:
         self._end()

@@ -1,16 +1,11 @@
 """The scene `ellipse`: a tube that collapses elliptically about the middle of its length, once a pulsation.
 
-It moves as somebody prescribed and is not in equilibrium: nothing presses it so, there is no teat, and along
-the wall its shape would ask for friction that nothing gives. Use it where a cheap moving shape of closed form
-is wanted, and never to judge pressures by; `liner` is for that. Its mathematics is confined to this module
-and `ellipse`. The middle surface of the wall is
-
-    S(x, s, t) = (x, y(s, d), axis_z + z(s, d)),        d(x, t) = deflection · profile(x) · closure(t)
-
-where s is the arc length round the wall from the line that faces the cameras and (y, z) runs along an ellipse
-of semi-axis radius − d towards the cameras and of the open liner's perimeter. The targets lie on the outer
-face, half a wall (and their own thickness) off along the normal, at constant x and s: their distances round
-the middle surface never change.
+It moves as prescribed and is not in equilibrium: nothing presses it so, there is no teat, and its shape would
+ask for friction that nothing gives. Use it as a cheap moving shape of closed form, never to judge pressures
+by; `liner` is for that. Middle surface: S(x, s, t) = (x, y(s, d), axis_z + z(s, d)), d(x, t) = deflection ·
+profile(x) · closure(t), with s the arc length round the wall from the line that faces the cameras and (y, z)
+on an ellipse of semi-axis radius − d towards the cameras and of the open liner's perimeter. Targets lie half
+a wall (and their thickness) off along the normal, at constant x and s: distances round the wall never change.
 """
 
 from functools import lru_cache
@@ -19,10 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd_fake import ellipse
-from grabberd_fake.ellipse_options import EllipseOptions
+from grabberd_fake.discs import Targets, grid_numbers
+from grabberd_fake.liner_options import EllipseOptions
 from grabberd_fake.optics import Array
-from grabberd_fake.targets import Targets, grid_numbers
 
 # Flatter sections than .7 of the radius are refused by `EllipseOptions`: the table need not go further.
 _STEPS = 2048
@@ -89,8 +83,7 @@ def _outward(along_s: Array, along_x: Array) -> Array:
     """Unit vectors along ∂S/∂x × ∂S/∂s, with the first component of `along_s` zero and of `along_x` one."""
     (_, ty, tz), (_, a, b) = along_s.T, along_x.T
     normal = np.stack([a * tz - b * ty, -tz, ty], axis=1)
-    unit: Array = normal / np.sqrt((normal * normal).sum(axis=1, keepdims=True))
-    return unit
+    return normal / np.sqrt((normal * normal).sum(axis=1, keepdims=True))
 
 
 def profile(x_mm: Array, length_mm: float) -> tuple[Array, Array]:
@@ -140,8 +133,7 @@ class Sections:
         part = (place - step)[:, np.newaxis]
         values = self._table[step, column] * (1 - part) + self._table[step + 1, column] * part
         values[:, :2] *= self._radius_mm
-        rows: Array = values.T
-        return rows
+        return values.T
 
 
 @lru_cache(maxsize=8)
@@ -149,14 +141,61 @@ def _unit_table(arcs: tuple[float, ...]) -> Array:
     """(_STEPS + 1, columns, 6) for radius 1: y, z, dy/dd, dz/dd, tangent y, tangent z."""
     deflection = np.linspace(0.0, _FLATTEST, _STEPS + 1)
     p = 1.0 - deflection
-    q = ellipse.widened(p)
+    q = widened(p)
     table = np.stack([_unit_sections(p, q, arc) for arc in arcs], axis=1)
     slopes = np.gradient(table[:, :, :2], deflection, axis=0, edge_order=2)
     return np.concatenate([table[:, :, :2], slopes, table[:, :, 2:]], axis=2)
 
 
 def _unit_sections(p: Array, q: Array, arc: float) -> Array:
-    theta = ellipse.eccentric_angle(p, q, np.full_like(p, arc))
+    theta = eccentric_angle(p, q, np.full_like(p, arc))
     tangent = np.stack([q * np.cos(theta), -p * np.sin(theta)], axis=1)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     return np.column_stack([q * np.sin(theta), p * np.cos(theta), tangent])
+
+
+# The trapezoidal rule over a period of a smooth function converges exponentially: exact to rounding.
+_SAMPLES = 128
+_ANGLES = np.arange(_SAMPLES) * (2 * np.pi / _SAMPLES)
+
+
+def perimeter(p: Array, q: Array) -> Array:
+    """(N,) perimeters of ellipses with semi-axes p, q (N,), exact to rounding."""
+    return _speed(p, q).mean(axis=1) * (2 * np.pi)
+
+
+def widened(p: Array) -> Array:
+    """(N,) second semi-axis of ellipses of perimeter 2π with first semi-axis p (N,), 0.25 < p <= 1."""
+    q = 2.0 - p  # first guess: near the circle the semi-axes' mean stays 1; Newton's method does the rest
+    for _ in range(8):
+        step = (perimeter(p, q) - 2 * np.pi) / _perimeter_by_q(p, q)
+        q = q - step
+        if np.abs(step).max() < 1e-13:
+            break
+    return q
+
+
+def eccentric_angle(p: Array, q: Array, arc: Array) -> Array:
+    """(N,) eccentric angle θ of the point (q sin θ, p cos θ) at arc length `arc` (N,) from θ = 0.
+
+    The speed ds/dθ is a cosine series in 2θ, so the arc length is known term by term; Newton inverts it.
+    """
+    orders = np.arange(1, _SAMPLES // 4)
+    speed = _speed(p, q)
+    spectrum = np.fft.rfft(speed, axis=1).real / _SAMPLES
+    mean, cosines = spectrum[:, 0], 2 * spectrum[:, 2 * orders]
+    theta = arc / mean
+    for _ in range(8):
+        phase = 2 * np.multiply.outer(theta, orders)
+        length = mean * theta + (cosines / (2 * orders) * np.sin(phase)).sum(axis=1)
+        theta = theta - (length - arc) / np.hypot(q * np.cos(theta), p * np.sin(theta))
+    return theta
+
+
+def _speed(p: Array, q: Array) -> Array:
+    return np.hypot(np.multiply.outer(q, np.cos(_ANGLES)), np.multiply.outer(p, np.sin(_ANGLES)))
+
+
+def _perimeter_by_q(p: Array, q: Array) -> Array:
+    rate = np.multiply.outer(q, np.cos(_ANGLES) ** 2) / _speed(p, q)
+    return rate.mean(axis=1) * (2 * np.pi)

@@ -22,11 +22,11 @@ from grabberd_fake.faults import (
     Freeze,
     NoSignal,
     Refuse,
+    Script,
     Standard,
     Storm,
     Unplug,
 )
-from grabberd_fake.faults_script import Script
 from grabberd_fake.optics import COLUMNS
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.render import ROWS

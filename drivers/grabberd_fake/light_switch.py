@@ -10,7 +10,7 @@ from grabberd.core.channels import Anomaly, Dating, LoggerInfo, Readings
 from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused
 from grabberd_fake.grabber import Clock, RealClock
 from grabberd_fake.light_options import LightOptions, lit
-from grabberd_fake.logger_options import LoggerFault, Unplugged
+from grabberd_fake.logger import LoggerFault, Unplugged
 from grabberd_fake.reading import Group, ListOf, OneOfKinds, by, integer, number, read, ruled
 
 _STEP_NS = 10_000_000

@@ -10,9 +10,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd_fake.discs import Targets, grid_numbers
 from grabberd_fake.liner_options import LinerOptions
 from grabberd_fake.optics import Array
-from grabberd_fake.targets import Targets, grid_numbers
 from grabberd_fake.vacuum import pulsation_kpa
 from grabberd_fake.wall_states import Patch, WallStates, unit_normals, wall_states
 
@@ -59,8 +59,7 @@ def patch_places(options: LinerOptions) -> tuple[Array, Array]:
 
 def in_object_frame(options: LinerOptions, points_mm: Array) -> Array:
     """Points (…, 3) of the liner's own frame in the object's."""
-    moved: Array = points_mm + np.array([-options.patch_x_mm, 0.0, options.axis_z_mm])
-    return moved
+    return points_mm + np.array([-options.patch_x_mm, 0.0, options.axis_z_mm])
 
 
 class Movement:

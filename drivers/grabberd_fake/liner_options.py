@@ -1,10 +1,10 @@
-"""Options of the liner: its solved wall, the patch of targets on it, and the vacuum that moves it."""
+"""Options of the simulated liners, the solved wall and the prescribed ellipse, and of their vacuum."""
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from grabberd_fake.reading import Choice, Group, by, integer, number, ruled
+from grabberd_fake.reading import Choice, Group, by, choice, integer, number, ruled
 from grabberd_fake.vacuum import Wave
 from grabberd_fake.wall_states import wall_names, wall_states
 
@@ -101,3 +101,115 @@ class LinerOptions:
                 f"rows: {self.rows} rows of {self.pitch_mm:g} mm about {self.patch_x_mm:g} mm reach over the "
                 f"wall's end at ±{end_mm:g} mm"
             )
+
+
+@dataclass(frozen=True, slots=True)
+class MaterialOptions:
+    """The wall's material. It determines the true tension and pressure, not the movement.
+
+    Attributes:
+        law: `neo_hookean` (incompressible, shear modulus E/3) or `linear` (Hooke in plane stress, in
+            the stretches less one).
+        e_mpa: Young's modulus; `poisson`: Poisson's ratio, for stretching and bending.
+        pretension_n: axial mounting force: tension F/(2πR) in the open wall, without hoop tension.
+    """
+
+    law: str = choice("neo_hookean", "linear")
+    e_mpa: float = number(3.0, 0.01, 100)
+    poisson: float = number(0.5, 0, 0.5)
+    pretension_n: float = number(60.0, 0, 500)
+
+    def check(self) -> Iterator[str]:
+        """Problems that involve several keys."""
+        if self.law == "neo_hookean" and self.poisson != 0.5:
+            yield f"poisson: {self.poisson:g}, but neo_hookean rubber is incompressible: 0.5"
+
+
+@dataclass(frozen=True, slots=True)
+class VacuumOptions:
+    """The vacuum in the pulsation chamber, a trapezoid, and in the liner. The wall lags behind the chamber's.
+
+    Attributes:
+        system_kpa: the chamber's vacuum while the liner is open; it is at atmosphere while it is closed.
+        liner_kpa: vacuum inside the liner, constant.
+        rising: proportion of the period in which the chamber's vacuum rises from 0; `falling`: falls to 0.
+        opening_lag: proportion of the period from the start of the rise to the start of the wall's opening;
+            `closing_lag`: from the start of the fall to the start of the wall's closing.
+    """
+
+    system_kpa: float = number(42.0, 9, 80)
+    liner_kpa: float = number(42.0, 0, 80)
+    rising: float = number(0.12, 0.01, 0.9)
+    falling: float = number(0.10, 0.01, 0.9)
+    opening_lag: float = number(0.04, 0, 0.5)
+    closing_lag: float = number(0.03, 0, 0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class EllipseOptions:
+    """A tube that flattens along prescribed ellipses: for geometry only, see `EllipseLiner`.
+
+    Attributes:
+        radius_mm: radius of the open wall's middle surface; `wall_mm`: thickness; `length_mm`: length.
+        axis_z_mm: height of its axis in the object's frame.
+        deflection_mm: deflection towards the axis in the middle of its length when closed.
+        period_s: length of one pulsation.
+        opening: proportion of the period that wall phase a takes; `open`: b; `closing`: c; d the rest.
+        rows: number of targets along X; `columns`: round the wall; `pitch_mm`: along the middle surface.
+        target_thickness_mm: height of the targets' centres over the outer face.
+        material: see `MaterialOptions`; `vacuum`: see `VacuumOptions`.
+    """
+
+    radius_mm: float = number(12.5, 5, 30)
+    wall_mm: float = number(2.5, 0.5, 5)
+    length_mm: float = number(130.0, 20, 300)
+    axis_z_mm: float = number(-9.0, -100, 100)
+    deflection_mm: float = number(5.0, 0, 20)
+    period_s: float = number(1.0, 0.1, 60)
+    opening: float = number(0.15, 0.02, 0.9)
+    open: float = number(0.45, 0, 0.9)
+    closing: float = number(0.15, 0.02, 0.9)
+    rows: int = integer(18, 1, 60)
+    columns: int = integer(6, 1, 30)
+    pitch_mm: float = number(6.5, 1, 50)
+    target_thickness_mm: float = number(0.0, 0, 1)
+    material: MaterialOptions = field(default_factory=MaterialOptions, metadata=by(Group(MaterialOptions)))
+    vacuum: VacuumOptions = field(default_factory=VacuumOptions, metadata=by(Group(VacuumOptions)))
+
+    @property
+    def targets_over_middle_mm(self) -> float:
+        """Distance of the targets from the middle surface."""
+        return self.wall_mm / 2 + self.target_thickness_mm
+
+    @property
+    def wave(self) -> Wave:
+        """The vacuum, which leads the wall's movement."""
+        vacuum = self.vacuum
+        return Wave(
+            self.period_s,
+            vacuum.system_kpa,
+            -vacuum.opening_lag,
+            vacuum.rising,
+            self.opening + self.open - vacuum.closing_lag,
+            vacuum.falling,
+            vacuum.liner_kpa,
+        )
+
+    def check(self) -> Iterator[str]:
+        """Problems that involve several keys."""
+        if self.opening + self.open + self.closing > 1 + 1e-12:
+            yield "opening + open + closing: more than the whole period"
+        if self.deflection_mm > 0.7 * self.radius_mm:
+            yield f"deflection_mm: {self.deflection_mm:g} is more than .7 of the radius {self.radius_mm:g}"
+        if self.columns * self.pitch_mm > 2 * math.pi * self.radius_mm:
+            yield f"columns: {self.columns} columns of {self.pitch_mm:g} mm do not fit round the wall"
+        if (self.rows - 1) * self.pitch_mm > self.length_mm:
+            yield f"rows: {self.rows} rows of {self.pitch_mm:g} mm are longer than {self.length_mm:g} mm"
+        yield from self._check_vacuum()
+
+    def _check_vacuum(self) -> Iterator[str]:
+        between = self.opening + self.open + self.vacuum.opening_lag - self.vacuum.closing_lag
+        if self.vacuum.rising > between + 1e-12:
+            yield "vacuum.rising: the vacuum falls before it has risen"
+        if self.vacuum.falling > 1 - between + 1e-12:
+            yield "vacuum.falling: the vacuum rises before it has fallen"

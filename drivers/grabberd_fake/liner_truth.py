@@ -1,18 +1,34 @@
-"""Truth of the liner: places, strain, contact pressure, load and vacuum at a time."""
+"""Truth of the liner: places, strain, contact pressure and load at a time; its quantities over a pulsation.
 
-from collections.abc import Mapping
+Names and definitions of the quantities are those of the table `quantities` of an analysis: times of the wall,
+phases of the vacuum, compression and load. They are read from the solved wall at every millisecond of one
+settled period.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd_fake.liner import in_object_frame, movement, patch_places
+from grabberd_fake.liner import Liner, in_object_frame, movement, patch_places
 from grabberd_fake.liner_options import LinerOptions
 from grabberd_fake.optics import Array
 from grabberd_fake.options import FakeOptions
-from grabberd_fake.wall_quantities import TeatLoad, teat_load
-from grabberd_fake.wall_states import Patch, unit_normals, wall_states
+from grabberd_fake.vacuum import pulsation_kpa
+from grabberd_fake.wall_states import (
+    Patch,
+    TeatLoad,
+    WallStates,
+    buckling_kpa,
+    stiffness_n_mm,
+    teat_load,
+    touch_kpa,
+    unit_normals,
+    wall_states,
+)
 
 
 class WallPlaces(NamedTuple):
@@ -143,5 +159,185 @@ def _strain(present: tuple[Array, Array], reference: Array) -> Array:
     before = np.moveaxis(reference, 0, 1)  # (N, 2, 3), a tangent a row
     in_basis = before @ np.swapaxes(_basis(*reference), -1, -2)
     gradient = np.linalg.solve(in_basis, np.stack(present, axis=1))
-    strain: Array = (gradient @ np.swapaxes(gradient, -1, -2) - np.eye(2)) / 2
-    return strain
+    return (gradient @ np.swapaxes(gradient, -1, -2) - np.eye(2)) / 2
+
+
+_STEPS_PER_S = 1000
+_AT_FULL_CLOSURE = "liner_compression_teat_end_at_full_closure_kpa"
+_ISO_KPA = 4.0
+_PASSED = (0.1, 0.9)
+"""Shares of the stroke between which the wall opens or closes."""
+_ARC_MM, _ARC_PLACES = 10.0, 41
+"""Half the arc that compression is averaged over, on the wall's middle, and places along it."""
+_HEIGHT_MM = 0.25
+_END_SHARE = 0.5
+"""Of the greatest compression: below it, the teat has ended."""
+_END_MM = 10.0
+"""Length of tube up to the teat's end over which compression there is averaged."""
+
+
+def quantities_of(options: LinerOptions, flow_stop_kpa: float | None = None) -> dict[str, float]:
+    """Quantities by name: of the liner itself without a teat, of the milking liner with one.
+
+    Args:
+        options: of the liner.
+        flow_stop_kpa: contact pressure at the teat's end at which milk just stops flowing; None leaves out
+            the overpressure.
+
+    Raises:
+        ValueError: the liner is on a teat, and no vacuum moves it.
+    """
+    states = wall_states(options.wall)
+    if states.about["teat"] is None:
+        return {
+            "touch_kpa": touch_kpa(states),
+            "buckling_kpa": buckling_kpa(states),
+            "stiffness_n_mm": stiffness_n_mm(states),
+        }
+    if options.vacuum.system_kpa <= 2 * _ISO_KPA:
+        raise ValueError(f"vacuum.system_kpa: {options.vacuum.system_kpa:g} moves no liner as in milking")
+    of_load = closed_liner_quantities(options, _closed_kpa(options))
+    at_end_kpa = of_load.pop(_AT_FULL_CLOSURE)
+    if flow_stop_kpa is not None:
+        of_load["overpressure_kpa"] = at_end_kpa - flow_stop_kpa
+    return _of_the_movement(options) | _of_the_vacuum(options) | of_load
+
+
+def _of_the_movement(options: LinerOptions) -> dict[str, float]:
+    """Times of the wall, and how long after the vacuum it is halfway."""
+    part, stroke = _stroke(options)
+    low, high = _PASSED
+    opening = [_passage(part, stroke, level, rising=True) for level in (low, 0.5, high)]
+    closing = [_passage(part, stroke, level, rising=False) for level in (high, 0.5, low)]
+    kpa = pulsation_kpa(options, part * options.period_s) / options.vacuum.system_kpa
+    lags = [
+        (wall - _passage(part, kpa, 0.5, rising=rising) + 0.5) % 1 - 0.5
+        for wall, rising in ((opening[1], True), (closing[1], False))
+    ]
+    return {
+        "liner_opening_s": (opening[2] - opening[0]) % 1 * options.period_s,
+        "liner_closing_s": (closing[2] - closing[0]) % 1 * options.period_s,
+        "liner_open_s": (closing[0] - opening[2]) % 1 * options.period_s,
+        "massage_time_s": (opening[0] - closing[2]) % 1 * options.period_s,
+        "wall_ratio": (closing[0] - opening[0]) % 1,
+        "opening_lag_s": lags[0] * options.period_s,
+        "closing_lag_s": lags[1] * options.period_s,
+    }
+
+
+def _of_the_vacuum(options: LinerOptions) -> dict[str, float]:
+    """ISO phases of the trapezoid, by thresholds 4 kPa over atmosphere and 4 kPa under its maximum."""
+    vacuum = options.vacuum
+    edge = _ISO_KPA / vacuum.system_kpa
+    a, c = vacuum.rising * (1 - 2 * edge), vacuum.falling * (1 - 2 * edge)
+    b = vacuum.open + (vacuum.rising + vacuum.falling) * edge
+    return {
+        "rate_per_min": 60 / options.period_s,
+        "pulsator_ratio": a + b,
+        "phase_a_s": a * options.period_s,
+        "phase_b_s": b * options.period_s,
+        "phase_c_s": c * options.period_s,
+        "phase_b_share": b,
+        "phase_d_share": 1 - a - b - c,
+        "phase_d_s": (1 - a - b - c) * options.period_s,
+    }
+
+
+def _closed_kpa(options: LinerOptions) -> list[float]:
+    """Pressure differences of the states shown, a millisecond apart, while the wall is in phase d."""
+    part, stroke = _stroke(options)
+    closed_from = _passage(part, stroke, _PASSED[0], rising=False)
+    lasts = (_passage(part, stroke, _PASSED[0], rising=True) - closed_from) % 1
+    count = math.ceil(lasts * options.period_s * _STEPS_PER_S)
+    at = (closed_from + lasts * (np.arange(count) + 0.5) / count) % 1
+    return [movement(options).rest_kpa(round(one * options.period_s * 1e9)) for one in at.tolist()]
+
+
+def closed_liner_quantities(options: LinerOptions, outer_kpa: Sequence[float]) -> dict[str, float]:
+    """Compression and load of the closed liner, mean over states; the teat's end and its place.
+
+    Args:
+        options: of the liner, on a teat.
+        outer_kpa: pressure difference of each state.
+    """
+    states = wall_states(options.wall)
+    sections = [_Sections(options, states, kpa) for kpa in outer_kpa]
+    compression = np.mean([one.compression_kpa for one in sections], axis=0)
+    load = np.mean([one.load_n_per_mm for one in sections], axis=0)
+    spans = np.mean([one.spans_mm for one in sections], axis=0)
+    x_mm = sections[0].x_mm
+    # Below the teat walls meet and press each other, so its greatest is sought down to where it ends at most.
+    above = x_mm < states.about["teat"]["end_x_mm"] - options.patch_x_mm
+    peak = int(compression[above].argmax())
+    last = peak + int(np.argmax(compression[peak:] < _END_SHARE * compression[peak]))
+    teat, end_mm = np.arange(len(x_mm)) < last, float(x_mm[last]) - _HEIGHT_MM / 2
+    near_end = teat & (x_mm > end_mm - _END_MM)
+    fullest = max(sections, key=lambda one: float(one.load_n_per_mm @ (teat * one.spans_mm)))
+    mean_kpa = float(np.average(compression[teat], weights=spans[teat]))
+    return {
+        "liner_compression_mean_kpa": mean_kpa,
+        "liner_compression_greatest_kpa": float(compression[teat].max()),
+        "liner_compression_greatest_x_mm": float(x_mm[teat][compression[teat].argmax()]),
+        "liner_compression_teat_end_kpa": float(np.average(compression[near_end], weights=spans[near_end])),
+        "teat_end_x_mm": end_mm,
+        "teat_load_peak_n_per_mm": float(load[teat].max()),
+        "teat_load_n": float(load[teat] @ spans[teat]),
+        "massage_pressure_kpa": mean_kpa,
+        _AT_FULL_CLOSURE: float(
+            np.average(fullest.compression_kpa[near_end], weights=fullest.spans_mm[near_end])
+        ),
+    }
+
+
+class _Sections:
+    """Sections of the wall from the first row of targets to the last, in one state.
+
+    Attributes:
+        x_mm: (H,) on the mounted tube, in the object's frame.
+        compression_kpa: (H,) mean over the arc; `load_n_per_mm`: on one side, per present length.
+        spans_mm: (H,) present length of tube that each section stands for.
+    """
+
+    def __init__(self, options: LinerOptions, states: WallStates, outer_kpa: float) -> None:
+        rows_mm, _ = patch_places(options)
+        mounted_mm = np.arange(rows_mm[0] + _HEIGHT_MM / 2, rows_mm[-1], _HEIGHT_MM)
+        arc = np.linspace(-1, 1, _ARC_PLACES) * _ARC_MM / float(states.about["design"]["radius_mm"])
+        self.x_mm = mounted_mm - options.patch_x_mm
+        under_arc = Patch(states, mounted_mm, arc).values(states.contact_kpa(outer_kpa))
+        # Quadratic elements swing below zero beside a contact's edge.
+        self.compression_kpa = np.maximum(under_arc, 0.0).mean(axis=1)
+        self.load_n_per_mm = self._load(states, outer_kpa, mounted_mm)
+        borders = np.append(mounted_mm - _HEIGHT_MM / 2, mounted_mm[-1] + _HEIGHT_MM / 2)
+        self.spans_mm = np.diff(np.interp(borders, states.x_mm[::2], states.borders_mm(outer_kpa)))
+
+    def _load(self, states: WallStates, outer_kpa: float, mounted_mm: Array) -> Array:
+        """(H,) the force over each element, spread over it as the compression is."""
+        force = states.force_n_per_mm(outer_kpa)
+        element = np.searchsorted(states.x_mm[::2], mounted_mm, side="right") - 1
+        whole = np.bincount(element, self.compression_kpa, len(force)) / np.maximum(
+            np.bincount(element, minlength=len(force)), 1
+        )
+        return force[element] * self.compression_kpa / np.maximum(whole[element], 1e-9)
+
+
+@lru_cache(maxsize=8)
+def _stroke(options: LinerOptions) -> tuple[Array, Array]:
+    """Parts of a period, and the targets' first principal movement there, from 0 closed to 1 open."""
+    part = np.arange(round(options.period_s * _STEPS_PER_S)) / round(options.period_s * _STEPS_PER_S)
+    scene = Liner(options)
+    places = np.stack(
+        [scene.targets(round(one * options.period_s * 1e9)).xyz_mm.ravel() for one in part.tolist()]
+    )
+    moved = places - places.mean(axis=0)
+    stroke: NDArray[np.float64] = moved @ np.linalg.svd(moved, full_matrices=False)[2][0]
+    stroke *= np.sign(np.corrcoef(stroke, pulsation_kpa(options, part * options.period_s))[0, 1])
+    return part, (stroke - stroke.min()) / np.ptp(stroke)
+
+
+def _passage(part: Array, values: Array, level: float, rising: bool) -> float:
+    """Part of the period at which a periodic series passes a level."""
+    above = values - level if rising else level - values
+    following = np.roll(above, -1)
+    (at,) = np.flatnonzero((above < 0) & (following >= 0))
+    share = above[at] / (above[at] - following[at])
+    return float((part[at] + share / len(part)) % 1)

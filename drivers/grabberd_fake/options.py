@@ -11,10 +11,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from grabberd_fake.ellipse_options import EllipseOptions
 from grabberd_fake.faults import KINDS, Fault
 from grabberd_fake.light_options import LightOptions
-from grabberd_fake.liner_options import LinerOptions
+from grabberd_fake.liner_options import EllipseOptions, LinerOptions
 from grabberd_fake.reading import (
     Group,
     ListOf,

@@ -1,10 +1,11 @@
-"""Ellipses into grey values: spread, pixels, field integration and line jitter, exact up to quadrature.
+"""Rendering: ellipses into light, and light into the grey values of a field.
 
 An ellipse is a stack of chords. At the height h sin t over its centre a chord is 2 w cos t wide, so with dy =
 h cos t dt the integral over the stack is that of a smooth function of period π, for which a few equidistant t
 are exact to rounding. A chord's profile along the line is the difference of two edges, spread and integrated
 over the pixel; its weights down the rows are the spread integrated over the lines that a row collects. Both
-are looked up in tables.
+are looked up in tables. The sensor adds background, uneven light and noise, then applies gain, gamma,
+clipping.
 """
 
 import math
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd_fake.discs import Ellipses
-from grabberd_fake.optics import HALF, LINES, Array
+from grabberd_fake.optics import COLUMNS, HALF, LINES, Array
 from grabberd_fake.options import PictureOptions
 
 ROWS = LINES // 2
@@ -103,8 +104,7 @@ class Renderer:
         down = _looked_up(rows, across[1][:, np.newaxis] + up)
         amount = ellipses.weight * height * (self._picture.contrast * SCALE * np.pi / len(sine))
         down *= np.multiply.outer(amount, cosine).astype(np.float32)[:, :, np.newaxis]
-        values: Single = np.matmul(down.transpose(0, 2, 1), profile)
-        return values
+        return np.matmul(down.transpose(0, 2, 1), profile)
 
     def _node_count(self, height: float) -> int:
         return max(8, math.ceil(2.2 * height / min(self._picture.spread_y_px, self._picture.spread_x_px)))
@@ -115,8 +115,7 @@ def _near_their_half(center: Array, half: NDArray[np.intp], rows: int, columns: 
     x, row = center[:, 0] - HALF * half, center[:, 1] / 2
     beyond_x, beyond_row = _PAD - columns // 2 - 1, _PAD - rows // 2 - 1
     inside = (x > -beyond_x) & (x < HALF + beyond_x - 1)
-    near: NDArray[np.bool_] = inside & (row > -beyond_row) & (row < ROWS + beyond_row - 1)
-    return near
+    return inside & (row > -beyond_row) & (row < ROWS + beyond_row - 1)
 
 
 @lru_cache(maxsize=64)
@@ -127,8 +126,7 @@ def _nodes(count: int) -> tuple[Array, Array]:
 
 def _looked_up(table: Single, place: Array) -> Single:
     """(M, Q, columns of the table): its rows for places (M, Q) from the window's corner."""
-    found: Single = table.take((place * _PER_PX + 0.5).astype(np.intp), axis=0, mode="clip")
-    return found
+    return table.take((place * _PER_PX + 0.5).astype(np.intp), axis=0, mode="clip")
 
 
 @lru_cache(maxsize=64)
@@ -194,17 +192,79 @@ _DISTRIBUTION = np.array([0.5 * math.erfc(-z / math.sqrt(2)) for z in _GRID])
 
 def normal_distribution(z: Array) -> Array:
     """Φ(z), to 1e-7."""
-    below: Array = np.interp(z, _GRID, _DISTRIBUTION)
-    return below
+    return np.interp(z, _GRID, _DISTRIBUTION)
 
 
 def normal_integral(z: Array) -> Array:
     """∫ Φ from −∞ to z, to 1e-6: z Φ(z) + φ(z)."""
-    integral: Array = z * normal_distribution(z) + np.exp(-0.5 * z * z) / math.sqrt(2 * math.pi)
-    return integral
+    return z * normal_distribution(z) + np.exp(-0.5 * z * z) / math.sqrt(2 * math.pi)
 
 
 @lru_cache(maxsize=1)
 def normal_quantiles() -> NDArray[np.float64]:
     """(65536,) the quantiles of (i + ½)/65536: indexed by random 16-bit numbers, normal noise."""
     return np.interp((np.arange(65536) + 0.5) / 65536, _DISTRIBUTION, _GRID)
+
+
+# Gains in steps of 1/64, so that the cached response tables are reused.
+_GAIN_STEPS = 64
+
+
+class Sensor:
+    """The camera's electronics. Fields are independent of each other except with automatic gain."""
+
+    def __init__(self, picture: PictureOptions) -> None:
+        self._picture = picture
+        self._light = _light(picture.uneven_light)
+        amplitude = picture.noise * picture.contrast * SCALE
+        noise = np.rint(normal_quantiles() * amplitude)
+        self._noise: NDArray[np.int16] = (noise + picture.background * SCALE).astype(np.int16)
+        self._drawn = np.empty((ROWS, COLUMNS), np.int16)
+        self._gain = 1.0
+
+    def expose(self, canvas: Canvas, rng: np.random.Generator, out: NDArray[np.uint8]) -> None:
+        """Writes the field's luma into `out` (288, 720); `canvas` (288, 2, 360) is `Renderer.draw`'s."""
+        # 16 random bits per pixel index a table of normal quantiles: faster than drawing normal numbers.
+        random = rng.bit_generator.random_raw(ROWS * COLUMNS // 4).view(np.uint16)
+        np.take(self._noise, random.reshape(ROWS, COLUMNS), out=self._drawn, mode="clip")
+        self._add_light(canvas)
+        gain = round(self._gain * _GAIN_STEPS) / _GAIN_STEPS
+        np.take(_response(gain, self._picture.gamma), self._drawn.view(np.uint16), out=out, mode="clip")
+        self._follow(out)
+
+    def _add_light(self, canvas: Canvas) -> None:
+        halves = self._drawn.reshape(ROWS, 2, HALF)
+        if self._light is None:
+            halves += canvas
+            return
+        import cv2  # noqa: PLC0415 - 16 MB, for uneven light alone
+
+        background = np.int16(self._picture.background * SCALE)
+        even = canvas.reshape(ROWS, COLUMNS) + background
+        lit = np.asarray(cv2.multiply(even, self._light, dtype=cv2.CV_16S), np.int16)
+        halves += (lit - background).reshape(ROWS, 2, HALF)
+
+    def _follow(self, luma: NDArray[np.uint8]) -> None:
+        if self._picture.agc_level is None:
+            return
+        import cv2  # noqa: PLC0415 - 16 MB, for automatic gain alone
+
+        wanted = self._gain * self._picture.agc_level / max(float(cv2.mean(luma)[0]), 1.0)
+        self._gain += (min(max(wanted, 0.25), 4.0) - self._gain) / self._picture.agc_fields
+
+
+def _light(uneven: float) -> NDArray[np.float32] | None:
+    """(288, 720) factors between 1 − uneven and 1 + uneven: brightest at the top left."""
+    if uneven == 0:
+        return None
+    down = np.cos(np.linspace(0, np.pi, ROWS))[:, np.newaxis]
+    along = np.cos(np.linspace(0, np.pi, COLUMNS))
+    return (1 + uneven / 2 * (down + along)).astype(np.float32)
+
+
+@lru_cache(maxsize=512)
+def _response(gain: float, gamma: float) -> NDArray[np.uint8]:
+    """(65536,) grey value of every canvas value, which is indexed as an unsigned 16-bit number."""
+    light = np.arange(65536, dtype=np.uint16).view(np.int16).astype(np.float64) / SCALE
+    relative = np.maximum(light * gain, 0.0) / 255
+    return np.clip(np.rint(255 * relative**gamma), 0, 255).astype(np.uint8)

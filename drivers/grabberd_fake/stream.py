@@ -15,12 +15,12 @@ from grabberd_fake.faults import (
     NoSignal,
     Recount,
     Repeat,
+    Script,
     Shift,
     Short,
     Timestamp,
     Turn,
 )
-from grabberd_fake.faults_script import Script
 from grabberd_fake.optics import COLUMNS, LINES
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.render import ROWS

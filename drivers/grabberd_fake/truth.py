@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 
 from grabberd.errors import CaptureFileError
-from grabberd_fake.liner_truth import LinerTruth, truth_of_liner
-from grabberd_fake.milking_truth import quantities_of
+from grabberd_fake.ellipse_truth import WallTruth, truth_of_wall
+from grabberd_fake.liner_truth import LinerTruth, quantities_of, truth_of_liner
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.stage import REARRANGED, on_stage
 from grabberd_fake.vacuum import Pulsating, vacuum_log
-from grabberd_fake.wall_truth import WallTruth, truth_of_wall
 from grabberd_fake.world import Truth, World
 
 CSV_HEADER = "n,time_ns,target,x_mm,y_mm,z_mm,visible"

@@ -49,8 +49,7 @@ def pulsation_kpa(options: Pulsating, time_s: Array) -> Array:
     part = np.mod(np.asarray(time_s, np.float64) / wave.period_s - wave.rise, 1.0)
     risen = np.clip(part / wave.rising, 0.0, 1.0)
     fallen = np.clip((part - (wave.fall - wave.rise)) / wave.falling, 0.0, 1.0)
-    kpa: Array = wave.system_kpa * (risen - fallen)
-    return kpa
+    return wave.system_kpa * (risen - fallen)
 
 
 def vacuum_log(

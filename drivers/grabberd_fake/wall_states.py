@@ -2,13 +2,14 @@
 
 A table holds the outer face and the contact pressure of a quarter of the tube at nodes of quadratic elements,
 for a series of pressure differences. In space the elements' own shape functions interpolate; between the
-pressures, a cubic through the four nearest states.
+pressures, a cubic through the four nearest states. The liner's own quantities follow from the table alone:
+TPPD, CCPD, bending stiffness, contact pressure and load on the teat.
 """
 
 import json
 from functools import lru_cache
 from importlib.resources import files
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,8 +68,7 @@ class WallStates:
 
     def borders_mm(self, outer_kpa: float) -> Array:
         """(X // 2 + 1,) present places, along the tube, of the borders between its elements."""
-        borders: Array = self.outer_mm(outer_kpa)[::2, :, 0].mean(axis=1)
-        return borders
+        return self.outer_mm(outer_kpa)[::2, :, 0].mean(axis=1)
 
     def _pushing(self, states: Array | NDArray[np.float32], outer_kpa: float) -> Array:
         # A cubic swings below zero where contact begins between two states; a teat cannot pull.
@@ -77,8 +77,7 @@ class WallStates:
     def between(self, states: Array | NDArray[np.float32], outer_kpa: float) -> Array:
         """(…) at a pressure difference of anything (S, …) that is known in every state."""
         first, weights = _cubic(self.outer_kpa, outer_kpa)
-        between: Array = np.tensordot(weights, states[first : first + len(weights)], axes=1)
-        return between
+        return np.tensordot(weights, states[first : first + len(weights)], axes=1)
 
 
 class Patch:
@@ -100,8 +99,7 @@ class Patch:
 
     def values(self, grid: Array) -> Array:
         """(R, C) of a scalar (X, A) that is the same on the mirrored parts of the tube."""
-        values: Array = self._rows @ grid @ self._columns.T
-        return values
+        return self._rows @ grid @ self._columns.T
 
     def frames(self, grids_mm: Array | NDArray[np.float32]) -> Array:
         """(…, 3, R, C, 3) of faces (…, X, A, 3): points, ∂/∂x and ∂/∂θ, in the mounted tube's coordinates."""
@@ -120,8 +118,7 @@ class Patch:
 
     @staticmethod
     def _mapped(rows: Array, grids_mm: Array | NDArray[np.float32], columns: Array) -> Array:
-        mapped: Array = np.einsum("rx,...xai,ca->...rci", rows, grids_mm, columns, optimize=True)
-        return mapped
+        return np.einsum("rx,...xai,ca->...rci", rows, grids_mm, columns, optimize=True)
 
 
 def _folded(theta: Array, solved: Array) -> tuple[Array, Array, Array]:
@@ -136,8 +133,7 @@ def unit_normals(along: Array, around: Array) -> Array:
     """(…, 3) unit vectors along `along` × `around`; several times as fast as numpy's own for few vectors."""
     (ax, ay, az), (bx, by, bz) = np.moveaxis(along, -1, 0), np.moveaxis(around, -1, 0)
     normal = np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
-    unit: Array = normal / np.sqrt((normal * normal).sum(axis=-1, keepdims=True))
-    return unit
+    return normal / np.sqrt((normal * normal).sum(axis=-1, keepdims=True))
 
 
 def wall_names() -> list[str]:
@@ -184,3 +180,96 @@ def _cubic(knots: Array, at: float) -> tuple[int, Array]:
         ]
     )
     return first, weights
+
+
+_BEFORE_TOUCH = 3
+"""States before the touch through which the wall's height is drawn on to it."""
+
+
+class TeatLoad(NamedTuple):
+    """Load of a wall on its teat.
+
+    Attributes:
+        mean_kpa: mean contact pressure over the nodes that are pressed by more than a tenth of a kPa.
+        peak_kpa: greatest contact pressure at a node.
+        peak_n_per_mm: greatest load per height, on one side.
+        force_n: load on one side from the mouthpiece to the teat's end.
+    """
+
+    mean_kpa: float
+    peak_kpa: float
+    peak_n_per_mm: float
+    force_n: float
+
+
+def touch_kpa(states: WallStates) -> float:
+    """TPPD: pressure difference at which opposite walls of the empty liner meet.
+
+    The wall's height over the pressure difference, continued from the states before the touch, reaches there
+    the height that it has in the first state with contact.
+
+    Raises:
+        ValueError: the table has a teat, or its walls do not meet.
+    """
+    _require_empty(states)
+    contact = states.contact_states_kpa
+    touching = np.flatnonzero(contact.max(axis=(1, 2)) > 0)
+    if not len(touching):
+        raise ValueError(f"the walls of {states.name} do not meet up to {states.outer_kpa[-1]:g} kPa")
+    first = int(touching[0])
+    section, _ = np.unravel_index(int(contact[first].argmax()), contact[first].shape)
+    before = slice(first - _BEFORE_TOUCH, first)
+    above_mm = states.outer_states_mm[:, section, 0, 2] - states.outer_states_mm[first, section, 0, 2]
+    return float(np.polyfit(above_mm[before], states.outer_kpa[before], _BEFORE_TOUCH - 1)[-1])
+
+
+def buckling_kpa(states: WallStates) -> float:
+    """CCPD: pressure difference at which the empty liner buckles.
+
+    It is where two straight lines meet: the height of the section that closes first, over the pressure
+    difference, near no difference, and where it falls most steeply.
+
+    Raises:
+        ValueError: the table has a teat.
+    """
+    _require_empty(states)
+    heights_mm = states.outer_states_mm[:, :, 0, 2].astype(np.float64)
+    slopes = np.diff(heights_mm, axis=0) / np.diff(states.outer_kpa)[:, np.newaxis]
+    steepest, section = np.unravel_index(int(slopes.argmin()), slopes.shape)
+    open_ = int(np.searchsorted(states.outer_kpa, 0.0))
+    height_mm, slope = heights_mm[:, section], slopes[:, section]
+    middle_kpa = states.outer_kpa[steepest : steepest + 2].mean()
+    middle_mm = height_mm[steepest : steepest + 2].mean()
+    at_zero_mm = middle_mm - slope[steepest] * middle_kpa
+    return float((height_mm[open_] - at_zero_mm) / (slope[steepest] - slope[open_]))
+
+
+def stiffness_n_mm(states: WallStates) -> float:
+    """Bending stiffness E t³ / 9 of an incompressible wall, as designed."""
+    design = states.about["design"]
+    return float(design["young_mpa"] * design["wall_mm"] ** 3 / 9)
+
+
+def teat_load(states: WallStates, outer_kpa: float) -> TeatLoad:
+    """Load on the teat at a pressure difference; walls that meet below its end are left out.
+
+    Raises:
+        ValueError: the table has no teat.
+    """
+    if states.about["teat"] is None:
+        raise ValueError(f"{states.name} has no teat")
+    end_mm = states.about["teat"]["end_x_mm"]
+    contact = states.contact_kpa(outer_kpa)[states.outer_mm(outer_kpa)[:, 0, 0] < end_mm]
+    force, borders_mm = states.force_n_per_mm(outer_kpa), states.borders_mm(outer_kpa)
+    beside_mm = np.clip(end_mm, borders_mm[:-1], borders_mm[1:]) - borders_mm[:-1]
+    return TeatLoad(
+        mean_kpa=float(contact[contact > 0.1].mean()) if (contact > 0.1).any() else 0.0,
+        peak_kpa=float(contact.max()),
+        peak_n_per_mm=float(force[beside_mm > 0].max()),
+        force_n=float(force @ beside_mm),
+    )
+
+
+def _require_empty(states: WallStates) -> None:
+    if states.about["teat"] is not None:
+        raise ValueError(f"{states.name} has a teat: choose the empty liner")

@@ -5,8 +5,7 @@ from typing import NamedTuple, Protocol
 from grabberd.clock import Clock, SystemClock
 from grabberd.core.channels import Anomaly, Dating, LoggerInfo, Readings
 from grabberd.errors import DeviceLost, DeviceRefused, StreamFailed
-from grabberd_loggers.line_buffer import LineBuffer
-from grabberd_loggers.line_readings import LineReadings
+from grabberd_loggers.lines import LineBuffer, LineReadings
 from grabberd_loggers.options import LineOptions
 
 HEADER_S = 5.0

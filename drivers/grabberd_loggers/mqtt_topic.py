@@ -12,9 +12,8 @@ from pydantic import Field, model_validator
 
 from grabberd.clock import Clock
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
-from grabberd_loggers.line_buffer import LONGEST
-from grabberd_loggers.line_format import IGNORED, Column
 from grabberd_loggers.line_logger import LineLogger, Opened, Received
+from grabberd_loggers.lines import IGNORED, LONGEST, Column
 from grabberd_loggers.options import LineOptions, read_options
 
 try:

@@ -5,7 +5,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from grabberd_loggers.line_format import LineFormat
+from grabberd_loggers.lines import LineFormat
 
 Model = TypeVar("Model", bound=BaseModel)
 

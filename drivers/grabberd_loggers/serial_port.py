@@ -1,5 +1,9 @@
-"""Serial lines of text: a microcontroller, a bench logger or an adapter on a serial port or USB."""
+"""Serial ports, opened for one program alone, in raw mode, with errors that say what to do; lines of text
+from them: a microcontroller, a bench logger or an adapter on a serial port or USB.
+"""
 
+import errno
+import fcntl
 import os
 import select
 import termios
@@ -9,10 +13,9 @@ from typing import Any, Literal
 from pydantic import field_validator
 
 from grabberd.clock import Clock
-from grabberd.errors import DeviceLost, StreamFailed
+from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.line_logger import LineLogger, Opened, Received
 from grabberd_loggers.options import LineOptions, read_options
-from grabberd_loggers.port_file import GONE, PLUG, lost, open_port
 
 _BYTES = 65_536
 _PARITY = {"none": 0, "even": termios.PARENB, "odd": termios.PARENB | termios.PARODD}
@@ -107,3 +110,67 @@ class _Port:
         if self._file is not None:
             os.close(self._file)
             self._file = None
+
+
+GONE = frozenset([errno.EIO, errno.ENXIO, errno.ENODEV, errno.EBADF])
+"""Errors of a port that is no longer there."""
+PLUG = "plug it in; 'grabberd devices' lists the serial ports"
+
+
+def open_port(port: Path, speed: int = termios.B9600, control: int = termios.CS8) -> int:
+    """Descriptor of a port, which no other program can open any more.
+
+    Args:
+        port: Its path.
+        speed: Its speed, as termios has it.
+        control: Size, parity and stop bits of its characters, as termios has them.
+
+    Raises:
+        DeviceAbsent: There is no such port.
+        DeviceRefused: It may not be opened, another program has it, or it is no serial port.
+    """
+    try:
+        file = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    except OSError as error:
+        raise _not_opened(port, error) from error
+    try:
+        _set_up(file, speed, control)
+        _claim(file)
+    except termios.error as error:
+        os.close(file)
+        raise DeviceRefused(f"{port} is no serial port: {error.args[-1]}", PLUG) from error
+    except OSError as error:
+        os.close(file)
+        raise _not_opened(port, error) from error
+    return file
+
+
+def lost(port: Path) -> DeviceLost:
+    """The error for a port that went away."""
+    return DeviceLost(f"{port} is gone", "plug it in again; grabberd retries automatically")
+
+
+def _set_up(file: int, speed: int, control: int) -> None:
+    """Raw characters; without hardware flow control, which would switch RTS by itself."""
+    characters = list(termios.tcgetattr(file)[6])
+    characters[termios.VMIN], characters[termios.VTIME] = 0, 0
+    control |= termios.CREAD | termios.CLOCAL
+    raw: list[Any] = [0, 0, control, 0, speed, speed, characters]
+    termios.tcsetattr(file, termios.TCSANOW, raw)
+
+
+def _claim(file: int) -> None:
+    """Keep other programs from the port: two readers would each get half of the lines."""
+    fcntl.ioctl(file, termios.TIOCEXCL)
+    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def _not_opened(port: Path, error: OSError) -> DeviceAbsent | DeviceRefused:
+    if error.errno in (errno.EBUSY, errno.EWOULDBLOCK):
+        return DeviceRefused(f"another program has {port}", "end it", Cause.DEVICE_BUSY)
+    if error.errno in (errno.EACCES, errno.EPERM):
+        hint = "add grabberd's user to the group that owns it, usually dialout"
+        return DeviceRefused(f"{port} may not be opened: {error.strerror}", hint, Cause.NO_RIGHTS)
+    if error.errno in (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.EIO, errno.ENOTDIR):
+        return DeviceAbsent(f"there is no {port}", PLUG)
+    return DeviceRefused(f"{port} cannot be opened: {error.strerror}", PLUG)

@@ -1,9 +1,12 @@
-"""The V4L2 structures and constants that this driver uses, in the memory layout of this machine's C.
+"""The V4L2 structures, constants and call numbers that this driver uses, in the memory layout of this
+machine's C.
 
-Names are those of `linux/videodev2.h` without `v4l2_`. Times are 64 bits wide on every machine: a 32-bit
-machine needs Linux 5.6, whose kernel accepts both widths and tells them apart by the size in the call number.
+Names are those of `linux/videodev2.h` without `v4l2_` and `VIDIOC_`. Times are 64 bits wide on every machine:
+a 32-bit machine needs Linux 5.6, whose kernel accepts both widths and tells them apart by the size in the
+call number. Call numbers are computed from the sizes of their arguments like the kernel's `_IOC`.
 """
 
+import ctypes
 import ctypes as c
 from enum import IntEnum
 
@@ -355,3 +358,46 @@ def fourcc(name: str) -> int:
 def fourcc_name(number: int) -> str:
     """The letters of a pixel format's number."""
     return (number & 0x7FFFFFFF).to_bytes(4, "little").decode("ascii", "replace").rstrip("\0")
+
+
+_WRITE, _READ = 1, 2
+_TYPE = ord("V")
+
+
+def _ioc(direction: int, number: int, argument: type) -> int:
+    # The size is part of the number: a structure that is a byte off is another call, which the kernel refuses
+    # as ENOTTY, rather than memory written over.
+    return direction << 30 | ctypes.sizeof(argument) << 16 | _TYPE << 8 | number
+
+
+QUERYCAP = _ioc(_READ, 0, Capability)
+ENUM_FMT = _ioc(_READ | _WRITE, 2, FmtDesc)
+G_FMT = _ioc(_READ | _WRITE, 4, Format)
+S_FMT = _ioc(_READ | _WRITE, 5, Format)
+REQBUFS = _ioc(_READ | _WRITE, 8, RequestBuffers)
+QUERYBUF = _ioc(_READ | _WRITE, 9, Buffer)
+QBUF = _ioc(_READ | _WRITE, 15, Buffer)
+DQBUF = _ioc(_READ | _WRITE, 17, Buffer)
+STREAMON = _ioc(_WRITE, 18, Integer)
+STREAMOFF = _ioc(_WRITE, 19, Integer)
+G_PARM = _ioc(_READ | _WRITE, 21, StreamParm)
+S_PARM = _ioc(_READ | _WRITE, 22, StreamParm)
+G_STD = _ioc(_READ, 23, StandardSet)
+S_STD = _ioc(_WRITE, 24, StandardSet)
+ENUMSTD = _ioc(_READ | _WRITE, 25, Standard)
+ENUMINPUT = _ioc(_READ | _WRITE, 26, Input)
+G_INPUT = _ioc(_READ, 38, Integer)
+S_INPUT = _ioc(_READ | _WRITE, 39, Integer)
+QUERYSTD = _ioc(_READ, 63, StandardSet)
+TRY_FMT = _ioc(_READ | _WRITE, 64, Format)
+ENUM_FRAMESIZES = _ioc(_READ | _WRITE, 74, FrmSizeEnum)
+ENUM_FRAMEINTERVALS = _ioc(_READ | _WRITE, 75, FrmIvalEnum)
+DQEVENT = _ioc(_READ, 89, Event)
+SUBSCRIBE_EVENT = _ioc(_WRITE, 90, EventSubscription)
+
+NAMES = {
+    number: name
+    for name, number in globals().items()
+    if isinstance(number, int) and number >> 8 & 0xFF == ord("V")
+}
+"""Names of the calls by number, for error messages."""

@@ -6,7 +6,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from grabberd_v4l2 import abi, ioctls
+from grabberd_v4l2 import abi
 from grabberd_v4l2.kernel import Kernel, Pages
 
 T = TypeVar("T")
@@ -49,7 +49,7 @@ class Node:
 
     def capability(self) -> Capability:
         """Query the capabilities of the node."""
-        found = self._call(ioctls.QUERYCAP, abi.Capability())
+        found = self._call(abi.QUERYCAP, abi.Capability())
         # `capabilities` are those of the whole device, `device_caps` those of this node, on newer kernels.
         own = found.capabilities & abi.CAP_DEVICE_CAPS
         flags = found.device_caps if own else found.capabilities
@@ -57,65 +57,63 @@ class Node:
 
     def inputs(self) -> tuple[abi.Input, ...]:
         """The card's inputs."""
-        return tuple(self._enumerated(ioctls.ENUMINPUT, lambda index: abi.Input(index=index)))
+        return tuple(self._enumerated(abi.ENUMINPUT, lambda index: abi.Input(index=index)))
 
     def input(self) -> abi.Input:
         """The selected input, with its status."""
-        number = self._call(ioctls.G_INPUT, abi.Integer()).value
-        return self._call(ioctls.ENUMINPUT, abi.Input(index=number))
+        number = self._call(abi.G_INPUT, abi.Integer()).value
+        return self._call(abi.ENUMINPUT, abi.Input(index=number))
 
     def set_input(self, index: int) -> None:
         """Select an input."""
-        self._call(ioctls.S_INPUT, abi.Integer(index))
+        self._call(abi.S_INPUT, abi.Integer(index))
 
     def standards(self) -> tuple[abi.Standard, ...]:
         """Standards that the selected input supports."""
-        return tuple(self._enumerated(ioctls.ENUMSTD, lambda index: abi.Standard(index=index)))
+        return tuple(self._enumerated(abi.ENUMSTD, lambda index: abi.Standard(index=index)))
 
     def standard(self) -> int:
         """The selected standard."""
-        return int(self._call(ioctls.G_STD, abi.StandardSet()).value)
+        return int(self._call(abi.G_STD, abi.StandardSet()).value)
 
     def set_standard(self, standard: int) -> None:
         """Set a standard."""
-        self._call(ioctls.S_STD, abi.StandardSet(standard))
+        self._call(abi.S_STD, abi.StandardSet(standard))
 
     def seen_standard(self) -> int:
         """Standards that the signal may have; 0 without a signal."""
-        return int(self._call(ioctls.QUERYSTD, abi.StandardSet()).value)
+        return int(self._call(abi.QUERYSTD, abi.StandardSet()).value)
 
     def pixel_formats(self) -> tuple[str, ...]:
         """Names of the pixel formats that the node delivers, in its own order of preference."""
-        described = self._enumerated(
-            ioctls.ENUM_FMT, lambda index: abi.FmtDesc(index=index, type=abi.CAPTURE)
-        )
+        described = self._enumerated(abi.ENUM_FMT, lambda index: abi.FmtDesc(index=index, type=abi.CAPTURE))
         return tuple(abi.fourcc_name(one.pixelformat) for one in described)
 
     def set_format(self, columns: int, lines: int, fourcc: str, field: int) -> None:
         """Request a picture format; `format` reads the granted one."""
-        self._call(ioctls.S_FMT, _format(columns, lines, fourcc, field))
+        self._call(abi.S_FMT, _format(columns, lines, fourcc, field))
 
     def tried_format(self, columns: int, lines: int, fourcc: str, field: int) -> abi.PixFormat:
         """Format that would be granted, without setting it."""
         # TRY_FMT is never refused as busy: it works while another program streams, unlike S_FMT.
-        return _picture(self._call(ioctls.TRY_FMT, _format(columns, lines, fourcc, field)))
+        return _picture(self._call(abi.TRY_FMT, _format(columns, lines, fourcc, field)))
 
     def format(self) -> abi.PixFormat:
         """The granted picture format."""
-        return _picture(self._call(ioctls.G_FMT, abi.Format(type=abi.CAPTURE)))
+        return _picture(self._call(abi.G_FMT, abi.Format(type=abi.CAPTURE)))
 
     def frame_sizes(self, fourcc: str) -> tuple[abi.FrmSizeEnum, ...]:
         """Sizes that a pixel format can have: many entries, or one with a range; none if nobody tells."""
         number = abi.fourcc(fourcc)
         return self._until_a_range(
-            ioctls.ENUM_FRAMESIZES, lambda index: abi.FrmSizeEnum(index=index, pixel_format=number)
+            abi.ENUM_FRAMESIZES, lambda index: abi.FrmSizeEnum(index=index, pixel_format=number)
         )
 
     def frame_intervals(self, fourcc: str, columns: int, lines: int) -> tuple[abi.FrmIvalEnum, ...]:
         """Times from picture to picture that a size can have: many entries, or one with a range."""
         asked = {"pixel_format": abi.fourcc(fourcc), "width": columns, "height": lines}
         return self._until_a_range(
-            ioctls.ENUM_FRAMEINTERVALS, lambda index: abi.FrmIvalEnum(index=index, **asked)
+            abi.ENUM_FRAMEINTERVALS, lambda index: abi.FrmIvalEnum(index=index, **asked)
         )
 
     def set_interval(self, seconds: Fraction) -> None:
@@ -123,11 +121,11 @@ class Node:
         wanted = abi.StreamParm(type=abi.CAPTURE)
         period = wanted.parm.capture.timeperframe
         period.numerator, period.denominator = seconds.numerator, seconds.denominator
-        self._call(ioctls.S_PARM, wanted)
+        self._call(abi.S_PARM, wanted)
 
     def interval(self) -> Fraction | None:
         """The granted time from picture to picture, or None if the card does not tell."""
-        period = self._call(ioctls.G_PARM, abi.StreamParm(type=abi.CAPTURE)).parm.capture.timeperframe
+        period = self._call(abi.G_PARM, abi.StreamParm(type=abi.CAPTURE)).parm.capture.timeperframe
         if not period.numerator or not period.denominator:
             return None
         return Fraction(period.numerator, period.denominator)
@@ -135,11 +133,11 @@ class Node:
     def request_buffers(self, count: int) -> int:
         """Allocate this many buffers, or as many as the driver grants; 0 frees them."""
         wanted = abi.RequestBuffers(count=count, type=abi.CAPTURE, memory=abi.MEMORY_MMAP)
-        return int(self._call(ioctls.REQBUFS, wanted).count)
+        return int(self._call(abi.REQBUFS, wanted).count)
 
     def buffer(self, index: int) -> abi.Buffer:
         """Query the position and the state of a buffer."""
-        return self._call(ioctls.QUERYBUF, _mapped(index))
+        return self._call(abi.QUERYBUF, _mapped(index))
 
     def map(self, buffer: abi.Buffer) -> Pages:
         """A buffer's memory."""
@@ -147,27 +145,27 @@ class Node:
 
     def queue(self, index: int) -> None:
         """Hand a buffer to the kernel to be filled."""
-        self._call(ioctls.QBUF, _mapped(index))
+        self._call(abi.QBUF, _mapped(index))
 
     def dequeue(self) -> abi.Buffer:
         """Take the oldest filled buffer; `BlockingIOError` if there is none."""
-        return self._call(ioctls.DQBUF, _mapped(0))
+        return self._call(abi.DQBUF, _mapped(0))
 
     def stream_on(self) -> None:
         """Start the stream."""
-        self._call(ioctls.STREAMON, abi.Integer(abi.CAPTURE))
+        self._call(abi.STREAMON, abi.Integer(abi.CAPTURE))
 
     def stream_off(self) -> None:
         """Stop the stream; the kernel then releases all queued buffers."""
-        self._call(ioctls.STREAMOFF, abi.Integer(abi.CAPTURE))
+        self._call(abi.STREAMOFF, abi.Integer(abi.CAPTURE))
 
     def subscribe(self, event: int) -> None:
         """Subscribe to an event."""
-        self._call(ioctls.SUBSCRIBE_EVENT, abi.EventSubscription(type=event))
+        self._call(abi.SUBSCRIBE_EVENT, abi.EventSubscription(type=event))
 
     def event(self) -> abi.Event:
         """The oldest event; `OSError` if there is none."""
-        return self._call(ioctls.DQEVENT, abi.Event())
+        return self._call(abi.DQEVENT, abi.Event())
 
     def pause(self, seconds: float) -> None:
         """Sleep."""
@@ -202,7 +200,7 @@ class Node:
         try:
             self._kernel.ioctl(self._open_fd(), request, argument)
         except OSError as error:
-            raise OSError(error.errno, error.strerror, ioctls.NAMES[request]) from error
+            raise OSError(error.errno, error.strerror, abi.NAMES[request]) from error
         finally:
             self.called_ns += self._kernel.now_ns() - begin_ns
         return argument
@@ -221,8 +219,7 @@ def _format(columns: int, lines: int, fourcc: str, field: int) -> abi.Format:
 
 
 def _picture(format_: abi.Format) -> abi.PixFormat:
-    pix: abi.PixFormat = format_.fmt.pix
-    return pix
+    return format_.fmt.pix
 
 
 def _mapped(index: int) -> abi.Buffer:

@@ -15,8 +15,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from grabberd.core.field import BOTTOM, TOP
 from grabberd_v4l2 import standards
 from grabberd_v4l2.abi import Arrangement
+from grabberd_v4l2.devices import Identity
 from grabberd_v4l2.formats import FORMATS
-from grabberd_v4l2.identity import Identity
 from grabberd_v4l2.modes import LEAST_HZ
 from grabberd_v4l2.profiles import DIRECTORY
 

@@ -8,8 +8,16 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from grabberd.errors import DeviceAbsent, DeviceError, DeviceRefused
-from grabberd_v4l2.identity import Identity, find_node
-from grabberd_v4l2.sysfs import SYSTEM, Roots, UsbPlace, VideoNode, usb_places, video_nodes
+from grabberd_v4l2.devices import (
+    SYSTEM,
+    Identity,
+    Roots,
+    UsbPlace,
+    VideoNode,
+    find_node,
+    usb_places,
+    video_nodes,
+)
 
 HIGH_SPEED_MBIT_S = 480.0
 """Speed of USB 2.0."""

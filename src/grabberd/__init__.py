@@ -20,7 +20,7 @@ _HOMES = {
     "Capture": "grabberd.library.capture:Capture",
     "Connection": "grabberd.library.connection:Connection",
     "GrabberdError": "grabberd.errors:GrabberdError",
-    "PointTable": "grabberd.library.point_table:PointTable",
+    "PointTable": "grabberd.library.tables:PointTable",
     "RemoteCapture": "grabberd.library.connection:RemoteCapture",
     "calibrate": "grabberd.library.calibrations:calibrate",
     "connect": "grabberd.library.connection:connect",

@@ -5,8 +5,8 @@ from grabberd.library.connection import Connection as Connection
 from grabberd.library.connection import RemoteCapture as RemoteCapture
 from grabberd.library.connection import connect as connect
 from grabberd.library.examples import example as example
-from grabberd.library.point_table import PointTable as PointTable
-from grabberd_liner.analyses.library import Analysis as Analysis
+from grabberd.library.tables import PointTable as PointTable
+from grabberd_liner.library import Analysis as Analysis
 from grabberd_liner.library import Capture as Capture
 from grabberd_liner.library import open_capture as open
 

@@ -6,7 +6,7 @@ from collections import Counter
 from typing import Literal
 
 from grabberd.clock import SystemClock, UtcClock, iso_utc
-from grabberd.documents.faults import FaultDocument
+from grabberd.documents.health import FaultDocument
 from grabberd.errors import Cause
 
 log = logging.getLogger(__name__)

@@ -12,8 +12,8 @@ EXTENSION = Extension(
     ),
     groups=(Place("profile", "grabberd_liner.profiles.command", after="outlet"),),
     routes=(
-        Place("analysis_batches", "grabberd_liner.analyses.batch_routes", after="capture_batches"),
-        Place("analyses", "grabberd_liner.analyses.routes", after="capture_replay"),
+        Place("analysis_batches", "grabberd_liner.analyses.batch_routes", after="captures"),
+        Place("analyses", "grabberd_liner.analyses.routes", after="capture_contents"),
         Place("profiles", "grabberd_liner.profiles.routes", after="calibrations"),
         Place("studies", "grabberd_liner.studies.routes", after="profiles"),
         Place("liner_tests", "grabberd_liner.guided_tests.routes", after="studies"),
@@ -35,7 +35,7 @@ EXTENSION = Extension(
         Place("profile", "grabberd_liner.schemas:PROFILE", after="analysis-inputs"),
     ),
     library={
-        "Analysis": "grabberd_liner.analyses.library:Analysis",
+        "Analysis": "grabberd_liner.library:Analysis",
         "Capture": "grabberd_liner.library:Capture",
         "open": "grabberd_liner.library:open_capture",
     },

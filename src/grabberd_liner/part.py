@@ -13,8 +13,8 @@ from grabberd_liner.analyses.sealed_analyses import SealedAnalyses
 from grabberd_liner.analyses.store import AnalysisStore
 from grabberd_liner.guided_tests.liner_tests import LinerTests
 from grabberd_liner.guided_tests.store import LinerTestStore
+from grabberd_liner.profiles.profile_text import problems_in_process
 from grabberd_liner.profiles.profiles import Profiles
-from grabberd_liner.profiles.quantity_process import problems_in_process
 
 NAME = "liner"
 """Name of the extension."""

@@ -2,7 +2,7 @@
 
 import pytest
 
-from grabberd.archive.export import dataset, dataset_file
+from grabberd.archive.export import dataset
 from grabberd.archive.state import calibration_store
 from grabberd.files import checked_file
 
@@ -26,5 +26,5 @@ def damage(monkeypatch, spoil, name=None):
             path.write_bytes(spoil(path.read_bytes()))
         check_file(path, check, called)
 
-    for module in (checked_file, dataset, dataset_file, calibration_store):
+    for module in (checked_file, dataset, calibration_store):
         monkeypatch.setattr(module, "check_file", spoiled)

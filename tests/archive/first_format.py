@@ -16,8 +16,8 @@ from grabberd.archive.capture.digests import (
     write_row_digests,
     write_sealed_digest,
 )
-from grabberd.archive.capture.ledger_table import write_ledger
 from grabberd.archive.capture.meta import coverage_key, write_meta
+from grabberd.archive.capture.rows import write_ledger
 from grabberd.archive.capture.schema import APPLICATION_ID, TABLES_1
 from grabberd.archive.capture.writer import run_row
 from grabberd.core.ledger import Outcome

@@ -4,7 +4,7 @@ import numpy as np
 
 from archive.captures import MADE_WITH, META, PERIOD_NS, START_NS, batches, ledger_of, meta, points
 from grabberd.archive import CaptureWriter
-from grabberd.archive.capture.channels.reading_groups import (
+from grabberd.archive.capture.reading_groups import (
     ChannelCalibration,
     RecordedChannel,
     RecordedReadings,

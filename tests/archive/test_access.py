@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from grabberd.archive.access import AT_THE_MACHINE, SESSION_LIFE, Access, Identity
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.errors import Conflict, InputError, NotFound
 
 

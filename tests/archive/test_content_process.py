@@ -14,7 +14,7 @@ import pytest
 from archive.captures import slots, write
 from grabberd.archive import points_csv
 from grabberd.archive.content_process import CONTENTS, PIECE_BYTES, ContentServer
-from grabberd.archive.export.points_document import PointsQuery
+from grabberd.archive.export.page_documents import PointsQuery
 from grabberd.errors import (
     CaptureFileError,
     Cause,

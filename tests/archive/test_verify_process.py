@@ -5,12 +5,12 @@ import os
 import pytest
 
 from archive.captures import slots, write
-from grabberd.archive import verify_process
-from grabberd.archive.verify_process import verify_files
+from grabberd.archive.capture import verification
+from grabberd.archive.capture.verification import verify_files
 
 SABOTAGED = """
 import os, signal, time
-from grabberd.archive import verify_process as module
+from grabberd.archive.capture import verification as module
 verify = module.verify
 module.verify = lambda path: {act} if path.stem == 'c1' else verify(path)
 module.main()
@@ -40,15 +40,15 @@ def test_each_file_is_verified(captures):
     ],
 )
 def test_a_file_that_stops_its_reader_is_damaged(captures, monkeypatch, act, words):
-    monkeypatch.setattr(verify_process, "PROGRAM", SABOTAGED.format(act=act))
+    monkeypatch.setattr(verification, "PROGRAM", SABOTAGED.format(act=act))
     if "sleep" in act:
-        monkeypatch.setattr(verify_process, "_LONGEST_S", 5.0)
+        monkeypatch.setattr(verification, "_LONGEST_S", 5.0)
     found = list(verify_files(captures[:2]))
     assert words in found[1][1].damages[0]
 
 
 def test_it_works_behind_everybody_else(captures, monkeypatch):
     look = SABOTAGED.format(act="[os.sched_getscheduler(0), os.nice(0), 0, True, []]")
-    monkeypatch.setattr(verify_process, "PROGRAM", look)
+    monkeypatch.setattr(verification, "PROGRAM", look)
     ((_, found),) = verify_files(captures[1:2])
     assert found[:2] == (os.SCHED_IDLE, 19)

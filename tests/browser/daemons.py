@@ -61,7 +61,7 @@ class Daemon:
     def add_token(self, name: str, role: str) -> str:
         """Makes a token and returns it."""
         from grabberd.archive.access import Access  # noqa: PLC0415
-        from grabberd.documents.roles import Role  # noqa: PLC0415
+        from grabberd.documents.enums import Role  # noqa: PLC0415
 
         access = Access(self.folder)
         access.open()

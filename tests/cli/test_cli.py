@@ -20,7 +20,7 @@ from grabberd.cli import main
 from grabberd.cli.app import app
 from grabberd.config import shipped_configs
 from grabberd.errors import CaptureFileError
-from grabberd.files.directory_lock import DirectoryLock
+from grabberd.files.disk import DirectoryLock
 
 FAST = """
 devices:

@@ -13,8 +13,7 @@ from grabberd.cli.devices_listing import print_listing, yaml_of
 from grabberd.config import load_config
 from grabberd.instrument.acquisition import GRABBERS
 from grabberd.instrument.acquisition.discovery import FoundDevice, Verdict
-from grabberd_v4l2.answers import Answers
-from grabberd_v4l2.discovery import discover
+from grabberd_v4l2.discovery import Answers, discover
 
 BARN = """
 from grabberd.instrument.acquisition.discovery import FoundDevice, Verdict

@@ -21,7 +21,7 @@ from grabberd.archive import CaptureWriter
 from grabberd.cli.app import app
 from grabberd.client.daemon import Daemon as Client
 from grabberd.config import shipped_configs
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.library.jobs.measurement import MeasurementJob
 from liner.studies.results import COMPRESSION, report
 from server.api.daemons import Daemon, served, serving

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.cli.first_words import first_words
+from grabberd.cli.serve import first_words
 
 ADDRESS = "http://127.0.0.1:8050"
 

@@ -12,9 +12,9 @@ from grabberd.archive import CaptureReader
 from grabberd.cli.app import app
 from grabberd.core.field import PROGRESSIVE
 from grabberd.core.reconstruction import ObjectModel
-from grabberd.documents.job_problem import JobProblem
+from grabberd.documents.document import JobProblem
 from grabberd.files.documents import read_yaml
-from grabberd.library.jobs.identification import identify_file
+from grabberd.library.jobs.calibration_frame import identify_file
 
 CAMERAS = {"1920x1080": Picture(1920, 1080, 0.0031), "640x480": Picture(640, 480, 0.0160)}
 """Targets of 1.5 mm are 15.6 and 3 pixels wide."""

@@ -15,13 +15,12 @@ from archive.captures import meta, slots, write
 from archive.first_format import write_first_format
 from grabberd.archive import CaptureWriter
 from grabberd.archive.capture.captures_folder import CapturesFolder
-from grabberd.archive.state.annotation_store import Annotation, AnnotationStore
 from grabberd.archive.state.state_backups import CAPTURES_FOLDER, StateBackups, origin_of
-from grabberd.archive.state.state_store import StateStore
+from grabberd.archive.state.state_database import Annotation, AnnotationStore, StateStore
 from grabberd.cli.app import app
 from grabberd.cli.status import disk_words, fault_words
 from grabberd.errors import StorageError
-from grabberd.files.directory_lock import DirectoryLock
+from grabberd.files.disk import DirectoryLock
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from typer.testing import CliRunner, Result
 from grabberd.archive.access import Access, Identity
 from grabberd.cli.app import app
 from grabberd.client.daemon import Daemon
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.errors import GrabberdError, InputError
 
 

@@ -9,7 +9,7 @@ from typer.testing import CliRunner, Result
 
 from grabberd.archive.access import Access
 from grabberd.cli.app import app
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 
 
 @pytest.fixture(autouse=True)

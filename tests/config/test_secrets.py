@@ -2,7 +2,7 @@
 
 import pytest
 
-from grabberd.config.secrets import HIDDEN, without_secrets
+from grabberd.config.section import HIDDEN, without_secrets
 
 
 @pytest.mark.parametrize("key", ["password", "mqtt_password", "token", "api_key", "Secret", "apikey"])

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 
 import grabberd.documents
 from grabberd.config import shipped_configs
-from grabberd.core.reconstruction.coverage.words import finding_in_words
+from grabberd.core.reconstruction.coverage import finding_in_words
 from grabberd.documents.calibrations import CalibrationDocument
 from grabberd.documents.captures import CaptureDocument, MadeWith
 from grabberd.documents.document import Document

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from grabberd.errors import StorageError
-from grabberd.files.directory_lock import DirectoryLock
+from grabberd.files.disk import DirectoryLock
 
 
 def test_a_folder_is_one_programs_until_it_is_given_back(tmp_path: Path) -> None:

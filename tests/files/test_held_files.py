@@ -19,7 +19,7 @@ from grabberd.archive.capture.verification import verify
 from grabberd.archive.guarded_database import open_tables, read_header
 from grabberd.errors import StorageError
 from grabberd.files.held_files import HeldConnection, connect, create, hold
-from grabberd_replay.containers import container_of
+from grabberd_replay.video import container_of
 
 
 def read_as_a_capture(path):

@@ -14,12 +14,12 @@ from grabberd.archive import CaptureReader
 from grabberd.archive.calibrations.calibration_frames import calibration_frame_document
 from grabberd.archive.state.calibration_store import CalibrationRecord
 from grabberd.config import GlassConfig, default_config_file
+from grabberd.documents.enums import JobState
 from grabberd.documents.requests import CalibrationOptions
-from grabberd.documents.states import JobState
 from grabberd.errors import CalibrationMismatch, CaptureRunning, Conflict, InputError, NotFound
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.instrument.setup import set_up
-from grabberd.library.jobs.calibration_job import CalibrationJob
+from grabberd.library.jobs.calibration_jobs import CalibrationJob
 from grabberd.library.jobs.measurement import MeasurementJob
 from grabberd.server.daemon.service import Service
 

@@ -9,13 +9,18 @@ from scripted import Scripted
 from simulated_time import SMALL, NoCaptures, SimulatedClock
 from slots import ManualClock
 
-from grabberd.documents.states import DeviceState
+from grabberd.documents.enums import DeviceState
 from grabberd.errors import Cause, DeviceLost, DeviceRefused
 from grabberd.instrument.acquisition import GrabbedField, StreamInfo
 from grabberd.instrument.device.capture_thread import CaptureThread
 from grabberd.instrument.device.field_pipeline import FieldPipeline
-from grabberd.instrument.device.status_board import TRANSITIONS, StatusBoard
-from grabberd.instrument.liveness import SLOW_AFTER_S, STUCK_AFTER_S, Liveness
+from grabberd.instrument.device.status_board import (
+    SLOW_AFTER_S,
+    STUCK_AFTER_S,
+    TRANSITIONS,
+    Liveness,
+    StatusBoard,
+)
 
 PATIENCE_S = 30.0
 S = DeviceState

@@ -4,8 +4,8 @@ import re
 from pathlib import Path
 
 from grabberd.documents.captures import CaptureDocument
+from grabberd.documents.document import JobProblem
 from grabberd.documents.examples import CAPTURE
-from grabberd.documents.job_problem import JobProblem
 from grabberd_liner.analyses.documents import DeviceAnalysis
 from grabberd_liner.messages import AnalysisMessage, MeasuredValue, device_analysis
 

@@ -7,7 +7,7 @@ import pytest
 
 from grabberd.errors import ExtraMissing, InputError
 from grabberd.reports import calibration_html
-from grabberd.reports.numbers import fixed, measured, probability, significant
+from grabberd.reports.notation import fixed, measured, probability, significant
 from reports.documents import BLUNDER, DROPPED, full, least
 from reports.hostile import EVIL, hostile
 from reports.pages import Page

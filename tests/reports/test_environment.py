@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from jinja2 import UndefinedError
 
 from grabberd.reports import figures
-from grabberd.reports.environment import environment
+from grabberd.reports.document import environment
 from reports.pages import Page, chapters_left_out
 
 READABLE = st.text(st.characters(exclude_categories=["Cs", "Cc"]))

@@ -1,6 +1,6 @@
 import pytest
 
-from grabberd.reports.names import COLOURS, as_text, colour, label, symbol, unknown_name, utc_time
+from grabberd.reports.notation import COLOURS, as_text, colour, label, symbol, unknown_name, utc_time
 
 
 def test_parameters_have_their_symbols():

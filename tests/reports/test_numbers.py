@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grabberd.reports.numbers import (
+from grabberd.reports.notation import (
     common_exponent,
     count,
     fixed,

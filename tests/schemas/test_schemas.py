@@ -25,7 +25,7 @@ from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.requests import CertifiedLength
 from grabberd.errors import ConfigError, GrabberdError, InputError, NotFound
 from grabberd.schemas import known_forms, schema_of
-from grabberd_liner.analysis.wall.material_document import read_parts
+from grabberd_liner.analysis.wall.material import read_parts
 from grabberd_liner.chain.analysis.inputs import input_problems
 from grabberd_liner.chain.analysis.vacuum_inputs import read_constant, read_lag, read_offset, read_wave
 from grabberd_liner.profiles.documents import ProfileContent

@@ -12,7 +12,7 @@ from grabberd.documents.calibration_reports import CalibrationReport
 from grabberd.documents.requests import CalibrationOptions
 from grabberd.errors import MeasurementError
 from grabberd.library.jobs.calibration import CalibrationOutput
-from grabberd.work.progress import Progress
+from grabberd.work.job_spec import Progress
 
 Document = dict[str, Any]
 

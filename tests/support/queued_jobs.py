@@ -16,13 +16,11 @@ from grabberd.documents.jobs import JobDocument
 from grabberd.documents.results import MeasurementResult
 from grabberd.errors import InputError
 from grabberd.fault_board import FaultBoard
-from grabberd.server.daemon.kinds import KINDS
-from grabberd.work.job_process import MEMORY_BYTES
+from grabberd.server.daemon.jobs import KINDS
 from grabberd.work.job_queue import JobQueue
 from grabberd.work.job_rows import Kinds
-from grabberd.work.job_spec import JobContext, JobSpec
-from grabberd.work.progress import Progress
-from grabberd.work.runner import Contexts, JobRunner
+from grabberd.work.job_runner import MEMORY_BYTES, Contexts, JobRunner
+from grabberd.work.job_spec import JobContext, JobSpec, Progress
 
 PATIENCE_S = 60.0
 SCARCE_BYTES = 1_000_000_000

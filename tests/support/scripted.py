@@ -7,7 +7,7 @@ import numpy as np
 from simulated_time import Run, SimulatedClock
 
 from grabberd.core.field import Field, FieldOrder
-from grabberd.documents.states import DeviceState
+from grabberd.documents.enums import DeviceState
 from grabberd.errors import (
     DeviceAbsent,
     DeviceRefused,

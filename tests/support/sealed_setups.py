@@ -12,10 +12,10 @@ from slots import ManualClock
 from archive.milkings import milking
 from core.chain.milking import still
 from grabberd.archive.catalogue.archive import Archive
-from grabberd.archive.state.state_store import StateStore
+from grabberd.archive.state.state_database import StateStore
 from grabberd.config import AnalysisConfig, default_config_file
-from grabberd.documents.named_types import JsonObject
-from grabberd.documents.states import JobState
+from grabberd.documents.document import JsonObject
+from grabberd.documents.enums import JobState
 from grabberd.instrument.setup import DeviceSetup, set_up
 from grabberd_liner.analyses.capture_analyses import CaptureAnalyses
 from grabberd_liner.analyses.sealed_analyses import SealedAnalyses

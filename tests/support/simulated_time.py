@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from grabberd.config import DeviceConfig
 from grabberd.core.ledger import LedgerEntry, Slot
-from grabberd.documents.states import DeviceState
+from grabberd.documents.enums import DeviceState
 from grabberd.errors import GrabberdError
 from grabberd.instrument.acquisition.device import Grabber
 from grabberd.instrument.device.capture_thread import CaptureThread

@@ -11,7 +11,7 @@ import pytest
 from grabberd.archive import content_process
 from grabberd.cli import EX_CONFIG, EX_IOERR
 from grabberd.config import load_config
-from grabberd.work.job_process import MEMORY_BYTES
+from grabberd.work.job_runner import MEMORY_BYTES
 from systemd.sandbox import allowed_calls, settings_of
 
 ROOT = Path(__file__).parents[2]

@@ -10,14 +10,13 @@ from queued_jobs import Add, Hang, Jobs, Simple, counted_to, jobs_in
 from slots import ManualClock
 
 from grabberd.archive.state.job_store import QUEUE
-from grabberd.documents.job_problem import JobProblem
-from grabberd.documents.states import JobState
+from grabberd.documents.document import JobProblem
+from grabberd.documents.enums import JobState
 from grabberd.errors import Cause, Conflict, NotFound
-from grabberd.library.jobs.calibration_job import CalibrationJob
-from grabberd.library.jobs.identification_job import IdentificationJob
+from grabberd.library.jobs.calibration_jobs import CalibrationJob, IdentificationJob
 from grabberd.library.jobs.measurement import MeasurementJob
 from grabberd.server.daemon.check_job import CheckJob
-from grabberd.server.daemon.kinds import KINDS
+from grabberd.server.daemon.jobs import KINDS
 from grabberd.work import job_queue as module
 from grabberd.work.job_queue import KEPT
 from grabberd.work.job_rows import MOST_ATTEMPTS

@@ -27,16 +27,15 @@ from queued_jobs import (
     jobs_in,
 )
 
-from grabberd.documents.job_problem import JobProblem
+from grabberd.documents.document import JobProblem
+from grabberd.documents.enums import JobState
 from grabberd.documents.jobs import JobDocument
-from grabberd.documents.states import JobState
 from grabberd.errors import Cause, NotFound, StorageError
 from grabberd.memory import KILLED_FIRST
-from grabberd.work import runner as module
-from grabberd.work.job_process import NICENESS
+from grabberd.work import job_runner as module
 from grabberd.work.job_rows import MOST_ATTEMPTS
-from grabberd.work.job_spec import JobContext, JobSpec
-from grabberd.work.progress import REPORTS, counted, portion
+from grabberd.work.job_runner import NICENESS
+from grabberd.work.job_spec import REPORTS, JobContext, JobSpec, counted, portion
 
 
 @pytest.fixture

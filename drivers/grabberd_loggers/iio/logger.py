@@ -8,8 +8,7 @@ from pydantic import Field
 from grabberd.clock import Clock, SystemClock
 from grabberd.core.channels import LoggerInfo, Readings
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused
-from grabberd_loggers.iio.buffered import BufferedChannels
-from grabberd_loggers.iio.polled import PolledChannels
+from grabberd_loggers.iio.readers import BufferedChannels, PolledChannels
 from grabberd_loggers.iio.tree import SYSTEM, IioChannel, IioDevice, Roots, iio_devices
 from grabberd_loggers.options import Options, read_options
 

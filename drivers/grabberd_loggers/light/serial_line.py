@@ -13,7 +13,7 @@ from grabberd.clock import Clock
 from grabberd.errors import DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.light.switched_light import Found, SwitchedLight
 from grabberd_loggers.options import Options, read_options
-from grabberd_loggers.port_file import GONE, PLUG, lost, open_port
+from grabberd_loggers.serial_port import GONE, PLUG, lost, open_port
 
 _LINES = {"rts": termios.TIOCM_RTS, "dtr": termios.TIOCM_DTR}
 _DELAY_SIGMA_NS = 100_000
@@ -126,5 +126,4 @@ class SerialLine:
                 raise lost(self._options.port) from error
             reason = os.strerror(error.errno or errno.EIO)
             raise StreamFailed(f"the lines of {self._options.port} do not answer: {reason}", PLUG) from error
-        found: int = _WORD.unpack(answer)[0]
-        return found
+        return _WORD.unpack(answer)[0]

@@ -1,5 +1,165 @@
-"""Profiles of kernel drivers: a YAML file for each, overridden by the installer's own."""
+"""Profiles of kernel drivers: a YAML file for each, built in here or the installer's own."""
 
-from grabberd_v4l2.profiles.profile import DEFAULT, DIRECTORY, Profile, Profiles, SignalSource
+from collections.abc import Iterable, Mapping
+from enum import StrEnum
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from grabberd.bounded_documents import parse_yaml, read_text
+from grabberd.core.field import BOTTOM, TOP
+from grabberd.instrument.acquisition.discovery import Verdict
+from grabberd_v4l2.abi import Arrangement
 
 __all__ = ["DEFAULT", "DIRECTORY", "Profile", "Profiles", "SignalSource"]
+
+
+DIRECTORY = Path("/etc/grabberd/profiles.d")
+"""Directory of the installer's own profiles."""
+DEFAULT = "default"
+"""Profile of unknown drivers."""
+
+_BUILT_IN = files(__package__)
+_PARITIES = {"top": TOP, "bottom": BOTTOM}
+
+
+class SignalSource(StrEnum):
+    """Query by which a driver reports that no camera is connected."""
+
+    ENUMINPUT = "enuminput"
+    QUERYSTD = "querystd"
+    NONE = "none"
+
+
+class Profile(BaseModel):
+    """Profile of a kernel driver; its fields are the keys of its file.
+
+    Attributes:
+        driver: name of the driver in VIDIOC_QUERYCAP, and name of the file; with " VID:PID" after it the
+            profile is of that device alone.
+        also: other names of the driver.
+        older: "top" or "bottom": field of a woven frame that was exposed first, whatever the standard; by
+            default as V4L2 has it, the top one at 50 Hz and the bottom one at 60 Hz.
+        field_orders: arrangements to request, the best first; others are never requested.
+        none_is_woven: True if the driver reports NONE for frames that are woven of two fields.
+        trusts_sequence: True if the driver's count grows when a field is lost.
+        trusts_time: True if the driver stamps buffers at the end of their last field.
+        time_sigma_ms: standard deviation of the stamps.
+        trusts_flags: True if damaged pictures are flagged; otherwise only their content shows damage.
+        signal_source: query that reports a missing camera.
+        verdict: verdict on the driver.
+        remarks: reasons for the verdict, as sentences.
+        advice: advice if the driver is not good enough.
+        usb_ids: "VID:PID" of devices that it drives.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    driver: str = Field(min_length=1)
+    also: tuple[str, ...] = ()
+    # usbtv, which closes a frame bottom field first at 50 Hz too and does not say so, has a profile.
+    older: str | None = Field(None, pattern="^(top|bottom)$")
+    field_orders: tuple[Arrangement, ...] = Field(min_length=1)
+    none_is_woven: bool = False
+    # Most drivers do not count what they lose: gaps in time tell first, the count only of a known driver.
+    trusts_sequence: bool = False
+    trusts_time: bool = True
+    time_sigma_ms: float = Field(3.0, gt=0, le=40)
+    trusts_flags: bool = False
+    signal_source: SignalSource = SignalSource.NONE
+    verdict: Verdict = Verdict.USABLE
+    remarks: tuple[str, ...] = ()
+    advice: str = ""
+    usb_ids: tuple[str, ...] = ()
+
+    @property
+    def older_parity(self) -> int | None:
+        """`TOP` or `BOTTOM`: the older field of a woven frame; None if it is that of the standard."""
+        return None if self.older is None else _PARITIES[self.older]
+
+    @field_validator("field_orders", mode="before")
+    @classmethod
+    def _named(cls, names: Any) -> Any:
+        """Arrangements by name, never ANY, with which several drivers give one field at half height."""
+        known = {a.name.lower(): a for a in Arrangement if a is not Arrangement.ANY}
+        if not isinstance(names, list | tuple):
+            raise ValueError("a list of field orders is expected")
+        strange = [str(name) for name in names if str(name) not in known]
+        if strange:
+            raise ValueError(f"{', '.join(strange)}: none of {', '.join(known)}")
+        return tuple(known[str(name)] for name in names)
+
+
+class Profiles(NamedTuple):
+    """All profiles.
+
+    Attributes:
+        by_driver: profiles by each name of a driver.
+        remarks: problems of the installer's files that were not used.
+    """
+
+    by_driver: Mapping[str, Profile]
+    remarks: tuple[str, ...]
+
+    @classmethod
+    def load(cls, directory: Path = DIRECTORY) -> "Profiles":
+        """Load the built-in profiles, overridden key by key by the installer's file of the same driver.
+
+        An invalid file is skipped and named in `remarks`.
+        """
+        # Documents are merged, not profiles: a file that gives one key keeps the driver's other keys.
+        documents = {document["driver"]: document for document in map(_read, _yaml_files(_BUILT_IN))}
+        remarks = []
+        for file in _yaml_files(directory):
+            try:
+                merged = _merged(documents, _read(file))
+                Profile(**merged)
+            except (OSError, ValueError) as error:
+                remarks.append(f"profile {file} is not used: {_in_words(error)}")
+            else:
+                documents[merged["driver"]] = merged
+        profiles = [Profile(**document) for document in documents.values()]
+        return cls({name: p for p in profiles for name in (p.driver, *p.also)}, tuple(remarks))
+
+    def of(self, kernel_driver: str, usb_id: str = "") -> Profile:
+        """The profile of a device or else of its driver; for an unknown one, the default profile under its
+        name.
+
+        Args:
+            kernel_driver: name of the driver.
+            usb_id: "VID:PID" of the device; "" if it is not on USB.
+        """
+        known = self.by_driver.get(f"{kernel_driver} {usb_id}") or self.by_driver.get(kernel_driver)
+        return known or self.by_driver[DEFAULT].model_copy(update={"driver": kernel_driver})
+
+
+def _merged(documents: Mapping[str, dict[str, Any]], own: dict[str, Any]) -> dict[str, Any]:
+    """The document of the same driver, under any of its names, overridden by the installer's values."""
+    named = {name: d["driver"] for d in documents.values() for name in d.get("also", ())}
+    driver = named.get(own["driver"], own["driver"])
+    family = driver.partition(" ")[0]  # a device's own profile has what its driver's has
+    base = documents.get(driver) or documents.get(family) or documents[DEFAULT]
+    return {**base, **own, "driver": driver}
+
+
+def _yaml_files(directory: Traversable) -> Iterable[Traversable]:
+    if not directory.is_dir():
+        return ()
+    return sorted((file for file in directory.iterdir() if file.name.endswith(".yaml")), key=str)
+
+
+def _read(file: Traversable) -> dict[str, Any]:
+    document = parse_yaml(read_text(file))
+    if not isinstance(document, dict) or not isinstance(document.get("driver"), str):
+        raise ValueError("it has no key 'driver' with the name of a kernel driver")
+    return document
+
+
+def _in_words(error: Exception) -> str:
+    """All problems on one line."""
+    if isinstance(error, ValidationError):
+        return "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+    return " ".join(str(error).split())

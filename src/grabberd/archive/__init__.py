@@ -10,8 +10,10 @@ from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.rows import RecordedField, RunInfo
 from grabberd.archive.capture.runs import append_run
 from grabberd.archive.capture.writer import CaptureWriter
+from grabberd.archive.export.c3d_file import export_c3d, points_c3d
 from grabberd.archive.export.field_pictures import export_png, field_png
-from grabberd.archive.export.points_c3d import export_c3d, points_c3d
+from grabberd.archive.export.hdf5_file import export_hdf5
+from grabberd.archive.export.mat_file import export_mat
 from grabberd.archive.export.points_export import (
     export_csv,
     export_parquet,
@@ -19,8 +21,6 @@ from grabberd.archive.export.points_export import (
     points_csv,
     points_ply,
 )
-from grabberd.archive.export.points_hdf5 import export_hdf5
-from grabberd.archive.export.points_mat import export_mat
 from grabberd.archive.state.capture_index import CaptureIndex
 
 __all__ = [

@@ -1,19 +1,29 @@
-"""Access: tokens with roles, and the browser sessions they are traded for."""
+"""Access: tokens with roles, the browser sessions they are traded for, and the key of the machine.
 
+Secrets are stored as digests alone. What is read of the database is remembered as long as the header of its
+file shows no change. That is looked at without SQLite, and no disk is waited for: the event loop asks.
+"""
+
+import errno
 import hashlib
+import hmac
+import logging
+import os
 import re
 import secrets
-from collections.abc import Callable
+import threading
+import weakref
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
-from typing import Literal
+from typing import Generic, Literal, NamedTuple, TypeVar
 
-from grabberd.archive.machine_key import PREFIX, MachineKey
-from grabberd.archive.state.file_version import FileVersion, Remembered
 from grabberd.archive.state.token_store import GUARDED, Holder, TokenRow, TokenStore
 from grabberd.clock import SystemClock, UtcClock, iso_utc
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.errors import AccessExpired, Conflict, InputError, StorageError
 
 SECRET_BYTES = 32
@@ -221,3 +231,183 @@ class Access:
 
 def _identity(found: Holder | None, by: Literal["token", "session"]) -> Identity | None:
     return None if found is None else Identity(Role(found.role), by, found.name, found.expires_utc)
+
+
+log = logging.getLogger(__name__)
+
+FILE = "machine.key"
+PREFIX = "grabberd_"
+"""Prefix of every secret, by which one that strays into a file or a log is recognised."""
+OWNER_ONLY = 0o600
+
+
+class MachineKey:
+    """A file with a secret that is created anew at every start and is valid until the daemon ends.
+
+    Whoever can read it can write the tokens beside it, too: it gives nobody more than they have.
+
+    Args:
+        directory: The daemon's state directory, which it has locked.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self.path = directory / FILE
+        self._hash: bytes | None = None
+
+    def make(self) -> None:
+        """Creates a new key; if the disk cannot be written there is none, and a warning is logged."""
+        secret = PREFIX + secrets.token_urlsafe(32)
+        try:
+            # Never written into an existing file: somebody may hold that open, with other rights.
+            self.path.unlink(missing_ok=True)
+            descriptor = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, OWNER_ONLY)
+            with os.fdopen(descriptor, "w", encoding="ascii") as file:
+                file.write(f"{secret}\n")
+        except OSError as error:
+            log.warning("%s cannot be written: %s; diagnostics take a token", self.path.name, error.strerror)
+            return
+        self._hash = _hash(secret)
+
+    def remove(self) -> None:
+        """Invalidates the key and removes its file; safe twice."""
+        if self._hash is not None:
+            self._hash = None
+            with suppress(OSError):
+                self.path.unlink(missing_ok=True)
+
+    def fits(self, secret: str) -> bool:
+        """True if a secret is the key; takes the same time whichever part of it is wrong."""
+        return self._hash is not None and hmac.compare_digest(self._hash, _hash(secret))
+
+
+def readable_key(directory: Path) -> Path | None:
+    """Path of a daemon's key, or None if there is none or this user may not read it."""
+    path = directory / FILE
+    return path if os.access(path, os.R_OK) else None
+
+
+def _hash(secret: str) -> bytes:
+    return hashlib.sha256(secret.encode("utf-8", "replace")).digest()
+
+
+T = TypeVar("T")
+
+_HEAD = 40
+"""Bytes of the header that hold all that is read here."""
+_FORMATS = slice(18, 20)
+_ROLLBACK_JOURNAL = b"\x01\x01"
+"""Write and read format of a file without a write-ahead log, which would not count its changes here."""
+_CHANGES = slice(24, 40)
+"""The change counter and what follows it: the bytes by which SQLite itself knows that its cache is old."""
+
+
+class Version(NamedTuple):
+    """A file and its content at one moment; two that are equal are of the same content.
+
+    Attributes:
+        identity: Device, inode, size and times of the file, which tell one that was put in its place.
+        changes: Bytes of the header that every transaction changes.
+    """
+
+    identity: tuple[int, int, int, int, int]
+    changes: bytes
+
+
+class FileVersion:
+    """Tells the version of a database file from moment to moment; it never waits for the disk.
+
+    The file is held open: SQLite's locks belong to the process, and closing any descriptor of a file would
+    drop those that other threads have on it.
+
+    Args:
+        path: The file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._lock = threading.Lock()
+        self._descriptor: int | None = None
+        self._of: tuple[int, int] | None = None
+        self._close: Callable[[], object] = lambda: None
+
+    def now(self) -> Version | None:
+        """The present version; None if it is not known at once, or the file does not count its changes.
+
+        Contents are read only if they are in memory; the name is looked up, which in general it is, too.
+        """
+        with suppress(OSError), self._lock:
+            found = os.stat(self._path)
+            head = bytearray(_HEAD)
+            # What is not in memory is not waited for: the event loop asks, and a disk may hang.
+            read = os.preadv(self._opened(found), [head], 0, os.RWF_NOWAIT)
+            if read == _HEAD and head[_FORMATS] == _ROLLBACK_JOURNAL:
+                identity = (found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
+                return Version(identity, bytes(head[_CHANGES]))
+        return None
+
+    def _opened(self, found: os.stat_result) -> int:
+        """A descriptor of the file; another one if another file has taken its place."""
+        if self._descriptor is None or self._of != (found.st_dev, found.st_ino):
+            self._close()
+            self._descriptor = descriptor = os.open(self._path, os.O_RDONLY | os.O_CLOEXEC)
+            self._close = weakref.finalize(self, os.close, descriptor)
+            opened = os.fstat(descriptor)
+            self._of = (opened.st_dev, opened.st_ino)
+            if self._of != (found.st_dev, found.st_ino):
+                raise OSError(errno.ESTALE, os.strerror(errno.ESTALE), str(self._path))
+        return self._descriptor
+
+
+class NotRemembered(Exception):
+    """A value cannot be told without reading the database."""
+
+
+class Remembered(Generic[T]):
+    """Values read of a database, kept as long as nobody changes anything in it; any thread may call.
+
+    Args:
+        version: Tells the version of the database's file.
+        most: Number of values; the one that was asked for least recently is dropped.
+    """
+
+    def __init__(self, version: FileVersion, most: int) -> None:
+        self._version = version
+        self._most = most
+        self._lock = threading.Lock()
+        self._of: Version | None = None
+        self._values: OrderedDict[Hashable, T] = OrderedDict()
+
+    def get(self, key: Hashable, read: Callable[[], T | None], *, at_once: bool = False) -> T | None:
+        """The value of a key, remembered or read; that there is none is not remembered.
+
+        Args:
+            key: Its key.
+            read: Reads it from the database.
+            at_once: True if the database must not be read.
+
+        Raises:
+            NotRemembered: It would have to be.
+        """
+        before = self._version.now()
+        with self._lock:
+            if before is not None and before == self._of and key in self._values:
+                self._values.move_to_end(key)
+                return self._values[key]
+        if at_once:
+            raise NotRemembered
+        value = read()
+        # One before, another after: what was read is of either. After a transaction that is rolled back, the
+        # next one makes the counter again what it was meanwhile, of another content.
+        if value is not None and before is not None and before == self._version.now():
+            self._enter(key, value, before)
+        return value
+
+    def _enter(self, key: Hashable, value: T, version: Version) -> None:
+        with self._lock:
+            if version != self._of:
+                self._values.clear()
+                self._of = version
+            self._values[key] = value
+            self._values.move_to_end(key)
+            if len(self._values) > self._most:
+                self._values.popitem(last=False)

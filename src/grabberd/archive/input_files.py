@@ -11,7 +11,7 @@ import numpy as np
 
 from grabberd.bounded_documents import LARGEST_TABLE, csv_records, read_text
 from grabberd.core.calibration import Mark
-from grabberd.core.reconstruction.accuracy.ground_truth import Truth
+from grabberd.core.reconstruction.accuracy import Truth
 from grabberd.errors import InputError
 
 POSITION = ("x_mm", "y_mm", "z_mm")

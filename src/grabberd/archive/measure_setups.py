@@ -5,14 +5,14 @@ from dataclasses import fields
 from typing import Any
 
 from grabberd.config import DeviceConfig, RigConfig
+from grabberd.core.chain.locating import px_per_mm_of
 from grabberd.core.chain.measure import MeasureSetup
-from grabberd.core.chain.target_sizes import px_per_mm_of
 from grabberd.core.geometry import Calibration, NominalRig
 from grabberd.core.measurement import METHODS, LocationSettings
 from grabberd.core.measurement.locators import Locator
 from grabberd.core.measurement.settings import AUTOMATIC
 from grabberd.core.reconstruction import ObjectModel
-from grabberd.documents.named_types import JsonObject
+from grabberd.documents.document import JsonObject
 from grabberd.errors import CalibrationMismatch, DriverMissing, InputError
 from grabberd.registry import Registry
 

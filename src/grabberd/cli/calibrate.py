@@ -24,8 +24,7 @@ from grabberd.errors import InputError, StorageError
 
 if TYPE_CHECKING:
     from grabberd.config import RigConfig
-    from grabberd.documents.calibration_acceptance import CalibrationAcceptance
-    from grabberd.documents.calibration_reports import CalibrationReport
+    from grabberd.documents.calibration_reports import CalibrationAcceptance, CalibrationReport
     from grabberd.documents.requests import CalibrationOptions
     from grabberd.library.jobs.calibration import CalibrationOutput
 
@@ -198,8 +197,10 @@ def _calibrated(
 
 
 def _write(path: Path, text: str) -> None:
-    from grabberd.files.checked_file import write_checked  # noqa: PLC0415
-    from grabberd.files.text_check import text_check  # noqa: PLC0415
+    from grabberd.files.checked_file import (  # noqa: PLC0415
+        text_check,
+        write_checked,
+    )
 
     whole = text + "\n"
     write_checked(path, [whole.encode()], text_check(whole))

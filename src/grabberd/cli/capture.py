@@ -1,4 +1,7 @@
-"""`grabberd capture`: records a capture to a file, directly or through the daemon that holds the device."""
+"""`grabberd capture`: records a capture to a file, directly or through the daemon that holds the device.
+
+`grabberd trigger` triggers a capture that is armed in a daemon.
+"""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -6,11 +9,13 @@ from typing import Annotated, Any
 import typer
 
 from grabberd.cli.options import (
+    DEFAULT_URL,
     VERDICTS,
     ConfigOption,
     DriverOption,
     JsonOption,
     TokenFileOption,
+    UrlOption,
     check_absent,
     check_folder,
     daemon_url,
@@ -20,6 +25,7 @@ from grabberd.cli.options import (
     load,
     out_file,
     print_json,
+    print_result,
     warn,
 )
 
@@ -176,8 +182,32 @@ def _summarise(document: dict[str, Any], out: Path) -> None:
 
 def _warnings(document: dict[str, Any]) -> list[str]:
     """Return what is wrong with the points of a capture; a daemon of an earlier version says nothing."""
-    from grabberd.documents.field_order import FieldOrderDocument  # noqa: PLC0415
+    from grabberd.documents.devices import FieldOrderDocument  # noqa: PLC0415
 
     found = document.get("field_order")
     warning = FieldOrderDocument.model_validate(found).warning if found else None
     return [warning] if warning else []
+
+
+def trigger(
+    capture: Annotated[
+        str | None, typer.Argument(help="Id of the armed capture; not needed if there is only one.")
+    ] = None,
+    device: Annotated[str | None, typer.Option(help="Only captures of this device.")] = None,
+    url: UrlOption = DEFAULT_URL,
+    token_file: TokenFileOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Trigger the armed capture, which then records, including its pre-trigger fields.
+
+    Example: grabberd trigger
+
+    Example: grabberd trigger --device north --url http://barn.local:8050 --token-file token
+    """
+    from grabberd.cli import daemon_captures as captures  # noqa: PLC0415
+    from grabberd.client.daemon import Daemon  # noqa: PLC0415
+
+    daemon = Daemon(url, token_file)
+    document = captures.trigger(daemon, capture or captures.armed_capture(daemon, device))
+    words = f"{document['id']}: {document['state']}, triggered {document['trigger_utc']}"
+    print_result(document, words, as_json=json)

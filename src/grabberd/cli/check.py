@@ -72,7 +72,7 @@ def _of_file(
 ) -> dict[str, Any]:
     from grabberd.archive.calibrations.calibration_frames import calibration_frame_document  # noqa: PLC0415
     from grabberd.files.documents import read_documents  # noqa: PLC0415
-    from grabberd.library.jobs.check import check_file  # noqa: PLC0415
+    from grabberd.library.jobs.calibration_frame import check_file  # noqa: PLC0415
 
     with progress_bar("checking") as progress:
         found = check_file(

@@ -81,8 +81,7 @@ def trigger(daemon: Daemon, capture_id: str) -> JsonObject:
     Raises:
         GrabberdError: the daemon refused.
     """
-    document: JsonObject = daemon.ask(f"{CAPTURES}/{capture_id}/trigger", "POST")
-    return document
+    return daemon.ask(f"{CAPTURES}/{capture_id}/trigger", "POST")
 
 
 def armed_capture(daemon: Daemon, device: str | None) -> str:
@@ -142,8 +141,7 @@ def _followed(daemon: Daemon, address: str, document: JsonObject) -> JsonObject:
 
 def _captures(document: JsonObject) -> list[JsonObject]:
     """The captures of a group; a single capture is a group of one."""
-    captures: list[JsonObject] = document.get("captures", [document])
-    return captures
+    return document.get("captures", [document])
 
 
 def _is_going_on(document: JsonObject) -> bool:

@@ -1,21 +1,114 @@
-"""Output of `grabberd devices`: each grabber with its verdict, and a configuration to paste."""
+"""Output of `grabberd devices`: each grabber with its verdict, a configuration to paste, and the loggers.
+
+Names that devices give themselves can neither format nor colour anything.
+"""
 
 from collections.abc import Container, Iterator, Sequence
 from dataclasses import asdict
 from itertools import count
+from typing import Any
 
 import typer
 import yaml
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from grabberd.cli.devices_text import one_line, print_device, print_plain
-from grabberd.cli.loggers_listing import loggers_document, print_loggers
 from grabberd.cli.options import print_json
 from grabberd.cli.terminal import console
 from grabberd.config import Config
-from grabberd.instrument.acquisition import GRABBERS, discover
-from grabberd.instrument.acquisition.discovery import FoundDevice, Verdict
+from grabberd.instrument.acquisition import GRABBERS, LOGGERS, discover
+from grabberd.instrument.acquisition.discovery import LOGGER_SEARCH, FoundDevice, Verdict
+
+STYLES = {
+    Verdict.RECOMMENDED: "bold green",
+    Verdict.USABLE: "green",
+    Verdict.DOUBTFUL: "yellow",
+    Verdict.UNUSABLE: "bold red",
+}
+
+
+def print_device(device: FoundDevice, names: Sequence[str]) -> None:
+    """Print a device with its verdict, facts and remarks, and the names that it is configured by."""
+    title = Text(one_line(device.card), style="bold")
+    title.append(f"  {device.verdict}", style=STYLES[device.verdict])
+    if names:
+        title.append(f"  configured as {', '.join(names)}", style="not bold")
+    console.print(title)
+    console.print(Padding(_facts(device), (0, 0, 0, 2)))
+    for remark in device.remarks:
+        console.print(_bullet(remark))
+    console.print()
+
+
+def print_plain(text: str) -> None:
+    """Print text in which brackets stay brackets: it may come from a device."""
+    console.print(text, highlight=False, markup=False)
+
+
+def one_line(text: str) -> str:
+    """Reduce a name reported by a device, which may contain anything, to one printable line."""
+    return " ".join("".join(char if char.isprintable() else " " for char in text).split())
+
+
+def _facts(device: FoundDevice) -> Table:
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(style="dim", no_wrap=True)
+    grid.add_column(overflow="fold")
+    for name, words in device.facts.items():
+        grid.add_row(name, Text(one_line(words)))
+    return grid
+
+
+def _bullet(remark: str) -> Padding:
+    grid = Table.grid(padding=(0, 1))
+    grid.add_row("•", Text(one_line(remark)))
+    return Padding(grid, (0, 0, 0, 2))
+
+
+def loggers_document(settings: Config) -> dict[str, Any]:
+    """Drivers, configured and found loggers, for scripts."""
+    configured = {
+        name: {"driver": one.driver, "options": one.options} for name, one in settings.loggers.items()
+    }
+    found = [
+        asdict(one) | {"configured_as": _logger_configured_as(settings, one)}
+        for one in discover(LOGGER_SEARCH)
+    ]
+    return {"logger_drivers": LOGGERS.available(), "loggers": configured, "found_loggers": found}
+
+
+def print_loggers(settings: Config) -> None:
+    """Print the serial ports and sensors found, and the configured loggers."""
+    found = discover(LOGGER_SEARCH)
+    if found or settings.loggers:
+        print_plain("Data loggers, or what may be one:\n")
+    for device in found:
+        print_device(device, _logger_configured_as(settings, device))
+    if settings.loggers:
+        _print_configured_loggers(settings, found)
+    print_plain(f"Drivers of loggers: {', '.join(LOGGERS.available())}.")
+    new = next((one for one in found if not _logger_configured_as(settings, one)), None)
+    if new is not None:
+        way = next(iter(new.options.values()))
+        print_plain(f"To listen to one: grabberd logger {new.driver}:{one_line(str(way))}")
+    print_plain("")
+
+
+def _logger_configured_as(settings: Config, found: FoundDevice) -> list[str]:
+    """Names of the configured loggers that match a found one."""
+    return [name for name, one in settings.loggers.items() if found.is_meant_by(one.driver, one.options)]
+
+
+def _print_configured_loggers(settings: Config, found: Sequence[FoundDevice]) -> None:
+    table = Table("logger", "driver", "found", "channels", title="Configured loggers", title_justify="left")
+    for name, logger in settings.loggers.items():
+        there = [one.card for one in found if one.is_meant_by(logger.driver, logger.options)]
+        known = any(one.driver == logger.driver for one in found)
+        words = ", ".join(map(one_line, there)) or ("not found" if known else "–")
+        table.add_row(name, logger.driver, Text(words), ", ".join(logger.channels))
+    console.print(table)
+
 
 NOTHING_FOUND = (
     "No frame grabber was found. If one is plugged in ('lsusb', 'lspci'), the kernel has no driver for it: "

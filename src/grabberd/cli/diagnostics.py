@@ -77,7 +77,7 @@ def _key_of_the_machine(config: Path | None, url: str, *, configured: bool = Fal
         url: Its address.
         configured: True if it comes from the configuration, and so may be any address of this computer.
     """
-    from grabberd.archive.machine_key import readable_key  # noqa: PLC0415
+    from grabberd.archive.access import readable_key  # noqa: PLC0415
 
     host = urlsplit(url).hostname
     is_here = host in LOOPBACK or (configured and host is not None and _is_of_this_computer(host))

@@ -8,14 +8,14 @@ from typing import Any
 
 from rich.progress import BarColumn, Progress, TimeElapsedColumn
 
-from grabberd.archive.capture.recording_folder import interrupted_captures, recording_folder
+from grabberd.archive.capture.crash_recovery import interrupted_captures, recording_folder
 from grabberd.archive.catalogue.capture_documents import describe
 from grabberd.cli.options import end_as_ctrl_c_does, warn, with_device
 from grabberd.cli.serve import SWITCH_INTERVAL_S
 from grabberd.cli.terminal import progress_console
 from grabberd.clock import SystemClock
 from grabberd.config import Config, default_config_file
-from grabberd.documents.states import DeviceState
+from grabberd.documents.enums import DeviceState
 from grabberd.errors import DeviceAbsent
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.instrument.capture.recording import Recording

@@ -1,12 +1,13 @@
-"""`grabberd measure`: measures the fields of a recorded capture."""
+"""`grabberd measure`: measures the fields of a recorded capture, and tells how well that went."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.table import Table
 
-from grabberd.cli.coverage_table import print_coverage
 from grabberd.cli.options import (
+    VERDICTS,
     IncludeDamagedOption,
     JsonOption,
     LineJitterOption,
@@ -17,7 +18,11 @@ from grabberd.cli.options import (
     print_result,
     warn,
 )
-from grabberd.cli.terminal import progress_bar
+from grabberd.cli.terminal import console, progress_bar
+
+if TYPE_CHECKING:
+    from grabberd.documents.coverage import CoverageDocument, TargetCoverage
+
 
 ProposeOption = Annotated[
     Path | None,
@@ -73,7 +78,7 @@ def measure(
 
 def _proposed(capture: Path, made_with: dict[str, Any], out: Path) -> dict[str, Any]:
     """Write the proposed object file, and return what it changes."""
-    from grabberd.library.jobs.object_proposal import propose_object  # noqa: PLC0415
+    from grabberd.library.jobs.measurement import propose_object  # noqa: PLC0415
 
     with progress_bar("comparing with the object model") as progress:
         found = propose_object(progress, path=capture, made_with=made_with, out=out)
@@ -84,3 +89,31 @@ def _proposed(capture: Path, made_with: dict[str, Any], out: Path) -> dict[str, 
         "fields": found.fields,
         "moved": moved,
     }
+
+
+SHOWN = 10
+"""Number of targets listed, the worst first; --json has all."""
+
+
+def print_coverage(coverage: "CoverageDocument") -> None:
+    """Print the verdict with its findings, then the targets that were missed most."""
+    for finding in coverage.findings:
+        typer.echo(f"{VERDICTS[finding.verdict]}: {finding.in_words}")
+    missed = [one for one in coverage.targets if one.found < one.expected]
+    if missed:
+        console.print(_table(sorted(missed, key=_share)[:SHOWN]))
+    if len(missed) > SHOWN:
+        typer.echo(f"and {len(missed) - SHOWN} more targets that were missed at times; --json lists all")
+
+
+def _table(targets: "list[TargetCoverage]") -> Table:
+    table = Table("target", "found", "of", "share", "mostly because")
+    for one in targets:
+        table.add_row(
+            str(one.target), str(one.found), str(one.expected), f"{int(100 * _share(one))} %", one.in_words
+        )
+    return table
+
+
+def _share(target: "TargetCoverage") -> float:
+    return target.found / target.expected

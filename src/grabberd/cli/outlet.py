@@ -36,7 +36,7 @@ def lsl(
     from grabberd.client.daemon import Daemon  # noqa: PLC0415
     from grabberd.client.lsl import outlets  # noqa: PLC0415
     from grabberd.client.lsl.feeding import feed, only_device, outlets_of  # noqa: PLC0415
-    from grabberd.client.lsl.lsl_clock import LslClock  # noqa: PLC0415
+    from grabberd.client.lsl.outlets import LslClock  # noqa: PLC0415
 
     end_as_ctrl_c_does()
     clock = LslClock(outlets.lsl().local_clock)

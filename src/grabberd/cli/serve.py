@@ -1,14 +1,18 @@
-"""`grabberd serve`: runs the daemon."""
+"""`grabberd serve`: runs the daemon; at a terminal, tells where everything is, and what is lacking."""
 
+import importlib.util
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from grabberd import __version__
 from grabberd.cli import EX_IOERR, complain
 from grabberd.cli.options import ConfigOption, load
+from grabberd.core.kernel import in_use
 from grabberd.errors import StorageError
 
 SWITCH_INTERVAL_S = 0.001
@@ -29,7 +33,6 @@ def serve(
 
     Example: grabberd serve --config /etc/grabberd/grabberd.yaml
     """
-    from grabberd.cli.first_words import first_words  # noqa: PLC0415
     from grabberd.config import default_config_file  # noqa: PLC0415
     from grabberd.instrument.channels.logger_setup import set_up_loggers  # noqa: PLC0415
     from grabberd.instrument.setup import set_up  # noqa: PLC0415
@@ -37,10 +40,12 @@ def serve(
     from grabberd.server.api import create_app, serving, sockets  # noqa: PLC0415
     from grabberd.server.api.guard.front import Front  # noqa: PLC0415
     from grabberd.server.daemon.descriptors import affordable_connections, raise_limit  # noqa: PLC0415
-    from grabberd.server.daemon.heartbeat import Heartbeat  # noqa: PLC0415
     from grabberd.server.daemon.journal import set_up_logging  # noqa: PLC0415
-    from grabberd.server.daemon.notify import Notifier  # noqa: PLC0415
     from grabberd.server.daemon.service import Service  # noqa: PLC0415
+    from grabberd.server.daemon.systemd import (  # noqa: PLC0415
+        Heartbeat,
+        Notifier,
+    )
     from grabberd.server.mqtt.publisher_setup import check_mqtt  # noqa: PLC0415
 
     notifier = Notifier.from_environment(os.environ)
@@ -83,3 +88,36 @@ def serve(
         server.greeting = first_words(address, file, config is None, captures)
     if not serving.run(server, listening):
         raise typer.Exit(1)
+
+
+PARTS = {
+    "report": ("matplotlib", "figures in reports"),
+    "parquet": ("pyarrow", "tables as Parquet"),
+    "hdf5": ("h5py", "points as HDF5"),
+    "mqtt": ("aiomqtt", "publishing to a broker"),
+}
+"""What is optional, by the extra that brings it: a module that tells, and what it is for."""
+
+
+def is_installed(module: str) -> bool:
+    """Tell whether a module can be imported, without importing it."""
+    return importlib.util.find_spec(module) is not None
+
+
+def first_words(
+    address: str,
+    config: Path,
+    is_default: bool,
+    captures: Path,
+    has: Callable[[str], bool] = is_installed,
+) -> str:
+    """A few lines: documentation, configuration, captures, what is not installed, the address to open."""
+    lines = [f"grabberd {__version__} ({in_use()})", f"  documentation  {address}/docs"]
+    of_default = " (the simulated grabber; for a real one, copy v4l2.yaml beside it and give --config)"
+    lines.append(f"  configuration  {config}{of_default if is_default else ''}")
+    lines.append(f"  captures       {captures}")
+    missing = [extra for extra, (module, _) in PARTS.items() if not has(module)]
+    if missing:
+        lacking = ", ".join(PARTS[extra][1] for extra in missing)
+        lines.append(f"  not installed  {lacking}: pip install 'grabberd[{','.join(missing)}]'")
+    return "\n".join([*lines, "Ctrl-C ends it.", f"Open {address}"])

@@ -29,7 +29,7 @@ def index(config: ConfigOption = None, json: JsonOption = False) -> None:
     Example: grabberd storage index --config /etc/grabberd/grabberd.yaml
     """
     from grabberd.archive.catalogue.archive import Archive  # noqa: PLC0415
-    from grabberd.files.directory_lock import DirectoryLock  # noqa: PLC0415
+    from grabberd.files.disk import DirectoryLock  # noqa: PLC0415
 
     directory = load(config).state_directory
     lock, archive = DirectoryLock(directory), Archive(directory / "captures", list)
@@ -61,7 +61,7 @@ def verify(
 
     Example: grabberd storage verify --config /etc/grabberd/grabberd.yaml
     """
-    from grabberd.archive.verify_process import verify_files  # noqa: PLC0415
+    from grabberd.archive.capture.verification import verify_files  # noqa: PLC0415
 
     captures = captures or _files(load(config).state_directory)
     damaged, documents = 0, []
@@ -146,8 +146,8 @@ def retention(config: ConfigOption = None, json: JsonOption = False) -> None:
     """
     from grabberd.archive.catalogue.disk_guard import GB, free_bytes  # noqa: PLC0415
     from grabberd.archive.catalogue.retention import Policy, candidates, removals  # noqa: PLC0415
-    from grabberd.archive.state.annotation_store import AnnotationStore  # noqa: PLC0415
     from grabberd.archive.state.index_entries import entry_of  # noqa: PLC0415
+    from grabberd.archive.state.state_database import AnnotationStore  # noqa: PLC0415
     from grabberd.files.disk import storage_errors  # noqa: PLC0415
 
     settings = load(config)
@@ -198,7 +198,7 @@ def seal(
 
     Example: grabberd storage seal .grabberd-k3x9/liner.grab.part
     """
-    from grabberd.archive.capture.recording_folder import seal as seal_part  # noqa: PLC0415
+    from grabberd.archive.capture.crash_recovery import seal as seal_part  # noqa: PLC0415
     from grabberd.archive.catalogue.capture_documents import describe  # noqa: PLC0415
 
     path = seal_part(part)

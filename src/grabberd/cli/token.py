@@ -9,7 +9,7 @@ from rich.table import Table
 
 from grabberd.cli.options import ConfigOption, JsonOption, load, print_json
 from grabberd.cli.terminal import console
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 
 if TYPE_CHECKING:
     from grabberd.archive.access import Access

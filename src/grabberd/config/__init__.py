@@ -3,7 +3,19 @@
 All problems are reported at once, each with its file and key. Relative paths start at the file's own folder.
 """
 
-from grabberd.config.daemon import Config, HttpConfig, HttpLimits, RetentionConfig, StorageConfig, TlsConfig
+from grabberd.config.daemon import (
+    Config,
+    HttpConfig,
+    HttpLimits,
+    MqttConfig,
+    MqttTlsConfig,
+    RetentionConfig,
+    StorageConfig,
+    TlsConfig,
+    default_config_file,
+    default_state_directory,
+    shipped_configs,
+)
 from grabberd.config.device import (
     AnalysisConfig,
     BitDepth,
@@ -19,10 +31,7 @@ from grabberd.config.device import (
     ThresholdConfig,
 )
 from grabberd.config.logger import ChannelConfig, LoggerConfig
-from grabberd.config.mqtt import MqttConfig, MqttTlsConfig
-from grabberd.config.paths import default_config_file, default_state_directory, shipped_configs
-from grabberd.config.reading import load_config, only_device
-from grabberd.config.sound_part import load_sound_part
+from grabberd.config.reading import load_config, load_sound_part, only_device
 
 __all__ = [
     "AnalysisConfig",

@@ -1,7 +1,9 @@
-"""Base class of all sections of the configuration."""
+"""Base class of all sections of the configuration, and the removal of secrets before they are shown."""
 
+import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationInfo
 
@@ -24,3 +26,23 @@ class Section(BaseModel):
     """A section of the configuration: refuses unknown keys, immutable once loaded."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+SECRET = re.compile(r"password|passphrase|secret|token|credential|api_?key", re.IGNORECASE)
+IN_URL = re.compile(r"(?P<scheme>\b[a-z][a-z0-9+.-]*://)[^/\s@]+@", re.IGNORECASE)
+HIDDEN = "…"
+
+
+def without_secrets(document: Any) -> Any:
+    """A JSON document with "…" for secrets: values by their key's name, and credentials in addresses."""
+    if isinstance(document, Mapping):
+        return {key: _shown(str(key), value) for key, value in document.items()}
+    if isinstance(document, list | tuple):
+        return [without_secrets(inner) for inner in document]
+    if isinstance(document, str):
+        return IN_URL.sub(rf"\g<scheme>{HIDDEN}@", document)
+    return document
+
+
+def _shown(key: str, value: Any) -> Any:
+    return HIDDEN if SECRET.search(key) and value is not None else without_secrets(value)

@@ -4,8 +4,15 @@ from typing import Literal
 
 from pydantic import Field
 
-from grabberd.documents.document import Document, Next
-from grabberd.documents.named_types import AcceptanceVerdict, CalibrationOrigin, Glass, ImageSize, JsonObject
+from grabberd.documents.document import (
+    AcceptanceVerdict,
+    CalibrationOrigin,
+    Document,
+    Glass,
+    ImageSize,
+    JsonObject,
+    Next,
+)
 
 
 class CalibrationRejection(Document):

@@ -7,7 +7,7 @@ from typing_extensions import TypeAliasType
 
 from grabberd.core.channels import Dating, Quantity
 from grabberd.documents.document import Document
-from grabberd.documents.states import DeviceState
+from grabberd.documents.enums import DeviceState
 from grabberd.errors import Cause
 
 

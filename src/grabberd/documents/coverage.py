@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field
 from typing_extensions import TypeAliasType
 
-from grabberd.core.reconstruction.coverage.verdict import CoverageVerdict, FindingCode
+from grabberd.core.reconstruction.coverage import CoverageVerdict, FindingCode
 from grabberd.documents.document import Document
 
 MissReason = TypeAliasType(

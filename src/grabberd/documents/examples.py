@@ -1,6 +1,6 @@
 """Example documents for the OpenAPI description."""
 
-from grabberd.documents.named_types import JsonObject
+from grabberd.documents.document import JsonObject
 
 _ID = "20260301T093000125Z-barn"
 

@@ -1,4 +1,7 @@
-"""The health of a device: one verdict, made in the daemon, that page, broker and /readyz go by."""
+"""Faults of the daemon itself, and the health of a device.
+
+Health is one verdict, made in the daemon, that page, broker and /readyz go by.
+"""
 
 from typing import Literal
 
@@ -7,6 +10,19 @@ from typing_extensions import TypeAliasType
 
 from grabberd.documents.document import Document
 from grabberd.errors import Cause
+
+
+class FaultDocument(Document):
+    """A fault of the daemon itself, its captures' folder or its settings."""
+
+    cause_code: Cause = Field(description="Machine-readable code.")
+    level: Literal["fault", "warning"] = Field(
+        description="fault: a person has to act; warning: to be known, or repaired by itself."
+    )
+    message: str
+    hint: str
+    since_utc: str
+
 
 HealthLevel = TypeAliasType("HealthLevel", Literal["good", "unknown", "warning", "bad"])
 HealthPart = TypeAliasType(

@@ -2,11 +2,10 @@
 
 from pydantic import Field
 
-from grabberd.documents.document import Document, Next, with_examples
+from grabberd.documents.document import Document, JobProblem, Next, with_examples
+from grabberd.documents.enums import JobState
 from grabberd.documents.examples import JOB
-from grabberd.documents.job_problem import JobProblem
 from grabberd.documents.results import JobResult
-from grabberd.documents.states import JobState
 
 
 class JobDocument(Document):

@@ -1,13 +1,12 @@
 """Messages on the MQTT topics; each leaves with `schema` before these keys."""
 
 from grabberd.core.ledger import Outcome
-from grabberd.core.reconstruction.accuracy.drift_check import RigVerdict
-from grabberd.core.reconstruction.coverage.verdict import CoverageVerdict
+from grabberd.core.reconstruction.coverage import CoverageVerdict
+from grabberd.core.reconstruction.drift_check import RigVerdict
 from grabberd.documents.channels import ChannelsVerdict
-from grabberd.documents.document import Document
+from grabberd.documents.document import CaptureState, Document, Verdict
+from grabberd.documents.enums import DeviceState
 from grabberd.documents.health import HealthLevel, HealthPart
-from grabberd.documents.named_types import CaptureState, Verdict
-from grabberd.documents.states import DeviceState
 from grabberd.errors import Cause
 
 

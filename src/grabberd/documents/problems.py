@@ -4,7 +4,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from grabberd.documents.devices import LackDocument
 from grabberd.documents.examples import PROBLEM
-from grabberd.documents.faults import FaultDocument
+from grabberd.documents.health import FaultDocument
 
 KIND = "urn:grabberd:problem:"
 """Start of every problem's type."""

@@ -1,16 +1,16 @@
-"""Bodies of requests."""
+"""Bodies of requests, and the messages of a client of the preview."""
 
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
 from grabberd.config import ThresholdConfig
-from grabberd.documents.document import Document, with_examples
-from grabberd.documents.named_types import (
+from grabberd.documents.document import (
     AllDevices,
     Bits,
     CalibrationFrameTreatment,
     DeviceNames,
+    Document,
     Handedness,
     InterruptionPolicy,
     JsonObject,
@@ -21,6 +21,7 @@ from grabberd.documents.named_types import (
     Note,
     OverrunPolicy,
     Weights,
+    with_examples,
 )
 
 CHECK_S = 10.0
@@ -290,3 +291,36 @@ class SettingsRequest(Document):
 
     device: str | None = Field(None, description=_DEVICE)
     threshold: ThresholdConfig | None = Field(description="null: as configured.")
+
+
+LARGEST_SIDE_PX = 4096
+
+
+class PreviewPart(Document):
+    """A part of the frame, in frame pixels."""
+
+    x: int = Field(ge=0, le=LARGEST_SIDE_PX)
+    y: int = Field(ge=0, le=LARGEST_SIDE_PX)
+    columns: int = Field(ge=1, le=LARGEST_SIDE_PX)
+    lines: int = Field(ge=1, le=LARGEST_SIDE_PX)
+
+
+class PreviewAsk(Document):
+    """The picture that a client wants from now on."""
+
+    picture: Literal["grey", "bits"] = "grey"
+    part: PreviewPart | None = None
+    width_px: int | None = Field(None, ge=1, le=16384)
+    """Pixels that the client's screen has for the width of the frame."""
+    rate_hz: float | None = Field(None, ge=0.1, le=200)
+    """Pictures a second that it wants at most; null: as many as its link carries."""
+    light: bool = False
+    """Whether the light of the newest field is sent, too, as text: that of `devices/{name}/light`."""
+
+
+class PreviewWords(Document):
+    """A message of a client."""
+
+    ask: PreviewAsk | None = None
+    taken: int = Field(0, ge=0, le=1000)
+    """Pictures that it has taken since its last message."""

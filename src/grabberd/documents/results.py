@@ -8,9 +8,8 @@ from pydantic import Field
 
 from grabberd.documents.calibration_reports import PixelAxes
 from grabberd.documents.coverage import CoverageDocument
-from grabberd.documents.document import Document
-from grabberd.documents.field_order import FieldOrderDocument
-from grabberd.documents.job_problem import JobProblem
+from grabberd.documents.devices import FieldOrderDocument
+from grabberd.documents.document import Document, JobProblem
 from grabberd.extension import extensions, in_order, load
 
 

@@ -1,13 +1,15 @@
-"""State and health of the daemon."""
+"""State and health of the daemon, the settings that an operator can change, and the identity of a client."""
 
 from typing import Literal
 
 from pydantic import Field
 
+from grabberd.config import ThresholdConfig
 from grabberd.documents.channels import LoggerDocument
 from grabberd.documents.devices import DeviceDocument
-from grabberd.documents.document import Document
-from grabberd.documents.faults import FaultDocument
+from grabberd.documents.document import Document, with_examples
+from grabberd.documents.enums import Role
+from grabberd.documents.health import FaultDocument
 from grabberd.errors import Cause
 
 
@@ -57,3 +59,29 @@ class HealthDocument(Document):
 
     status: Literal["ok"] = "ok"
     version: str
+
+
+class DeviceSettings(Document):
+    """Settings in force for a device."""
+
+    threshold: ThresholdConfig
+    as_configured: bool = Field(description="True if the configuration's settings are in force.")
+
+
+class SettingsDocument(Document):
+    """Settings in force, by device."""
+
+    devices: dict[str, DeviceSettings]
+
+
+class SessionDocument(Document):
+    """Identity and role of the client; on the machine itself a token may not be needed."""
+
+    model_config = with_examples(
+        {"role": "operator", "by": "session", "token": "tablet-north", "expires_utc": None}
+    )
+
+    role: Role
+    by: Literal["token", "session", "socket", "machine"]
+    token: str | None = Field(description="Name of the token.")
+    expires_utc: str | None = Field(description="Expiry of the token; null: valid until it is removed.")

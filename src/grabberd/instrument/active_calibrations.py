@@ -5,9 +5,12 @@ import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from grabberd.archive.calibrations.calibration_catalog import CalibrationCatalog
-from grabberd.archive.calibrations.calibration_documents import active_calibration, failure_of
-from grabberd.archive.state.state_store import StateStore
+from grabberd.archive.calibrations.calibration_catalog import (
+    CalibrationCatalog,
+    active_calibration,
+    failure_of,
+)
+from grabberd.archive.state.state_database import StateStore
 from grabberd.clock import UtcClock, iso_utc
 from grabberd.core.geometry import Calibration
 from grabberd.documents.calibrations import ActiveCalibration, CalibrationRejection, CalibrationRow

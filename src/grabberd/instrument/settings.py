@@ -6,11 +6,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from grabberd.archive.state.state_store import StateStore
+from grabberd.archive.state.state_database import StateStore
 from grabberd.config import DeviceConfig, ThresholdConfig
-from grabberd.config.secrets import without_secrets
-from grabberd.documents.named_types import JsonObject
-from grabberd.documents.settings import DeviceSettings, SettingsDocument
+from grabberd.config.section import without_secrets
+from grabberd.documents.document import JsonObject
+from grabberd.documents.state import DeviceSettings, SettingsDocument
 from grabberd.errors import InputError
 from grabberd.instrument.instrument import Instrument
 from grabberd.instrument.setup import DeviceSetup

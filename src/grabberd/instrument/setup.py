@@ -10,7 +10,7 @@ from grabberd.config import Config, DeviceConfig
 from grabberd.core.chain.measure import MeasureSetup
 from grabberd.core.geometry import Calibration
 from grabberd.core.reconstruction import ObjectModel
-from grabberd.documents.named_types import JsonObject
+from grabberd.documents.document import JsonObject
 from grabberd.errors import ConfigError, DriverMissing, InputError, Problem
 from grabberd.files.documents import read_documents, read_yaml
 from grabberd.instrument.acquisition import GRABBERS

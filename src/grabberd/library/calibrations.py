@@ -14,12 +14,10 @@ from grabberd.core import geometry
 from grabberd.documents.calibration_reports import CalibrationReport
 from grabberd.documents.requests import CalibrationOptions
 from grabberd.errors import InputError
-from grabberd.files.checked_file import write_checked
+from grabberd.files.checked_file import text_check, write_checked
 from grabberd.files.documents import read_documents
-from grabberd.files.text_check import text_check
-from grabberd.library.documents import PathLike, document_of
+from grabberd.library.common import PathLike, document_of, one_thread
 from grabberd.library.jobs.calibration import calibrate_files
-from grabberd.library.threads import one_thread
 
 Progress = Callable[[float], None]
 """Told the share that is done, from 0 to 1."""

@@ -13,11 +13,10 @@ from grabberd.core.chain.accuracy import Investigation, InvestigationSettings, i
 from grabberd.core.ledger import Ledger
 from grabberd.errors import InputError, NotReady
 from grabberd.library.calibrations import Calibration, Progress
-from grabberd.library.documents import PathLike, document_of
+from grabberd.library.common import PathLike, document_of, one_thread
 from grabberd.library.fields import Fields
 from grabberd.library.jobs.measurement import measure_file
-from grabberd.library.point_table import Chosen, PointTable, read_points
-from grabberd.library.threads import one_thread
+from grabberd.library.tables import Chosen, PointTable, read_points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

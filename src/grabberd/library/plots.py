@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from grabberd.errors import NotFound
 from grabberd.library.fields import CapturedField
-from grabberd.library.point_table import PointTable
-from grabberd.library.table import Table, optional
+from grabberd.library.tables import PointTable, Table, optional
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,8 +19,7 @@ def _axes(given: "Axes | None", **options: Any) -> "Axes":
         return given
     pyplot = optional("matplotlib.pyplot", "a plot")
     _, made = pyplot.subplots(layout="constrained", **options)
-    axes: Axes = made
-    return axes
+    return made
 
 
 def draw_field(field: CapturedField, ax: "Axes | None" = None) -> "Axes":

@@ -3,11 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from grabberd.reports.document import CALIBRATION, check_document
-from grabberd.reports.environment import environment
+from grabberd.reports.document import CALIBRATION, check_document, environment
 from grabberd.reports.figures import require_matplotlib
-from grabberd.reports.names import symbol
-from grabberd.reports.numbers import Measured, common_exponent, measured, power_of_ten
+from grabberd.reports.notation import Measured, common_exponent, measured, power_of_ten, symbol
 
 Document = Mapping[str, Any]
 Row = Mapping[str, Any]

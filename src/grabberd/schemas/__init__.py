@@ -10,10 +10,14 @@ from functools import cache
 from types import MappingProxyType
 
 from grabberd.extension import extensions, in_order, load
-from grabberd.schemas.calibration import calibration_schema
+from grabberd.schemas.files import (
+    calibration_frame_schema,
+    calibration_schema,
+    capture_meta_schema,
+    configuration_schema,
+    object_schema,
+)
 from grabberd.schemas.forms import Form, Schema
-from grabberd.schemas.modelled import capture_meta_schema, configuration_schema
-from grabberd.schemas.object_files import calibration_frame_schema, object_schema
 
 __all__ = ["DIALECT", "Form", "Schema", "known_forms", "schema_of"]
 

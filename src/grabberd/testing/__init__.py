@@ -18,11 +18,18 @@ pytest.register_assert_rewrite(
     "grabberd.testing.locator_contract",
 )
 
-from grabberd.testing.drawn_discs import DrawnDiscs, draw_discs  # noqa: E402 - after what rewrites asserts
-from grabberd.testing.grabber_contract import FIELDS, GrabberBench, GrabberContract  # noqa: E402
-from grabberd.testing.locator_contract import LocatorContract  # noqa: E402
+from grabberd.testing.grabber_contract import (  # noqa: E402
+    FIELDS,
+    GrabberBench,
+    GrabberContract,
+    ManualClock,
+)
+from grabberd.testing.locator_contract import (  # noqa: E402 - after what rewrites asserts
+    DrawnDiscs,
+    LocatorContract,
+    draw_discs,
+)
 from grabberd.testing.logger_contract import COUNT, LoggerBench, LoggerContract  # noqa: E402
-from grabberd.testing.manual_clock import ManualClock  # noqa: E402
 
 __all__ = [
     "COUNT",

@@ -1,4 +1,6 @@
-"""Promises of every grabber's driver to the capture thread, as tests that a driver's own subclass."""
+"""Promises of every grabber's driver to the capture thread, as tests that a driver's own subclass, and the
+clock that such tests drive it by.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -232,3 +234,26 @@ def _numbered(taken: Sequence[GrabbedField], info: StreamInfo, signal: Signal) -
     numbering = FieldNumbering(info, taken[0].time_ns)
     found = [one for grabbed in taken for one in numbering.number(grabbed, signal)]
     return [*found, *numbering.settle()]
+
+
+class ManualClock:
+    """Stands still until somebody waits on it, and then jumps to the end of the wait.
+
+    Attributes:
+        time_ns: The time that it shows, as CLOCK_MONOTONIC would.
+    """
+
+    def __init__(self) -> None:
+        self.time_ns = 77_000_000_000
+
+    def now_ns(self) -> int:
+        """The time that it shows."""
+        return self.time_ns
+
+    def sleep(self, seconds: float) -> None:
+        """Jump forward by so many seconds."""
+        self.time_ns += max(0, round(seconds * 1e9))
+
+    def sleep_until_ns(self, time_ns: int) -> None:
+        """Jump forward to a time."""
+        self.time_ns = max(self.time_ns, time_ns)

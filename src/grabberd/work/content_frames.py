@@ -10,7 +10,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from grabberd.errors import Cause, GrabberdError, ReadingGivenUp, StorageError
-from grabberd.files.memory import is_for_want_of_memory
+from grabberd.files.disk import is_for_want_of_memory
 
 HEAD = struct.Struct("!IBI")
 """Head of a frame: number of the reading, kind, bytes that follow."""

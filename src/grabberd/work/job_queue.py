@@ -7,14 +7,13 @@ from datetime import timedelta
 from typing import Any
 
 from grabberd.clock import UtcClock, iso_utc
-from grabberd.documents.job_problem import JobProblem
+from grabberd.documents.document import JobProblem
+from grabberd.documents.enums import JobState
 from grabberd.documents.jobs import JobDocument
-from grabberd.documents.states import JobState
 from grabberd.errors import Cause, Conflict, NotFound
 from grabberd.fault_board import FaultBoard
-from grabberd.work.job_rows import Entry, Kinds, entry_of, id_of
+from grabberd.work.job_rows import Entry, JobStore, Kinds, Unanalysed, entry_of, id_of
 from grabberd.work.job_spec import JobSpec
-from grabberd.work.stored_jobs import JobStore, Unanalysed
 
 log = logging.getLogger(__name__)
 

@@ -1,10 +1,10 @@
-"""Declaration of a job: what has to be known to do it, now or after a restart."""
+"""Declaration of a job: what has to be known to do it, now or after a restart; its progress, from 0 to 1."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from pydantic import ConfigDict
 
@@ -12,7 +12,27 @@ from grabberd.documents.document import Document
 from grabberd.documents.requests import CaptureName
 from grabberd.documents.results import JobResult
 from grabberd.errors import NotFound
-from grabberd.work.progress import Progress
+
+T = TypeVar("T")
+
+Progress = Callable[[float], None]
+
+REPORTS = 200
+"""Each report of a job is a message to the daemon; a progress bar shows no finer steps."""
+
+
+def counted(items: Iterable[T], count: int, progress: Progress) -> Iterator[T]:
+    """Passes the items on, and reports which share of `count` is done."""
+    step = max(count // REPORTS, 1)
+    for done, item in enumerate(items):
+        if done % step == 0:
+            progress(done / max(count, 1))
+        yield item
+
+
+def portion(progress: Progress, start: float, end: float) -> Progress:
+    """Reports the progress of a part of the work as the span from `start` to `end` of the whole."""
+    return lambda share: progress(start + (end - start) * share)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

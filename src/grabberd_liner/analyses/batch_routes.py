@@ -2,11 +2,11 @@
 
 from fastapi import APIRouter, status
 
-from grabberd.archive.catalogue.batches import for_each
-from grabberd.documents.capture_library import BatchDocument, CaptureSelection
+from grabberd.archive.catalogue.capture_list import for_each
+from grabberd.documents.captures import BatchDocument, CaptureSelection
 from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.server.api.routes.dependencies import PROBLEMS, ServiceOf
-from grabberd_liner.analyses.requests import AnalysisRequest
+from grabberd_liner.analyses.documents import AnalysisRequest
 from grabberd_liner.analyses.routes import queue_analysis
 
 router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=OnceRoute)

@@ -9,10 +9,10 @@ from pydantic import ValidationError
 
 from grabberd.archive.state.capture_index import CaptureIndex
 from grabberd.documents.captures import CaptureDocument
-from grabberd.documents.job_problem import JobProblem
+from grabberd.documents.document import JobProblem
 from grabberd.documents.jobs import JobDocument
 from grabberd.errors import GrabberdError
-from grabberd.work.stored_jobs import Unanalysed
+from grabberd.work.job_rows import Unanalysed
 from grabberd_liner.analyses.documents import (
     AnalysisRecord,
     CaptureAnalysis,

@@ -170,7 +170,7 @@ def _quantities(made: "AnalysisOutput") -> list[dict[str, Any]]:
 
 
 def _show(made: "AnalysisOutput") -> None:
-    from grabberd.reports.numbers import measured  # noqa: PLC0415
+    from grabberd.reports.notation import measured  # noqa: PLC0415
 
     row = _summary(made)
     table = Table(title=f"{row['analysed']} of {row['fields']} fields analysed, {row['missing']} missing")
@@ -194,7 +194,7 @@ def _ranges(made: "AnalysisOutput") -> list[tuple[str, str, str]]:
     """Smallest and largest values of some columns over all fields."""
     import numpy as np  # noqa: PLC0415
 
-    from grabberd.reports.numbers import measured  # noqa: PLC0415
+    from grabberd.reports.notation import measured  # noqa: PLC0415
 
     fields, rows = made.tables["fields"], []
     for name in ("area_mm2", "mean_contact_kpa", "greatest_contact_kpa"):

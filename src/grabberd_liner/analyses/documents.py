@@ -1,14 +1,24 @@
-"""Analyses of a capture."""
+"""Documents of a capture's analyses, the request for one, and the method by which an analysis found its
+pressures.
+"""
 
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 from typing_extensions import TypeAliasType
 
-from grabberd.documents.document import Document
-from grabberd.documents.job_problem import JobProblem
-from grabberd.documents.named_types import JsonObject
+from grabberd.documents.document import Document, JobProblem, JsonObject, with_examples
+from grabberd.documents.requests import CaptureName
 from grabberd_liner.profiles.documents import ProfileUse
+
+PRESSURE_METHOD = "equilibrium"
+"""Pressure as the load of a wall in equilibrium (docs/decisions/0021). Earlier analyses name no method."""
+
+
+def is_outdated(method: str | None, has_pressures: bool) -> bool:
+    """True if an analysis has pressures of the earlier, wrong way."""
+    return has_pressures and method is None
+
 
 _METHOD = (
     "How pressures were found: `equilibrium`, as the load of a wall in equilibrium; null in earlier ones, "
@@ -218,3 +228,50 @@ LATEST_ANALYSIS = Annotated[
     Field(None, description="Null until one has ended; those of the last month are known after a restart."),
 ]
 """Field `latest_analysis` of a device."""
+
+
+class AnalysisRequest(Document):
+    """An analysis to run; missing inputs are not assumed, but reported as missing."""
+
+    model_config = with_examples(
+        {
+            "inputs": {
+                "reference": "nominal",
+                "material": {"E_mpa": 3, "wall_mm": 2.5, "poisson": 0.5, "F0_n": 60, "radius_mm": 12.5},
+                "vacuum": {
+                    "pulsation": {"kpa": 0, "sigma_kpa": 0.5},
+                    "liner": {"kpa": 42, "sigma_kpa": 0.5},
+                },
+                "plane": "symmetry",
+                "sought_kpa": 1,
+            },
+            "bursts": ["20260301T093100250Z-barn"],
+        },
+        {"profiles": True},
+    )
+
+    inputs: JsonObject = Field(
+        default_factory=dict,
+        description="What is known in addition to the points, as in `grabberd analyse --inputs`: reference, "
+        "material, vacuum, plane, heights_mm, phases, sought_kpa.",
+    )
+    bursts: list[CaptureName] = Field(
+        default_factory=list,
+        max_length=100,
+        description="Ids of further captures of the same liner, to be merged with it by phase.",
+    )
+    run: int | None = Field(
+        None, ge=1, le=2**53, description="Run whose points to analyse; default: the latest."
+    )
+    vacuum_log: str | None = Field(None, description="Text of a vacuum logger's CSV file.")
+    profiles: bool = Field(
+        False,
+        description="Complete the inputs from the profiles that the capture's labels `liner`, `pulsator`, "
+        "`cup` and `cow` name; what is in `inputs` wins.",
+    )
+    configured: bool = Field(
+        False,
+        description="Take the inputs that the configuration names for the device, "
+        "`devices.NAME.analysis.inputs`, where `inputs` has none, as analyses do that follow a capture by "
+        "themselves.",
+    )

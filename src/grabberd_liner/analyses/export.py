@@ -1,28 +1,156 @@
-"""An analysis as files in a folder, in the formats that are asked for."""
+"""Files of an analysis in a folder, in the formats that are asked for: tables, and the wall of each analysed
+field and phase as a mesh with the columns of its targets at the vertices.
 
+VTU, the unstructured grids of VTK that ParaView opens, and their series in time as PVD:
+https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html
+"""
+
+import base64
 import json
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
+from numpy.typing import NDArray
 
 from grabberd import __version__
-from grabberd.archive.export.csv_file import csv_text
 from grabberd.archive.export.hdf5_file import ArrayGroup, check_hdf5, write_hdf5
-from grabberd.archive.export.mat_check import mat_check
-from grabberd.archive.export.mat_file import Struct, described, mat_column, mat_value, table_struct, write_mat
-from grabberd.archive.export.parquet_file import check_parquet, write_parquet
-from grabberd.archive.export.ply_file import ply_head, ply_triangles, ply_vertices
+from grabberd.archive.export.mat_file import (
+    Struct,
+    described,
+    mat_check,
+    mat_column,
+    mat_value,
+    table_struct,
+    write_mat,
+)
 from grabberd.archive.export.read_back import csv_check, hdf5_check, parquet_check, ply_check, xml_check
-from grabberd.core.chain.columns import Table
+from grabberd.archive.export.table_files import (
+    check_parquet,
+    csv_text,
+    ply_head,
+    ply_triangles,
+    ply_vertices,
+    write_parquet,
+)
+from grabberd.core.chain.columns import Column, Rows, Table
 from grabberd.errors import InputError
 from grabberd.files.checked_file import checked_file, checked_path, write_checked
 from grabberd.files.disk import storage_errors
-from grabberd_liner.analyses.meshes import Mesh, meshes
-from grabberd_liner.analyses.vtu_file import pvd, vtu
 from grabberd_liner.analysis import Grid
 from grabberd_liner.chain.analysis.tables import AnalysisTables
+
+Array = NDArray[Any]
+_POSITION = ("x_mm", "y_mm", "z_mm")
+_TABLES = {"targets": ("fields", "n", "field-{:08d}"), "phase_targets": ("phases", "phase", "phase-{:.4f}")}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh:
+    """The wall at one field or phase; targets without a position are left out.
+
+    Attributes:
+        series: `fields` or `phases`.
+        name: Name of its file, without ending.
+        time: Time in s, or phase.
+        triangles: (K, 3) counter-clockwise as seen from outside.
+        position: Columns x_mm, y_mm, z_mm: the targets on the smooth outer face, object's frame.
+        columns: Columns of the values at the targets.
+        rows: (M,) values of `position` and `columns`.
+    """
+
+    series: str
+    name: str
+    time: float
+    triangles: Array
+    position: tuple[Column, ...]
+    columns: tuple[Column, ...]
+    rows: Rows
+
+    def __len__(self) -> int:
+        return len(self.rows[_POSITION[0]])
+
+    @property
+    def xyz_mm(self) -> Array:
+        """(M, 3) positions of the targets."""
+        return np.column_stack([self.rows[column.name] for column in self.position])
+
+
+def meshes(tables: AnalysisTables, grid: Grid) -> Iterator[Mesh]:
+    """The meshes of the fields, then those of the phases."""
+    for name in _TABLES:
+        for first in range(0, len(tables[name]), len(grid)):
+            yield _mesh(tables[name], slice(first, first + len(grid)), grid.triangles)
+
+
+def _mesh(table: Table, part: slice, triangles: Array) -> Mesh:
+    series, key, file_name = _TABLES[table.name]
+    which = table.column(key)[part][0]
+    time = table.column("time_s")[part][0] if "time_s" in table.rows else which
+    numeric = [column for column in table.columns if column.dtype[0] in "if"]
+    positions: Array = np.array([table.column(name)[part] for name in _POSITION])
+    seen = np.asarray(np.isfinite(positions).all(axis=0))
+    vertex = np.cumsum(seen) - 1
+    return Mesh(
+        series,
+        file_name.format(which),
+        float(time),
+        vertex[triangles[seen[triangles].all(axis=1)]],
+        tuple(column for column in numeric if column.name in _POSITION),
+        tuple(column for column in numeric if column.name not in (key, "time_s", *_POSITION)),
+        {column.name: table.column(column.name)[part][seen] for column in numeric},
+    )
+
+
+TRIANGLE = 5
+"""VTK's number of the cell type."""
+_TYPES = {"f": ("Float64", "<f8"), "i": ("Int64", "<i8"), "u": ("UInt8", "u1")}
+_HEAD = (
+    '<?xml version="1.0"?>\n'
+    '<VTKFile type="{}" version="1.0" byte_order="LittleEndian" header_type="UInt64">\n'
+)
+
+
+def vtu(mesh: Mesh) -> bytes:
+    """A VTU file: triangles, with the mesh's columns as values at their corners."""
+    cells = {
+        "connectivity": mesh.triangles.ravel(),
+        "offsets": np.arange(3, 3 * len(mesh.triangles) + 1, 3),
+        "types": np.full(len(mesh.triangles), TRIANGLE, np.uint8),
+    }
+    lines = (
+        _HEAD.format("UnstructuredGrid"),
+        "<UnstructuredGrid>\n",
+        f'<Piece NumberOfPoints="{len(mesh)}" NumberOfCells="{len(mesh.triangles)}">\n',
+        "<Points>\n",
+        _data_array("place_mm", mesh.xyz_mm, 3),
+        "</Points>\n<Cells>\n",
+        *(_data_array(name, values) for name, values in cells.items()),
+        "</Cells>\n<PointData>\n",
+        *(_data_array(column.name, mesh.rows[column.name]) for column in mesh.columns),
+        "</PointData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n",
+    )
+    return "".join(lines).encode()
+
+
+def pvd(files: Iterable[tuple[float, str]]) -> bytes:
+    """A PVD file: a series of files by their times."""
+    sets = (f'<DataSet timestep="{time!r}" part="0" file={quoteattr(name)}/>\n' for time, name in files)
+    text = _HEAD.format("Collection") + "<Collection>\n" + "".join(sets) + "</Collection>\n</VTKFile>\n"
+    return text.encode()
+
+
+def _data_array(name: str, values: Array, components: int = 1) -> str:
+    """Base64 of the number of bytes and the bytes."""
+    vtk_type, kind = _TYPES[values.dtype.kind]
+    data = values.astype(kind).tobytes()
+    text = base64.b64encode(np.uint64(len(data)).tobytes() + data).decode()
+    head = f'type="{vtk_type}" Name={quoteattr(name)} NumberOfComponents="{components}" format="binary"'
+    return f"<DataArray {head}>{text}</DataArray>\n"
+
 
 HDF5_NAME, MAT_NAME = "analysis.h5", "analysis.mat"
 _GRID = ("target", "row", "column", "nominal_mm", "u_mm", "v_mm", "triangles")

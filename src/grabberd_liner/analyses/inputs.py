@@ -3,8 +3,7 @@
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from grabberd.documents.job_problem import JobProblem
-from grabberd.documents.named_types import JsonObject
+from grabberd.documents.document import JobProblem, JsonObject
 from grabberd.errors import GrabberdError, Problem
 from grabberd.instrument.setup import DeviceSetup
 from grabberd_liner.chain.guided_tests.recipes import Recipe

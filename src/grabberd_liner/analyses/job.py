@@ -1,6 +1,7 @@
 """Analyses a capture's points: shape, strain, tension and pressure, as tables, maps and a report.
 
-What computes and draws is imported where it is used: the daemon declares the job, but never analyses.
+Inputs that are given are completed by profiles and by what was recorded. What computes and draws is imported
+where it is used: the daemon declares the job, but never analyses.
 """
 
 import math
@@ -13,15 +14,19 @@ from pydantic import Field
 
 from grabberd import __version__
 from grabberd.clock import SystemClock, iso_utc
-from grabberd.documents.named_types import JsonObject
+from grabberd.documents.document import JsonObject
 from grabberd.documents.requests import CaptureName
 from grabberd.errors import ExtraMissing, InputError
-from grabberd.work.job_spec import JobContext, JobSpec
-from grabberd.work.progress import Progress, portion
-from grabberd_liner.analyses.documents import AnalysisRecord, AnalysisResult, QuantityDocument
-from grabberd_liner.analyses.pressure_method import PRESSURE_METHOD
-from grabberd_liner.analyses.resolved_inputs import resolved_inputs, use_of
+from grabberd.work.job_spec import JobContext, JobSpec, Progress, portion
+from grabberd_liner.analyses.documents import (
+    PRESSURE_METHOD,
+    AnalysisRecord,
+    AnalysisResult,
+    QuantityDocument,
+)
 from grabberd_liner.analyses.store import DOCUMENT, PAGE, RECORD, AnalysisStore
+from grabberd_liner.profiles.documents import ProfileUse
+from grabberd_liner.profiles.profile_text import plain_name
 from grabberd_liner.profiles.profiles import FoundProfiles
 
 if TYPE_CHECKING:
@@ -29,7 +34,38 @@ if TYPE_CHECKING:
     from grabberd_liner.analyses.source import AnalysisSource
     from grabberd_liner.chain.analysis.analyse import Analysis
     from grabberd_liner.chain.analysis.field_points import FieldPoints
+    from grabberd_liner.chain.analysis.profile_inputs import Profile, ResolvedInputs, Subject
     from grabberd_liner.chain.analysis.tables import AnalysisTables
+
+
+def resolved_inputs(given: JsonObject, found: FoundProfiles | None, subject: "Subject") -> "ResolvedInputs":
+    """The inputs, and where those come from that were not given.
+
+    Args:
+        given: Inputs that are given; they win.
+        found: Profiles that complete them; None: they are left as they are.
+        subject: The capture.
+
+    Raises:
+        InputError: Profiles contradict the capture.
+    """
+    from grabberd_liner.chain.analysis.profile_inputs import (
+        Profile,
+        ResolvedInputs,
+        resolve,
+    )
+
+    if found is None:
+        return ResolvedInputs(dict(given))
+    labels = {key: plain_name(value) for key, value in found.labels.items()}
+    known = [Profile(one.kind, one.name, one.version, one.sha256, one.profile) for one in found.profiles]
+    return resolve(labels, known, given, subject)
+
+
+def use_of(profile: "Profile") -> ProfileUse:
+    """A profile as a record names it."""
+    return ProfileUse(kind=profile.kind, name=profile.name, version=profile.version, sha256=profile.sha256)
+
 
 SOURCE = "the HTTP request"
 """Where the inputs of a job come from, as the report shows it."""
@@ -151,11 +187,17 @@ def analyse_file(
         AnalysisError: The points make no surface, the clocks are left to a light that is not found, or the
             wall does not pulsate and has to.
     """
-    from grabberd_liner.analyses.channel_curves import channel_curves, recorded_quantities
-    from grabberd_liner.analyses.source import check_same_model, common_rig, found_light, read_source
+    from grabberd_liner.analyses.source import (
+        channel_curves,
+        check_same_model,
+        common_rig,
+        found_light,
+        read_source,
+        recorded_quantities,
+    )
     from grabberd_liner.analysis import Grid
     from grabberd_liner.chain.analysis.analyse import analyse
-    from grabberd_liner.chain.analysis.averaged_fields import averaged_fields
+    from grabberd_liner.chain.analysis.field_points import averaged_fields
     from grabberd_liner.chain.analysis.inputs import read_inputs
     from grabberd_liner.chain.analysis.profile_inputs import Subject
     from grabberd_liner.chain.analysis.tables import tables
@@ -207,7 +249,7 @@ def analyse_file(
 def _mean_points(path: Path, captures: "Sequence[AnalysisSource]") -> "Points":
     """The points of a capture of the still wall, averaged over all of its fields."""
     from grabberd_liner.analyses.source import check_same_model, read_source
-    from grabberd_liner.chain.analysis.averaged_fields import averaged_fields
+    from grabberd_liner.chain.analysis.field_points import averaged_fields
 
     source = read_source(path, None, False)
     check_same_model([*captures, source])
@@ -257,8 +299,7 @@ def write_text(path: Path, text: str) -> Path:
     Raises:
         StorageError: It cannot be written, or exists.
     """
-    from grabberd.files.checked_file import write_checked
-    from grabberd.files.text_check import text_check
+    from grabberd.files.checked_file import text_check, write_checked
 
     return write_checked(path, [text.encode()], text_check(text))
 
@@ -283,8 +324,8 @@ def with_log(inputs: JsonObject, vacuum_log: str | None) -> JsonObject:
 def write_stored(folder: Path, made: AnalysisOutput, job: str) -> AnalysisRecord:
     """Writes every file of a stored analysis; returns its record."""
     from grabberd_liner.analyses.export import write_csv
-    from grabberd_liner.analyses.exported_maps import write_maps
-    from grabberd_liner.chain.analysis.maps import map_units, target_maps
+    from grabberd_liner.analyses.store import write_maps
+    from grabberd_liner.chain.analysis.analysis_document import map_units, target_maps
 
     write_csv(folder, made.tables)
     write_maps(folder, target_maps(made.tables, made.analysis.grid), map_units(made.tables))

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from grabberd.documents.named_types import JsonObject
+from grabberd.documents.document import JsonObject
 from grabberd.errors import InputError
 from grabberd.work.own_process import OwnProcesses, answer_with
 from grabberd_liner.analyses.documents import AnalysisPreparation
@@ -38,9 +38,11 @@ def prepared(path: Path, job: AnalysisJob) -> AnalysisPreparation:
     Raises:
         GrabberdError: The capture cannot be read, or was not measured with an object model.
     """
-    from grabberd_liner.analyses.channel_curves import recorded_quantities  # noqa: PLC0415
-    from grabberd_liner.analyses.resolved_inputs import resolved_inputs  # noqa: PLC0415
-    from grabberd_liner.analyses.source import read_origin  # noqa: PLC0415
+    from grabberd_liner.analyses.job import resolved_inputs  # noqa: PLC0415
+    from grabberd_liner.analyses.source import (  # noqa: PLC0415
+        read_origin,
+        recorded_quantities,
+    )
     from grabberd_liner.analysis import Grid  # noqa: PLC0415
     from grabberd_liner.chain.analysis.profile_inputs import Subject  # noqa: PLC0415
 
@@ -60,9 +62,9 @@ def prepared(path: Path, job: AnalysisJob) -> AnalysisPreparation:
 def _checked(
     run: int, job: AnalysisJob, resolved: "ResolvedInputs", grid: Any, recorded: frozenset[str]
 ) -> AnalysisPreparation:
-    from grabberd_liner.analyses.resolved_inputs import use_of  # noqa: PLC0415
-    from grabberd_liner.chain.analysis.input_check import check_inputs  # noqa: PLC0415
+    from grabberd_liner.analyses.job import use_of  # noqa: PLC0415
     from grabberd_liner.chain.analysis.inputs import read_inputs  # noqa: PLC0415
+    from grabberd_liner.chain.analysis.profile_inputs import check_inputs  # noqa: PLC0415
 
     problems, lacks, hint = check_inputs(resolved.inputs, grid, recorded), list(resolved.lacks), ""
     if not problems:

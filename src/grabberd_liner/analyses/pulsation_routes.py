@@ -2,11 +2,11 @@
 
 from fastapi import APIRouter
 
-from grabberd.server.api.reading.readings import reads
-from grabberd.server.api.rendering import RenderedRoute
+from grabberd.server.api.readings import reads
+from grabberd.server.api.responses import RenderedRoute
 from grabberd.server.api.routes.dependencies import PROBLEMS, DeviceName, ServiceOf
-from grabberd_liner.analyses.device_documents import pulsation_document
 from grabberd_liner.analyses.documents import PulsationDocument
+from grabberd_liner.analyses.store import pulsation_document
 from grabberd_liner.part import liner_of
 
 router = APIRouter(prefix="/devices", tags=["devices"], route_class=RenderedRoute)

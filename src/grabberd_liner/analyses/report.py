@@ -9,8 +9,8 @@ import numpy as np
 
 from grabberd.reports.document import ReportForm, check_document
 from grabberd.reports.figures import require_matplotlib
-from grabberd.reports.numbers import measured
-from grabberd_liner.analyses.pressure_method import is_outdated
+from grabberd.reports.notation import measured
+from grabberd_liner.analyses.documents import is_outdated
 from grabberd_liner.reports.columns import Columns
 from grabberd_liner.reports.environment import environment
 from grabberd_liner.reports.figures import State, states_of

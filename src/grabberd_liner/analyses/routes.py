@@ -7,18 +7,21 @@ from fastapi.responses import FileResponse
 
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.problems import Problem
-from grabberd.server.api.etags import IMMUTABLE, NOT_MODIFIED, IfNoneMatch, tagged
 from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
-from grabberd.server.api.reading.readings import reads
+from grabberd.server.api.readings import reads
+from grabberd.server.api.responses import IMMUTABLE, NOT_MODIFIED, IfNoneMatch, tagged
 from grabberd.server.api.routes.dependencies import PROBLEMS, REPORT_HEADERS, CaptureId, ServiceOf, accepted
 from grabberd.server.daemon.service import Service
-from grabberd_liner.analyses.device_documents import analysis_list, analysis_row, report_page
-from grabberd_liner.analyses.documents import AnalysisDocument, AnalysisList, AnalysisPreparation, MapDocument
-from grabberd_liner.analyses.exported_maps import read_map
+from grabberd_liner.analyses.documents import (
+    AnalysisDocument,
+    AnalysisList,
+    AnalysisPreparation,
+    AnalysisRequest,
+    MapDocument,
+)
 from grabberd_liner.analyses.job import AnalysisJob
 from grabberd_liner.analyses.preparation import prepare_in_process
-from grabberd_liner.analyses.requests import AnalysisRequest
-from grabberd_liner.analyses.store import DOCUMENT, RECORD
+from grabberd_liner.analyses.store import DOCUMENT, RECORD, analysis_list, analysis_row, read_map, report_page
 from grabberd_liner.part import liner_of
 
 router = APIRouter(prefix="/captures", tags=["analyses"], responses=PROBLEMS, route_class=OnceRoute)

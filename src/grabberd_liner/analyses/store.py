@@ -1,4 +1,5 @@
-"""Analyses on disk: a folder each, CAPTURE/N, which never changes.
+"""Analyses on disk: a folder each, CAPTURE/N, which never changes; its maps, and the documents built from
+its record.
 
     CAPTURE/N/record.json   what it was made from, and a summary of its results
     CAPTURE/N/report.json   the report as a document; report.html: as a page, if it could be drawn
@@ -10,14 +11,21 @@ A folder is written under another name and renamed, so it exists whole or not at
 
 import json
 import shutil
-from collections.abc import Collection
+import zlib
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from grabberd.archive.state.result_folders import ResultFolders
-from grabberd.errors import NotFound
+from grabberd.errors import ExtraMissing, NotFound
+from grabberd.files.checked_file import Check, checked_file, text_check, write_checked
 from grabberd.files.disk import storage_errors, sync_directory
+from grabberd_liner.analyses.documents import AnalysisList, AnalysisRow, PulsationDocument, is_outdated
+
+if TYPE_CHECKING:
+    from grabberd_liner.chain.analysis.analysis_document import TargetMap
+
 
 RECORD, DOCUMENT, PAGE = "record.json", "report.json", "report.html"
 
@@ -104,3 +112,141 @@ class AnalysisStore(ResultFolders):
             return {**self.record(capture_id, number), "analysis": number}
         except (OSError, ValueError, TypeError) as error:
             return {"analysis": number, "problem": f"{RECORD} cannot be read: {error}"}
+
+
+MAPS, OFFSETS = "maps.jsonl", "maps.json"
+
+
+def write_maps(folder: Path, maps: Iterable["TargetMap"], units: Mapping[str, str]) -> None:
+    """Writes a line for each map, and a second file with the value, offset and length of each.
+
+    Raises:
+        StorageError: The files cannot be written, or do not read back as they were written.
+    """
+    offsets: dict[str, list[tuple[float, int, int]]] = {"field": [], "phase": []}
+    sums: list[int] = []
+    with checked_file(folder / MAPS, _lines_check(sums)) as file:
+        for one in maps:
+            line = json.dumps(_document(one, units), ensure_ascii=False, allow_nan=False).encode() + b"\n"
+            offsets[one.kind].append((one.value, file.tell(), len(line)))
+            sums.append(zlib.crc32(line))
+            file.write(line)
+    text = json.dumps(offsets)
+    write_checked(folder / OFFSETS, [text.encode()], text_check(text))
+
+
+def _lines_check(sums: Sequence[int]) -> Check:
+    """Lines of JSON with these checksums, which are asked for once all have been written."""
+
+    def check(path: Path) -> str | None:
+        count = 0
+        with path.open("rb") as file:
+            for count, line in enumerate(file, 1):
+                if count > len(sums) or zlib.crc32(line) != sums[count - 1]:
+                    return f"line {count} is another one"
+                json.loads(line)
+        return None if count == len(sums) else f"it has {count} lines, expected {len(sums)}"
+
+    return check
+
+
+def read_map(folder: Path, kind: str, value: float) -> bytes:
+    """One map as JSON: of that field, or of the nearest phase.
+
+    Raises:
+        NotFound: There is none.
+        StorageError: The files cannot be read.
+    """
+    with storage_errors(folder / OFFSETS):
+        offsets = json.loads((folder / OFFSETS).read_bytes())[kind]
+    apart = [_apart(kind, known, value) for known, _, _ in offsets]
+    if not offsets or (kind == "field" and min(apart) > 0):
+        raise NotFound(
+            f"the analysis has no {kind} {value:g}", _hint(kind, [known for known, _, _ in offsets])
+        )
+    _, first, length = offsets[apart.index(min(apart))]
+    with storage_errors(folder / MAPS), (folder / MAPS).open("rb") as file:
+        file.seek(first)
+        return file.read(length)
+
+
+def _document(one: "TargetMap", units: Mapping[str, str]) -> dict[str, Any]:
+    known = {name: unit for name, unit in units.items() if name in one.columns}
+    which = (
+        {"field": int(one.value), "phase": None}
+        if one.kind == "field"
+        else {"field": None, "phase": one.value}
+    )
+    return {**which, "units": known, "columns": one.columns}
+
+
+def _apart(kind: str, known: float, value: float) -> float:
+    """The difference of two fields or phases; phases wrap around at 1."""
+    return abs(known - value) if kind == "field" else abs((known - value + 0.5) % 1 - 0.5)
+
+
+def _hint(kind: str, known: list[float]) -> str:
+    return f"choose from {min(known):g} to {max(known):g}" if known else f"it has no {kind} at all"
+
+
+_FOR_PRESSURE = frozenset({"reference", "material", "vacuum", "sought_kpa"})
+"""Inputs without which no analysis ever had a pressure."""
+
+
+def analysis_list(analyses: AnalysisStore, capture_id: str) -> AnalysisList:
+    """A capture's analyses, newest first."""
+    rows = [AnalysisRow.model_validate(record) for record in analyses.records(capture_id)]
+    return AnalysisList(
+        analyses=[
+            row.model_copy(
+                update={"outdated_pressure": is_outdated(row.pressure_method, _asked_for_pressure(row))}
+            )
+            for row in rows
+        ]
+    )
+
+
+def analysis_row(analyses: AnalysisStore, capture_id: str, number: int) -> AnalysisRow | None:
+    """One analysis of a capture as it is listed; None where there is none of that number."""
+    rows = analysis_list(analyses, capture_id).analyses
+    return next((row for row in rows if row.analysis == number), None)
+
+
+def report_page(analyses: AnalysisStore, capture_id: str, number: int) -> bytes:
+    """The report of an analysis as HTML; one with outdated pressures says so at its top.
+
+    Raises:
+        NotFound: there is no such analysis, or its report could not be drawn.
+        ExtraMissing: what draws the report was not installed when the analysis was made.
+    """
+    row = analysis_row(analyses, capture_id, number)
+    if row is not None and row.missing_extra:
+        raise ExtraMissing("the report of an analysis", row.missing_extra)
+    if row is not None and row.page_problem:
+        raise NotFound(
+            f"the report of analysis {number} could not be drawn: {row.page_problem}",
+            "its numbers are available: leave /report off the address",
+        )
+    page = analyses.file(capture_id, number, PAGE).read_bytes()
+    if row is None or not row.outdated_pressure:
+        return page
+    # What draws the notice is needed for these pages alone, and the daemon starts without it.
+    from grabberd_liner.analyses.report import marked_outdated  # noqa: PLC0415
+
+    return marked_outdated(page.decode()).encode()
+
+
+def _asked_for_pressure(row: AnalysisRow) -> bool:
+    """True if an analysis had all that pressures take; whether every field got one does not matter."""
+    lacked = any("pressure" in words for words in row.lacks)
+    return row.inputs.keys() >= _FOR_PRESSURE and not lacked
+
+
+def pulsation_document(analyses: AnalysisStore, device: str) -> PulsationDocument:
+    """The rate found in the newest analysed capture of a device; all None where there is none."""
+    for capture_id in analyses.captures():
+        for record in analyses.records(capture_id):
+            rate = (record.get("summary") or {}).get("rate_per_min")
+            if record.get("device") == device and rate:
+                return PulsationDocument(rate_per_min=rate, capture=capture_id, analysis=record["analysis"])
+    return PulsationDocument(rate_per_min=None, capture=None, analysis=None)

@@ -1,4 +1,6 @@
-"""Values with their standard deviations, or with their whole covariance."""
+"""Values with their standard deviations or whole covariance; named quantities with unit, definition and
+source, and what was found of them.
+"""
 
 from typing import NamedTuple
 
@@ -38,3 +40,62 @@ class Joint(NamedTuple):
         """Sums of the values with weights (…, N), with the σ of each sum."""
         variance = ((weights @ self.covariance) * weights).sum(axis=-1)
         return Estimate(weights @ self.value, np.sqrt(np.maximum(variance, 0.0)))
+
+
+class Quantity(NamedTuple):
+    """Meaning of a number.
+
+    Attributes:
+        name: as in tables and documents.
+        title: for people.
+        unit: "1" for a ratio.
+        definition: one sentence.
+        source: where the term is from, and how it is had here if that differs.
+    """
+
+    name: str
+    title: str
+    unit: str
+    definition: str
+    source: str
+
+
+class Finding(NamedTuple):
+    """Result for a quantity.
+
+    Attributes:
+        quantity: which one.
+        value: in its unit; NaN if nothing was found.
+        sigma: one standard deviation.
+        reason: why nothing was found; empty if something was.
+        verdict: by the limit that a standard sets; empty if there is none.
+        common: part of `sigma` that captures analysed with the same liner values, gauges and model share;
+            averaging captures does not lessen it. NaN if nothing was found.
+    """
+
+    quantity: Quantity
+    value: float
+    sigma: float
+    reason: str = ""
+    verdict: str = ""
+    common: float = 0.0
+
+    @classmethod
+    def of(cls, quantity: Quantity, found: Estimate, common: float = 0.0) -> "Finding":
+        """A finding."""
+        return cls(quantity, float(found.value), float(found.sigma), common=common)
+
+    @classmethod
+    def shared(cls, quantity: Quantity, found: Estimate) -> "Finding":
+        """A finding whose σ cannot be split, so that captures are taken to share all of it."""
+        return cls.of(quantity, found, float(found.sigma))
+
+    @classmethod
+    def missing(cls, quantity: Quantity, reason: str) -> "Finding":
+        """Nothing, with the reason."""
+        return cls(quantity, float("nan"), float("nan"), reason, common=float("nan"))
+
+    @property
+    def estimate(self) -> Estimate:
+        """Value with σ; NaN if nothing was found."""
+        return Estimate(np.asarray(self.value), np.asarray(self.sigma))

@@ -9,9 +9,13 @@ from numpy.typing import NDArray
 from grabberd.core.field import NumberedField
 from grabberd.core.measurement.flashing import FlashingPlace, Levels, flashing_places, tile_levels
 from grabberd.errors import AnalysisError, InputError
-from grabberd_liner.analysis.vacuum.channel_curve import ChannelCurve
-from grabberd_liner.analysis.vacuum.light_clock import LightClock, relate_clocks
-from grabberd_liner.analysis.vacuum.light_signal import LightSignal, agreement_at_best
+from grabberd_liner.analysis.vacuum.light_clock import (
+    LightClock,
+    LightSignal,
+    agreement_at_best,
+    relate_clocks,
+)
+from grabberd_liner.analysis.vacuum.vacuum import ChannelCurve
 
 Array = NDArray[np.float64]
 

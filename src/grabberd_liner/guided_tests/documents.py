@@ -1,13 +1,14 @@
-"""Guided tests of a liner: a recipe's checks, its quantities, and what they offer to the liner's profile."""
+"""Documents of a liner's guided tests: a recipe's checks, its quantities, what they offer to the liner's
+profile, and the request for a test.
+"""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 from typing_extensions import TypeAliasType
 
-from grabberd.documents.document import DescribedBy, Document, Next
-from grabberd.documents.job_problem import JobProblem
-from grabberd.documents.named_types import JsonObject
+from grabberd.documents.document import DescribedBy, Document, JobProblem, JsonObject, Next, with_examples
+from grabberd.documents.requests import CaptureName
 from grabberd_liner.analyses.documents import QuantityDocument
 from grabberd_liner.profiles.documents import ProfileContent, ProfileUse
 
@@ -184,3 +185,29 @@ LATEST_TEST = Annotated[
     Field(None, description="Null until one has ended; those of the last month are known after a restart."),
 ]
 """Field `latest_test` of a device."""
+
+
+class LinerTestRequest(Document):
+    """A guided test to make of captures that were taken for it."""
+
+    model_config = with_examples(
+        {"kind": "artificial-teat", "captures": ["20260301T093000125Z-barn", "20260301T093100250Z-barn"]}
+    )
+
+    kind: LinerTestKind = Field(description="The recipe.")
+    captures: list[CaptureName] = Field(
+        min_length=1,
+        max_length=100,
+        description="Ids of the captures, in any order; their labels find the profiles that complete the "
+        "inputs, and state the known pressures and the milkings.",
+    )
+    inputs: JsonObject = Field(
+        default_factory=dict,
+        description="Inputs of the analyses that win over profiles and recipe, as in `AnalysisRequest`.",
+    )
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Self:
+        if len(set(self.captures)) < len(self.captures):
+            raise ValueError("captures name one twice: each counts once")
+        return self

@@ -2,10 +2,9 @@
 
 from pydantic import Field
 
-from grabberd.documents.named_types import JsonObject
+from grabberd.documents.document import JsonObject
 from grabberd.documents.requests import CaptureName
-from grabberd.work.job_spec import JobContext, JobSpec
-from grabberd.work.progress import Progress, portion
+from grabberd.work.job_spec import JobContext, JobSpec, Progress, portion
 from grabberd_liner.analyses.job import SOURCE
 from grabberd_liner.analyses.store import AnalysisStore
 from grabberd_liner.guided_tests.documents import LinerTestDocument, LinerTestKind, LinerTestResult

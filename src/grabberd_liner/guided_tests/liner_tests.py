@@ -6,13 +6,18 @@ from functools import lru_cache
 
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.documents.captures import CaptureDocument
+from grabberd.documents.enums import JobState
 from grabberd.documents.jobs import JobDocument
-from grabberd.documents.states import JobState
 from grabberd.errors import Conflict, GrabberdError, InputError, StorageError
 from grabberd_liner.chain.guided_tests.recipes import RECIPES
-from grabberd_liner.guided_tests.documents import DeviceTest, LinerTestDocument, LinerTestResult, LinerTestRow
+from grabberd_liner.guided_tests.documents import (
+    DeviceTest,
+    LinerTestDocument,
+    LinerTestRequest,
+    LinerTestResult,
+    LinerTestRow,
+)
 from grabberd_liner.guided_tests.job import LinerTestJob
-from grabberd_liner.guided_tests.requests import LinerTestRequest
 from grabberd_liner.guided_tests.store import LinerTestStore
 from grabberd_liner.profiles.documents import ProfileDocument
 from grabberd_liner.profiles.profile_text import plain_name

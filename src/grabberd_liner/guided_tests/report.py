@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from grabberd.reports.document import ReportForm, check_document
 from grabberd.reports.figures import require_matplotlib
-from grabberd.reports.numbers import measured
+from grabberd.reports.notation import measured
 from grabberd_liner.reports.environment import environment
 
 Document = Mapping[str, Any]

@@ -6,22 +6,29 @@ from fastapi import APIRouter, Path, Query, Request, Response, status
 
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.problems import Problem
-from grabberd.server.api.etags import IMMUTABLE, NOT_MODIFIED, IfNoneMatch, tagged
 from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
-from grabberd.server.api.reading.readings import reads
-from grabberd.server.api.routes.dependencies import PROBLEMS, REPORT_HEADERS, ServiceOf, accepted
-from grabberd.server.api.routes.paging import Cursor, Limit, page_of
+from grabberd.server.api.readings import reads
+from grabberd.server.api.responses import IMMUTABLE, NOT_MODIFIED, IfNoneMatch, tagged
+from grabberd.server.api.routes.dependencies import (
+    PROBLEMS,
+    REPORT_HEADERS,
+    Cursor,
+    Limit,
+    ServiceOf,
+    accepted,
+    page_of,
+)
 from grabberd_liner.chain.guided_tests.recipes import RECIPES, Recipe
 from grabberd_liner.guided_tests.documents import (
     LinerTestDocument,
     LinerTestKind,
     LinerTestList,
+    LinerTestRequest,
     LinerTestRow,
     RecipeDocument,
     RecipeList,
     RecipeStep,
 )
-from grabberd_liner.guided_tests.requests import LinerTestRequest
 from grabberd_liner.guided_tests.store import DOCUMENT, PAGE
 from grabberd_liner.part import liner_of
 from grabberd_liner.profiles.documents import NAME_PATTERN, ProfileDocument

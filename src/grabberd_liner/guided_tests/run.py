@@ -1,15 +1,19 @@
-"""A guided test of a liner: analyses its captures, and judges them by the recipe."""
+"""A guided test of a liner: analyses its captures, judges them by the recipe, and makes its document."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from grabberd.archive.calibrations.calibration_documents import verdict_of
-from grabberd.documents.named_types import JsonObject
+import numpy as np
+
+from grabberd import __version__
+from grabberd.archive.calibrations.calibration_catalog import verdict_of
+from grabberd.clock import SystemClock, iso_utc
+from grabberd.documents.document import JsonObject
 from grabberd.errors import GrabberdError, InputError
-from grabberd.work.progress import Progress, portion
-from grabberd_liner.analyses.channel_curves import recorded_quantities
+from grabberd.work.job_spec import Progress, portion
 from grabberd_liner.analyses.job import (
     AnalysisOptions,
     AnalysisOutput,
@@ -18,17 +22,127 @@ from grabberd_liner.analyses.job import (
     write_stored,
     write_text,
 )
-from grabberd_liner.analyses.source import capture_origin
+from grabberd_liner.analyses.source import capture_origin, recorded_quantities
 from grabberd_liner.analyses.store import AnalysisStore
-from grabberd_liner.chain.analysis.profile import Profile
+from grabberd_liner.analysis.estimate import Finding
+from grabberd_liner.chain.analysis.profile_inputs import Profile
 from grabberd_liner.chain.guided_tests.evaluate import evaluate
-from grabberd_liner.chain.guided_tests.outcome import Evidence
+from grabberd_liner.chain.guided_tests.outcome import Check, Curve, Evidence, Offer, Outcome, worst
 from grabberd_liner.chain.guided_tests.recipes import LABEL, RECIPES
-from grabberd_liner.guided_tests.documents import LinerTestDocument, LinerTestKind
+from grabberd_liner.guided_tests.documents import (
+    LinerTestDocument,
+    LinerTestKind,
+    ProfileOffer,
+    TestCheck,
+    TestCurve,
+    TestedCapture,
+    TestQuantity,
+)
 from grabberd_liner.guided_tests.report import liner_test_html
-from grabberd_liner.guided_tests.result_document import liner_test_document
 from grabberd_liner.guided_tests.store import DOCUMENT, PAGE
+from grabberd_liner.profiles.profile_text import changes_in_words
 from grabberd_liner.profiles.profiles import FoundProfiles
+
+_MOST_POINTS = 400
+"""Of a curve: more cannot be told apart on a page."""
+
+
+def liner_test_document(
+    kind: LinerTestKind,
+    captures: Sequence[tuple[Evidence, JsonObject]],
+    outcome: Outcome,
+    problems: Sequence[str],
+) -> LinerTestDocument:
+    """The document.
+
+    Args:
+        kind: The recipe.
+        captures: Captures that were evaluated, the oldest first, each with its origin.
+        outcome: What was found.
+        problems: Problems of their analyses.
+    """
+    liners = {one.labels.get("liner") for one, _ in captures}
+    newest, _ = captures[-1]
+    return LinerTestDocument(
+        schema="grabberd/liner-test/1",
+        kind=kind,
+        liner=liners.pop() if len(liners) == 1 else None,
+        captures=[_capture(one, about) for one, about in captures],
+        created_utc=iso_utc(SystemClock().utc_now()),
+        version=__version__,
+        verdict=worst(outcome.checks),
+        checks=[_check(one) for one in outcome.checks],
+        quantities=[_quantity(one) for one in outcome.findings],
+        curves=[_curve(one) for one in outcome.curves],
+        problems=list(dict.fromkeys(problems)),
+        offer=_offer(outcome.offer, newest) if outcome.offer else None,
+    )
+
+
+def _capture(one: Evidence, about: JsonObject) -> TestedCapture:
+    return TestedCapture(
+        id=one.id,
+        captured_utc=one.captured_utc,
+        device=about["device"],
+        run=about["run"],
+        bits=about["bits"],
+        calibration=about["calibration"],
+        object_model=about["object"],
+        labels=dict(one.labels),
+        profiles=about.get("profiles", []),
+    )
+
+
+def _check(one: Check) -> TestCheck:
+    values: dict[str, Any] = one._asdict()
+    return TestCheck(**{**values, "value": _known(one.value), "sigma": _known(one.sigma)})
+
+
+def _quantity(one: Finding) -> TestQuantity:
+    return TestQuantity(
+        name=one.quantity.name,
+        title=one.quantity.title,
+        definition=one.quantity.definition,
+        unit=one.quantity.unit,
+        value=_known(one.value),
+        sigma=_known(one.sigma),
+        sigma_common=_known(one.common),
+        verdict=one.verdict,
+        reason=one.reason,
+    )
+
+
+def _curve(one: Curve) -> TestCurve:
+    every = -(-len(one.x) // _MOST_POINTS)
+    known = np.isfinite(one.x)
+    (x_title, x_unit), (y_title, y_unit) = one.axes
+    x, y, sigma = (part[known][::every].tolist() for part in (one.x, one.y, one.sigma))
+    return TestCurve(
+        name=one.name,
+        title=one.title,
+        x_title=x_title,
+        x_unit=x_unit,
+        y_title=y_title,
+        y_unit=y_unit,
+        style=one.style,
+        x=x,
+        y=[_known(value) for value in y],
+        sigma=[_known(value) for value in sigma],
+    )
+
+
+def _offer(offer: Offer, one: Evidence) -> ProfileOffer:
+    before = dict(one.liner.content) if one.liner else {}
+    return ProfileOffer(
+        profile=dict(offer.content),
+        after=offer.after,
+        changes=changes_in_words(before, offer.content),
+    )
+
+
+def _known(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
 
 _CHAMBERS = ("pulsation", "liner")
 _REFERENCE = "reference"

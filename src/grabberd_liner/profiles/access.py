@@ -91,8 +91,7 @@ class DaemonProfiles:
 
     def versions(self, kind: str, name: str) -> list[JsonObject]:
         """All versions of a profile, the newest first."""
-        versions: list[JsonObject] = self._asked(f"{_address(kind, name)}/versions")["versions"]
-        return versions
+        return self._asked(f"{_address(kind, name)}/versions")["versions"]
 
     def put(self, document: JsonObject) -> tuple[JsonObject, bool]:
         """Stores a profile's next version; returns the newest one, and whether it is new."""
@@ -111,8 +110,7 @@ class DaemonProfiles:
         return self._asked(_address(kind, name), "DELETE")
 
     def _asked(self, path: str, method: str = "GET", body: object = None) -> JsonObject:
-        answer: JsonObject = self._daemon.ask(path, method, body, _CHECKED_WITHIN_S)
-        return answer
+        return self._daemon.ask(path, method, body, _CHECKED_WITHIN_S)
 
 
 def profile_access(config: Path | None, url: str | None, token_file: Path | None) -> ProfileAccess:
@@ -129,7 +127,7 @@ def local_profiles(config: Path | None) -> Profiles:
         StorageError: They cannot be used.
     """
     from grabberd.archive.state.state_backups import STATE, StateBackups  # noqa: PLC0415
-    from grabberd_liner.chain.analysis.profile import quantity_problems  # noqa: PLC0415 - heavy
+    from grabberd_liner.chain.analysis.profile_inputs import quantity_problems  # noqa: PLC0415 - heavy
 
     directory = load(config).state_directory
     StateBackups(directory).check()
@@ -146,8 +144,8 @@ def labels_of_file(capture: Path, config: Path | None) -> dict[str, str]:
         StorageError: The state cannot be read.
     """
     from grabberd.archive import CaptureReader  # noqa: PLC0415
-    from grabberd.archive.state.annotation_store import AnnotationStore  # noqa: PLC0415
     from grabberd.archive.state.state_backups import STATE  # noqa: PLC0415
+    from grabberd.archive.state.state_database import AnnotationStore  # noqa: PLC0415
 
     with CaptureReader(capture) as reader:
         meta = reader.meta

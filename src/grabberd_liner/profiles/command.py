@@ -132,8 +132,10 @@ def export(
 
     Example: grabberd profile export liner A --version 1
     """
-    from grabberd.files.checked_file import write_checked  # noqa: PLC0415
-    from grabberd.files.text_check import text_check  # noqa: PLC0415
+    from grabberd.files.checked_file import (  # noqa: PLC0415
+        text_check,
+        write_checked,
+    )
 
     if out is not None:
         check_absent(out)
@@ -207,7 +209,7 @@ def history(
 
     Example: grabberd profile history liner A
     """
-    from grabberd_liner.profiles.changes import changes_in_words  # noqa: PLC0415
+    from grabberd_liner.profiles.profile_text import changes_in_words  # noqa: PLC0415
 
     access = _access(config, url, token_file)
     rows = access.versions(kind, name)
@@ -256,7 +258,7 @@ def _checked(folder: Path) -> list[dict[str, Any]]:
     Raises:
         InputError: There are none, or some cannot be used; the message lists the problems of all files.
     """
-    from grabberd_liner.chain.analysis.profile import quantity_problems  # noqa: PLC0415
+    from grabberd_liner.chain.analysis.profile_inputs import quantity_problems  # noqa: PLC0415
     from grabberd_liner.profiles.profile_text import checked_profile  # noqa: PLC0415
 
     files = sorted([*folder.glob("*.yaml"), *folder.glob("*.yml")])

@@ -5,8 +5,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, StringConstraints
 from typing_extensions import TypeAliasType
 
-from grabberd.documents.document import DescribedBy, Document, Next, with_examples
-from grabberd.documents.named_types import JsonObject, Note
+from grabberd.documents.document import DescribedBy, Document, JsonObject, Next, Note, with_examples
 
 NAME_PATTERN = r"^\w(?:[\w .-]{0,62}[\w.-])?$"
 """Letters and digits of any language: a cow may be called Blåros, and a label is what a tablet sends."""

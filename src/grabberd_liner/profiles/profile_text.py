@@ -1,6 +1,9 @@
-"""Profiles as people write them: YAML text into a checked document, and back."""
+"""Profiles as people write and read them: YAML text into a checked document and back, changes in words.
 
-from collections.abc import Callable, Mapping
+A daemon has the quantities of a profile checked in a process of its own: what reads them would stay in it.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from textwrap import shorten
 from typing import Any
@@ -10,8 +13,9 @@ import yaml
 from pydantic import TypeAdapter, ValidationError
 
 from grabberd.bounded_documents import parse_yaml
-from grabberd.documents.named_types import JsonObject
+from grabberd.documents.document import JsonObject
 from grabberd.errors import InputError
+from grabberd.work.own_process import OwnProcesses, answer_with
 from grabberd_liner.profiles.documents import ProfileContent
 
 QuantityCheck = Callable[[JsonObject], list[str]]
@@ -38,8 +42,7 @@ def read_profile(text: str) -> JsonObject:
 
 def write_profile(content: Mapping[str, Any]) -> str:
     """A profile's content as YAML text, which `read_profile` reads back."""
-    text: str = yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True, width=100)
-    return text
+    return yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True, width=100)
 
 
 def checked_profile(document: Mapping[str, Any], check: QuantityCheck) -> JsonObject:
@@ -101,3 +104,58 @@ def _in_words(error: Any, document: Mapping[str, Any]) -> str:
     shown = shorten(repr(error["input"]), _SHOWN, placeholder=" …")
     said = _NAMES if error["type"] == "string_pattern_mismatch" else error["msg"]
     return f"{where}: {said[0].lower()}{said[1:]}; it is {shown}"
+
+
+_LONGEST = 60
+
+
+def changes_in_words(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
+    """Differences key by key, such as `material.E_mpa: 3.0 → 3.2`."""
+    old, new = dict(_values(before, "")), dict(_values(after, ""))
+    return [
+        f"{key}: {_shown(old, key)} → {_shown(new, key)}"
+        for key in dict.fromkeys([*old, *new])
+        if (key in old) != (key in new) or old[key] != new[key]
+    ]
+
+
+def _values(value: object, key: str) -> Iterator[tuple[str, object]]:
+    if isinstance(value, Mapping):
+        for name, one in value.items():
+            yield from _values(one, f"{key}.{name}" if key else str(name))
+    elif isinstance(value, Sequence) and not isinstance(value, str):
+        for at, one in enumerate(value):
+            yield from _values(one, f"{key}[{at}]")
+    else:
+        yield key, value
+
+
+def _shown(values: Mapping[str, object], key: str) -> str:
+    if key not in values:
+        return "–"
+    shown = str(values[key])
+    return shown if len(shown) <= _LONGEST else shown[:_LONGEST] + "…"
+
+
+PROGRAM = f"from {__name__} import main; main()"
+_CHECKED = frozenset({"material", "obtained", "analysis", "pulsation", "liner"})
+"""Keys under which there are such quantities."""
+
+
+def problems_in_process(processes: OwnProcesses, content: JsonObject) -> list[str]:
+    """Problems of the quantities in a profile's document.
+
+    Raises:
+        StorageError: The process cannot be started, or does not answer in time.
+    """
+    if not _CHECKED & content.keys():
+        return []
+    # Dates and the like, which YAML knows and JSON does not, are refused as texts as well.
+    return processes.ask(PROGRAM, content, "checks profiles")
+
+
+def main() -> None:
+    """Answers the document on standard input with its problems."""
+    from grabberd_liner.chain.analysis.profile_inputs import quantity_problems  # noqa: PLC0415 - heavy
+
+    answer_with(quantity_problems)

@@ -5,11 +5,10 @@ from urllib.parse import quote
 
 from fastapi import APIRouter, Path, Query, Request, Response, status
 
-from grabberd.documents.named_types import JsonObject
+from grabberd.documents.document import JsonObject
 from grabberd.errors import InputError
 from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
-from grabberd.server.api.routes.dependencies import PROBLEMS, ServiceOf
-from grabberd.server.api.routes.paging import Cursor, Limit, page_of
+from grabberd.server.api.routes.dependencies import PROBLEMS, Cursor, Limit, ServiceOf, page_of
 from grabberd_liner.part import liner_of
 from grabberd_liner.profiles.documents import (
     NAME_PATTERN,

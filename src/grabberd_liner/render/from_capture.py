@@ -23,8 +23,7 @@ from grabberd.errors import InputError, NotFound, NotReady
 from grabberd_liner.analysis import Agreement
 from grabberd_liner.render import synthetic_view
 from grabberd_liner.render.model_pictures import Gallery, Modelling
-from grabberd_liner.render.viewpoint import SIDES
-from grabberd_liner.render.wire_model import Look
+from grabberd_liner.render.wire_model import SIDES, Look
 
 Picture = NDArray[np.uint8]
 Direction = tuple[float, float]

@@ -21,9 +21,7 @@ from grabberd_liner.analysis import (
     outer_forms,
     outer_strain,
 )
-from grabberd_liner.render.colours import Scale
-from grabberd_liner.render.viewpoint import Box
-from grabberd_liner.render.wire_model import Look, Painted, wire_model
+from grabberd_liner.render.wire_model import Box, Look, Painted, Scale, wire_model
 
 Array = NDArray[np.float64]
 
@@ -56,8 +54,7 @@ def _strain(stage: Stage) -> Array:
 
 
 def _movement(stage: Stage) -> Array:
-    moved: Array = np.linalg.norm(stage.mesh.xyz_mm - stage.reference.xyz_mm, axis=-1)
-    return moved
+    return np.linalg.norm(stage.mesh.xyz_mm - stage.reference.xyz_mm, axis=-1)
 
 
 def _sigma(stage: Stage) -> Array:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.reports.numbers import DASH, fixed, measured
+from grabberd.reports.notation import DASH, fixed, measured
 
 Array = NDArray[np.float64]
 

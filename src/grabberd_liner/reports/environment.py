@@ -4,7 +4,7 @@ from functools import cache
 
 from jinja2 import ChoiceLoader, PackageLoader
 
-from grabberd.reports import environment as program
+from grabberd.reports import document as program
 from grabberd_liner.reports import figures
 
 

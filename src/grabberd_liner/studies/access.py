@@ -11,10 +11,10 @@ from grabberd.cli.options import load
 from grabberd.client.daemon import Daemon
 from grabberd.errors import GrabberdError, NotReady
 from grabberd_liner.analyses.documents import AnalysisRow, QuantityDocument
-from grabberd_liner.chain.study.studied import DEVICE, Studied, unanalysed
+from grabberd_liner.chain.study.study import DEVICE, Studied, unanalysed
 from grabberd_liner.profiles.documents import ProfileUse
+from grabberd_liner.studies.captures import Listed, LocalArchive, StudyArchive
 from grabberd_liner.studies.selection import SINCE, UNTIL, Selection
-from grabberd_liner.studies.studies import Listed, LocalArchive, StudyArchive
 
 JsonObject = dict[str, Any]
 CAPTURES = "/api/v1/captures"

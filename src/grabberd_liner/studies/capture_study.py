@@ -6,7 +6,7 @@ from typing import Any
 
 from grabberd import __version__
 from grabberd.clock import SystemClock, iso_utc
-from grabberd.documents.named_types import JsonObject
+from grabberd.documents.document import JsonObject
 from grabberd.work.own_process import OwnProcesses, answer_with
 
 PROGRAM = f"from {__name__} import main; main()"
@@ -30,19 +30,21 @@ def study_in_process(
         StorageError: The archive cannot be read, or the process does not answer.
     """
     question = {"directory": str(directory), "captures": list(captures), "by": by, "within": within}
-    document: JsonObject = processes.ask(PROGRAM, question, "makes studies")
-    return document
+    return processes.ask(PROGRAM, question, "makes studies")
 
 
 def study_of(directory: Path, captures: Sequence[str], by: str | None, within: str | None) -> JsonObject:
     """The document of a study, made here; see `study_in_process`."""
-    from grabberd_liner.chain.study.studied import ID, LeftOut  # noqa: PLC0415 - the core
-    from grabberd_liner.chain.study.study import make_study  # noqa: PLC0415
+    from grabberd_liner.chain.study.study import (  # noqa: PLC0415 - the core
+        ID,
+        LeftOut,
+        StudyQuestion,
+        make_study,
+    )
     from grabberd_liner.chain.study.study_document import study_document  # noqa: PLC0415
-    from grabberd_liner.chain.study.study_question import StudyQuestion  # noqa: PLC0415
     from grabberd_liner.chain.study.tables import tables  # noqa: PLC0415
+    from grabberd_liner.studies.captures import LocalArchive, captures_of_archive  # noqa: PLC0415
     from grabberd_liner.studies.selection import Condition, Selection  # noqa: PLC0415
-    from grabberd_liner.studies.studies import LocalArchive, captures_of_archive  # noqa: PLC0415
 
     selection = Selection((), (Condition(ID, tuple(captures)),))
     taken, left_out = captures_of_archive(LocalArchive(directory), selection)

@@ -12,7 +12,7 @@ from grabberd.cli.terminal import console, progress_bar
 from grabberd.errors import ExtraMissing
 
 if TYPE_CHECKING:
-    from grabberd_liner.chain.study.studied import LeftOut, Studied
+    from grabberd_liner.chain.study.study import LeftOut, Studied
     from grabberd_liner.studies.selection import Selection
 
 DOCUMENT, PAGE = "study.json", "report.html"
@@ -79,7 +79,7 @@ def study(  # noqa: PLR0913, PLR0917 - options of a command
     Example: grabberd study liner=A --over milkings --url http://barn.local:8050 --token-file token --out wear
     """
     from grabberd.files.disk import results_folder  # noqa: PLC0415
-    from grabberd_liner.chain.study.study_question import StudyQuestion  # noqa: PLC0415
+    from grabberd_liner.chain.study.study import StudyQuestion  # noqa: PLC0415
     from grabberd_liner.studies.export import check_study_formats  # noqa: PLC0415
     from grabberd_liner.studies.selection import Selection  # noqa: PLC0415
 
@@ -107,8 +107,10 @@ def _captures(
 ) -> "tuple[list[Studied], list[LeftOut]]":
     """The captures of the selection: those in folders, or else those of the archive."""
     from grabberd_liner.studies.access import study_archive  # noqa: PLC0415
-    from grabberd_liner.studies.result_folders import captures_of_folders  # noqa: PLC0415
-    from grabberd_liner.studies.studies import captures_of_archive  # noqa: PLC0415
+    from grabberd_liner.studies.captures import (  # noqa: PLC0415
+        captures_of_archive,
+        captures_of_folders,
+    )
 
     if not selection.folders:
         return captures_of_archive(study_archive(config, url, token_file), selection, progress)
@@ -156,15 +158,20 @@ def _report(out: Path, document: Mapping[str, Any]) -> list[Path]:
 
 
 def _write(path: Path, text: str) -> Path:
-    from grabberd.files.checked_file import write_checked  # noqa: PLC0415
-    from grabberd.files.text_check import text_check  # noqa: PLC0415
+    from grabberd.files.checked_file import (  # noqa: PLC0415
+        text_check,
+        write_checked,
+    )
 
     return write_checked(path, [text.encode()], text_check(text))
 
 
 def _show(document: Mapping[str, Any]) -> None:
-    from grabberd_liner.studies.report import remarks  # noqa: PLC0415
-    from grabberd_liner.studies.report_answers import answer, trend_answer  # noqa: PLC0415
+    from grabberd_liner.studies.report import (  # noqa: PLC0415
+        answer,
+        remarks,
+        trend_answer,
+    )
 
     over = document["question"]["over"]
     groups = (

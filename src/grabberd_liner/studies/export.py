@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-from grabberd.archive.export.parquet_file import check_parquet
+from grabberd.archive.export.table_files import check_parquet
 from grabberd.errors import InputError
 from grabberd_liner.analyses.export import write_csv, write_parquet_files
 from grabberd_liner.chain.study.tables import StudyTables

@@ -4,9 +4,9 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query
 
-from grabberd.documents.named_types import Label
+from grabberd.documents.document import Label
 from grabberd.documents.requests import CaptureName
-from grabberd.server.api.reading.readings import reads
+from grabberd.server.api.readings import reads
 from grabberd.server.api.routes.dependencies import PROBLEMS, ServiceOf
 from grabberd_liner.studies.capture_study import study_in_process
 from grabberd_liner.studies.documents import StudyDocument

@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 from grabberd.archive.capture.schema import PART, SUFFIX
 from grabberd.errors import InputError
 from grabberd_liner.analyses.store import DOCUMENT
-from grabberd_liner.chain.study.studied import VERDICT, Studied
+from grabberd_liner.chain.study.study import VERDICT, Studied
 
 SINCE, UNTIL = "since", "until"
 _VERDICTS = ("complete", "incomplete")

@@ -14,8 +14,8 @@ from grabberd.archive import CaptureReader, append_run
 from grabberd.archive.capture import conversion
 from grabberd.archive.capture.content_digest import content_sha256
 from grabberd.archive.capture.conversion import convert
-from grabberd.archive.capture.groups.quanta import quantised
 from grabberd.archive.capture.meta import read_conversion
+from grabberd.archive.capture.point_codec import quantised
 from grabberd.archive.capture.schema import connect, format_of
 from grabberd.archive.capture.verification import verify
 from grabberd.core.ledger import Outcome

@@ -10,7 +10,7 @@ from archive.capture.test_conversion import NOW, points_of
 from archive.captures import computed_points, same_field, slot
 from grabberd.archive import CaptureReader, append_run, recover
 from grabberd.archive.capture.conversion import convert
-from grabberd.archive.capture.groups.quanta import quantised
+from grabberd.archive.capture.point_codec import quantised
 from grabberd.archive.capture.verification import verify
 from grabberd.archive.measure_setups import measure_setup
 from grabberd.core.chain.measure import measure_fields

@@ -9,7 +9,7 @@ from grabberd.archive import CaptureReader, CaptureWriter, append_run, recover
 from grabberd.archive.capture.schema import DAMAGED, connect
 from grabberd.archive.capture.verification import verify
 from grabberd.archive.guarded_database import JOURNAL
-from grabberd.archive.state.entry_process import read_entries
+from grabberd.archive.state.index_entries import read_entries
 from grabberd.errors import StorageError
 
 

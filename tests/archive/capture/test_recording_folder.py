@@ -4,7 +4,7 @@ import pytest
 
 from archive.captures import meta, slots, write
 from grabberd.archive import CaptureReader, CaptureWriter
-from grabberd.archive.capture.recording_folder import interrupted_captures, recording_folder, seal
+from grabberd.archive.capture.crash_recovery import interrupted_captures, recording_folder, seal
 from grabberd.errors import CaptureFileError, StorageError
 
 

@@ -7,7 +7,7 @@ import pytest
 from archive.captures import slots, write
 from grabberd.archive.catalogue.annotations import CaptureAnnotations
 from grabberd.archive.catalogue.archive import Archive
-from grabberd.archive.state.annotation_store import Annotation, AnnotationStore
+from grabberd.archive.state.state_database import Annotation, AnnotationStore
 from grabberd.errors import Conflict, InputError, NotFound
 
 

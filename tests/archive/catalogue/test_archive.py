@@ -114,10 +114,10 @@ def test_a_file_that_takes_too_long_is_listed_as_such_and_not_tried_again(
 ) -> None:
     write(tmp_path, slots(3), name="slow", id="slow")
     archive = archive_in(tmp_path)
-    monkeypatch.setattr("grabberd.archive.catalogue.descriptions.LONGEST_S", 0.0)
+    monkeypatch.setattr("grabberd.archive.catalogue.capture_documents.LONGEST_S", 0.0)
     assert states(archive) == {"slow": "damaged"}
     assert "takes longer than" in archive.document("slow").ended_because
-    monkeypatch.setattr("grabberd.archive.catalogue.descriptions.LONGEST_S", 3600.0)
+    monkeypatch.setattr("grabberd.archive.catalogue.capture_documents.LONGEST_S", 3600.0)
     assert states(archive) == {"slow": "damaged"}
     write(tmp_path, slots(3), name="other", id="other")
     archive.index.add(tmp_path / "other.grab")

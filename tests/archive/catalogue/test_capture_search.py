@@ -7,9 +7,9 @@ import pytest
 from archive.captures import slots, write
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.catalogue.capture_list import list_captures
-from grabberd.archive.state.annotation_store import Annotation
-from grabberd.archive.state.capture_query import CaptureQuery, Position
+from grabberd.archive.catalogue.capture_query import CaptureQuery, Position
 from grabberd.archive.state.index_entries import IndexEntry
+from grabberd.archive.state.state_database import Annotation
 from grabberd.documents.captures import CaptureDocument
 from grabberd.errors import StorageError
 

@@ -7,9 +7,8 @@ import pytest
 
 from archive.captures import MADE_WITH, slots, write
 from grabberd.archive import append_run
-from grabberd.archive.catalogue.capture_documents import describe, whole_run
-from grabberd.archive.catalogue.coverage_documents import whole_coverage
-from grabberd.core.reconstruction.miss import Miss
+from grabberd.archive.catalogue.capture_documents import describe, whole_coverage, whole_run
+from grabberd.core.reconstruction.points import Miss
 from grabberd.documents.coverage import MissReason
 
 STORED = {

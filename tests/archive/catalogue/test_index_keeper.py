@@ -8,8 +8,7 @@ import pytest
 from slots import ManualClock
 
 from archive.captures import slots, write
-from grabberd.archive.catalogue.index_keeper import PAUSE_S, IndexKeeper
-from grabberd.archive.state.capture_index import CaptureIndex, Unusable
+from grabberd.archive.state.capture_index import PAUSE_S, CaptureIndex, IndexKeeper, Unusable
 from grabberd.errors import Cause, IndexRebuilding, StorageError
 from grabberd.fault_board import FaultBoard
 

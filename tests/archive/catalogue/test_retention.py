@@ -19,8 +19,7 @@ from grabberd.archive.catalogue.annotations import CaptureAnnotations
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.catalogue.disk_guard import GB, DiskGuard
 from grabberd.archive.catalogue.retention import Candidate, Policy, Retention, removals
-from grabberd.archive.state.annotation_store import Annotation, AnnotationStore
-from grabberd.archive.state.state_database import StateDatabase
+from grabberd.archive.state.state_database import Annotation, AnnotationStore, StateDatabase
 from grabberd.config import RetentionConfig, StorageConfig, default_config_file
 from grabberd.errors import Conflict, NotFound, StorageError
 from grabberd.instrument.setup import set_up

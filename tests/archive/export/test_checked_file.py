@@ -7,12 +7,8 @@ import numpy as np
 import pytest
 
 from grabberd.archive.export.c3d_file import Markers, c3d_frames, c3d_head, c3d_padding
-from grabberd.archive.export.csv_file import csv_text
 from grabberd.archive.export.hdf5_file import write_hdf5
-from grabberd.archive.export.mat_check import mat_check
-from grabberd.archive.export.mat_file import table_struct, write_mat
-from grabberd.archive.export.parquet_file import write_parquet
-from grabberd.archive.export.ply_file import ply_head, ply_triangles, ply_vertices
+from grabberd.archive.export.mat_file import mat_check, table_struct, write_mat
 from grabberd.archive.export.read_back import (
     c3d_check,
     csv_check,
@@ -22,10 +18,10 @@ from grabberd.archive.export.read_back import (
     png_check,
     xml_check,
 )
+from grabberd.archive.export.table_files import csv_text, ply_head, ply_triangles, ply_vertices, write_parquet
 from grabberd.core.chain.columns import Column, Table
 from grabberd.errors import StorageError
-from grabberd.files.checked_file import checked_file, write_checked
-from grabberd.files.text_check import text_check
+from grabberd.files.checked_file import checked_file, text_check, write_checked
 
 COLUMNS = (Column("n", "", "i4", "number"), Column("x_mm", "mm", "f8", "place"))
 TABLE = Table("points", "points", COLUMNS, {"n": np.arange(5, dtype=np.int32), "x_mm": np.linspace(0, 1, 5)})

@@ -8,8 +8,8 @@ import pytest
 
 from archive.captures import slots, write
 from grabberd.archive import CaptureReader
-from grabberd.archive.export.csv_file import cell, csv_text
-from grabberd.archive.export.ledger_file import LEDGER, write_ledger_file
+from grabberd.archive.export.points_export import LEDGER, write_ledger_file
+from grabberd.archive.export.table_files import cell, csv_text
 from grabberd.core.chain.columns import Column
 
 COLUMNS = (

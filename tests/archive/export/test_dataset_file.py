@@ -7,8 +7,7 @@ import pytest
 
 from archive.damage import damage, every_way
 from grabberd.archive.capture.content_digest import document_sha256
-from grabberd.archive.export.dataset import DataSet
-from grabberd.archive.export.dataset_file import read_about, write_dataset_file
+from grabberd.archive.export.dataset import DataSet, read_about, write_dataset_file
 from grabberd.archive.export.points_columns import POINT_COLUMNS
 from grabberd.errors import StorageError
 

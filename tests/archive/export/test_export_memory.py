@@ -10,7 +10,7 @@ import pytest
 from archive.captures import slots
 from archive.first_format import write_first_format
 from grabberd.archive import points_c3d, points_csv, points_ply
-from grabberd.archive.export.points_document import PointsQuery, points_json
+from grabberd.archive.export.page_documents import PointsQuery, points_json
 
 FIELDS = 2_000
 MOST = 3 << 20

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from archive.damage import damage, every_way
-from grabberd.archive.export.animation_check import Drawn
-from grabberd.archive.export.pictures import write_animation, write_pictures
+from grabberd.archive.export.pictures import Drawn, write_animation, write_pictures
 from grabberd.errors import InputError, StorageError
 
 

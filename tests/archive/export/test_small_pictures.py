@@ -7,8 +7,8 @@ import pytest
 
 from archive.captures import slots, write
 from grabberd.archive import CaptureReader
-from grabberd.archive.export.thumbnail import smaller, thumbnail_png
-from grabberd.archive.export.width_course import width_course
+from grabberd.archive.catalogue.width_courses import width_course
+from grabberd.archive.export.field_pictures import smaller, thumbnail_png
 from grabberd.errors import NotFound
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.archive.export.zip_stream import MISSING, Member, zip_stream
+from grabberd.archive.catalogue.capture_zip import MISSING, Member, zip_stream
 from grabberd.errors import NotFound
 
 NOON = datetime(2026, 3, 1, 12, 0, 0)

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.archive.state.annotation_store import Annotation, AnnotationStore
-from grabberd.archive.state.state_database import StateDatabase
+from grabberd.archive.state.state_database import Annotation, AnnotationStore, StateDatabase
 
 
 @pytest.fixture

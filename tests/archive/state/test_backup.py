@@ -11,10 +11,9 @@ from pathlib import Path
 import pytest
 
 from grabberd.archive.state.backup import MANIFEST, back_up, restore
-from grabberd.archive.state.state_database import MIGRATIONS, tables_of
-from grabberd.archive.state.state_store import StateStore
+from grabberd.archive.state.state_database import MIGRATIONS, StateStore, tables_of
 from grabberd.errors import InputError, StorageError
-from grabberd.files.directory_lock import DirectoryLock
+from grabberd.files.disk import DirectoryLock
 
 NOW = "20260301T093000Z"
 

@@ -5,8 +5,8 @@ from zoneinfo import ZoneInfo
 
 import pytest
 
-from grabberd.archive.state.capture_catalogue import MOST_VALUES, CaptureCatalogue, Count, Row
-from grabberd.archive.state.capture_query import CaptureQuery, Order, Position
+from grabberd.archive.catalogue.capture_catalogue import MOST_VALUES, CaptureCatalogue, Count, Row
+from grabberd.archive.catalogue.capture_query import CaptureQuery, Order, Position
 from grabberd.errors import InputError
 
 OSLO = ZoneInfo("Europe/Oslo")

@@ -5,8 +5,8 @@ import os
 import pytest
 
 from archive.captures import slots, write
-from grabberd.archive.state import entry_process
-from grabberd.archive.state.entry_process import read_entries
+from grabberd.archive.state import index_entries
+from grabberd.archive.state.index_entries import read_entries
 from grabberd.errors import StorageError
 
 LONG_S = 60.0
@@ -21,12 +21,12 @@ def sabotaged(monkeypatch, act):
     """Has the reading process do something else with the file c1."""
     lines = (
         "import os, signal, time",
-        "from grabberd.archive.state import entry_process as module",
+        "from grabberd.archive.state import index_entries as module",
         "read = module.sealed_entry",
         f"module.sealed_entry = lambda path: {act} if path.stem == 'c1' else read(path)",
         "module.main()",
     )
-    monkeypatch.setattr(entry_process, "PROGRAM", "\n".join(lines))
+    monkeypatch.setattr(index_entries, "PROGRAM", "\n".join(lines))
 
 
 def test_entries_come_in_the_order_of_the_files(captures):
@@ -76,11 +76,11 @@ def test_a_name_of_any_bytes_can_be_asked_for(captures, tmp_path):
 
 
 def test_a_reader_that_cannot_be_started_blames_no_file(captures, monkeypatch):
-    monkeypatch.setattr(entry_process, "PROGRAM", "raise SystemExit(1)")
+    monkeypatch.setattr(index_entries, "PROGRAM", "raise SystemExit(1)")
     with pytest.raises(StorageError, match="does not start"):
         list(read_entries(captures))
 
 
 def test_nothing_to_read_starts_nothing(monkeypatch):
-    monkeypatch.setattr(entry_process, "PROGRAM", "raise SystemExit(1)")
+    monkeypatch.setattr(index_entries, "PROGRAM", "raise SystemExit(1)")
     assert list(read_entries([])) == []

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.archive.state.file_version import FileVersion, NotRemembered, Remembered
+from grabberd.archive.access import FileVersion, NotRemembered, Remembered
 
 ELSEWHERE = """
 import sqlite3, sys

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.archive.state.idempotency_store import IdempotencyStore, KeptAnswer
-from grabberd.archive.state.state_database import StateDatabase
+from grabberd.archive.state.state_database import IdempotencyStore, KeptAnswer, StateDatabase
 
 DAY_1, DAY_2, DAY_3 = (f"2026-03-0{day}T09:00:00.000Z" for day in (1, 2, 3))
 

@@ -9,7 +9,7 @@ import pytest
 
 from grabberd.archive.state.job_store import MIGRATIONS, QUEUE, JobStore
 from grabberd.errors import StorageError
-from grabberd.work.stored_jobs import StoredJob, Unanalysed
+from grabberd.work.job_rows import StoredJob, Unanalysed
 
 JOB = StoredJob(7, "measure", "c1", False, "queued", "2026-01-01T00:00:00.000Z", parameters="{}")
 FAILED = Unanalysed("c1", "failed", '{"message": "m", "hint": "h"}')

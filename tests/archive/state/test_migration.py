@@ -14,9 +14,13 @@ import pytest
 from archive.captures import points, slots, write
 from grabberd.archive import CaptureIndex, CaptureReader, append_run, export_csv, export_png, recover
 from grabberd.archive.capture.codec import decode_points
-from grabberd.archive.state.annotation_store import Annotation, AnnotationStore
-from grabberd.archive.state.state_database import MIGRATIONS, StateDatabase
-from grabberd.archive.state.state_store import StateStore
+from grabberd.archive.state.state_database import (
+    MIGRATIONS,
+    Annotation,
+    AnnotationStore,
+    StateDatabase,
+    StateStore,
+)
 from grabberd.archive.state.token_store import TokenStore
 
 CAPTURE_1 = """

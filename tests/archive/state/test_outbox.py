@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.archive.state.outbox import Outbox
+from grabberd.archive.state.state_database import Outbox
 
 
 @pytest.fixture

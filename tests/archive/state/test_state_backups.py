@@ -8,9 +8,8 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from grabberd.archive.capture.captures_folder import ANY, CapturesFolder
-from grabberd.archive.state.annotation_store import Annotation, AnnotationStore
 from grabberd.archive.state.state_backups import CAPTURES_FOLDER, KEPT, StateBackups, accept_state, origin_of
-from grabberd.archive.state.state_store import StateStore
+from grabberd.archive.state.state_database import Annotation, AnnotationStore, StateStore
 from grabberd.archive.state.token_store import TokenStore
 from grabberd.errors import StorageError
 

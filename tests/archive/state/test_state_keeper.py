@@ -10,9 +10,9 @@ from slots import ManualClock
 
 from grabberd.archive.access import Access
 from grabberd.archive.state.state_backups import accept_state
+from grabberd.archive.state.state_database import StateStore
 from grabberd.archive.state.state_keeper import ALWAYS_NS, StateKeeper
-from grabberd.archive.state.state_store import StateStore
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.errors import Cause, StorageError
 from grabberd.fault_board import FaultBoard
 

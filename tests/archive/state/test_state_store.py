@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.archive.state.state_store import StateStore
+from grabberd.archive.state.state_database import StateStore
 from grabberd.errors import StorageError
 
 

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.archive.state.state_database import MIGRATIONS
-from grabberd.archive.state.state_store import StateStore
+from grabberd.archive.state.state_database import MIGRATIONS, StateStore
 from grabberd.archive.state.token_store import SESSIONS_A_TOKEN, Holder, TokenRow, TokenStore
 from grabberd.errors import Conflict, NotFound, StorageError
 

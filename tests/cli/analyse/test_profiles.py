@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from archive.milkings import milking
 from cli.analyse.analysing import inputs_file, refusal, run, said
 from core.chain.milking import still
-from grabberd.archive.state.annotation_store import Annotation, AnnotationStore
+from grabberd.archive.state.state_database import Annotation, AnnotationStore
 from grabberd.cli.app import app
 from grabberd.errors import InputError
 from liner.chain.analysis.profiling import LINER, changed

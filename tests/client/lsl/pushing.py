@@ -9,9 +9,7 @@ import time
 
 import numpy as np
 
-from grabberd.client.lsl.lsl_clock import LslClock
-from grabberd.client.lsl.outlets import Outlets, lsl
-from grabberd.client.lsl.points_layout import PointsLayout
+from grabberd.client.lsl.outlets import LslClock, Outlets, PointsLayout, lsl
 from grabberd.client.points_stream import StreamedPoints
 from grabberd.documents.points import PointsDescription
 from grabberd.documents.points_frame import PointsFrame

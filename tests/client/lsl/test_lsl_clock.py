@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from grabberd.client.lsl.lsl_clock import LslClock
+from grabberd.client.lsl.outlets import LslClock
 from grabberd.documents.points_frame import PointsFrame
 
 START_NS = 5_000_000_000_000

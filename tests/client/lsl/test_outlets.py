@@ -12,9 +12,7 @@ from running import PATIENCE_S
 
 from client.lsl.test_points_layout import LAYOUT, field
 from grabberd.client.lsl import outlets
-from grabberd.client.lsl.lsl_clock import LslClock
-from grabberd.client.lsl.outlets import Outlets
-from grabberd.client.lsl.points_layout import PointsLayout
+from grabberd.client.lsl.outlets import LslClock, Outlets, PointsLayout
 from grabberd.client.points_stream import StreamedPoints
 from grabberd.documents.points import PointsDescription
 from grabberd.errors import ExtraMissing

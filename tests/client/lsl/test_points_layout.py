@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grabberd.client.lsl.points_layout import PointsLayout
+from grabberd.client.lsl.outlets import PointsLayout
 from grabberd.documents.points_frame import PointsFrame
 
 LAYOUT = PointsLayout("liner", ((7, 0, 0), (3, 0, 1), (5, 1, 0)))

@@ -8,7 +8,7 @@ import yaml
 from tests.core.chain.leaning_scene import VIEWS, Discs, LeaningScene, Mirrors
 from tests.core.chain.pinhole_pictures import Camera
 
-from grabberd.config.paths import shipped_configs
+from grabberd.config.daemon import shipped_configs
 from grabberd.core.chain.accuracy import requantised
 from grabberd.core.chain.calibration.calibrate import calibrate
 from grabberd.core.chain.measure import MeasureSetup, measure_fields

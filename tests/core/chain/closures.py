@@ -20,7 +20,7 @@ from grabberd.core.chain.measure import MeasuredField, MeasureSetup, measure_fie
 from grabberd.core.field import Field, NumberedField, quantise
 from grabberd.core.geometry import Calibration
 from grabberd.core.reconstruction import ObjectModel
-from grabberd.core.reconstruction.accuracy.ground_truth import Truth
+from grabberd.core.reconstruction.accuracy import Truth
 from grabberd_fake import FakeOptions
 from grabberd_fake.documents import calibration_document, object_document
 from grabberd_fake.ellipse_liner import EllipseLiner

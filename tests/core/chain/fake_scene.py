@@ -11,7 +11,7 @@ from grabberd.core.field import Field, NumberedField, double_lines, quantise
 from grabberd.core.geometry import Calibration
 from grabberd.core.measurement import ThresholdRule, choose_threshold
 from grabberd.core.reconstruction import ObjectModel
-from grabberd.core.reconstruction.accuracy.ground_truth import Truth
+from grabberd.core.reconstruction.accuracy import Truth
 from grabberd_fake import FakeGrabber, JumpingClock, truth_at
 from grabberd_fake.documents import calibration_document, object_document
 

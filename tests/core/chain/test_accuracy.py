@@ -7,7 +7,7 @@ from core.chain.fake_scene import take_scene
 from grabberd.core.chain.accuracy import InvestigationSettings, investigate, requantised
 from grabberd.core.chain.measure import measure_fields
 from grabberd.core.field import BOTTOM, TOP, Field, NumberedField, double_lines, quantise, unpack
-from grabberd.core.reconstruction.accuracy.ground_truth import Truth
+from grabberd.core.reconstruction.accuracy import Truth
 from grabberd.errors import InputError, MeasurementError
 
 PERFECT_MIRRORS = {"mirror_error_px": 0.0}

@@ -17,10 +17,9 @@ from grabberd.core.field import PackedField
 from grabberd.core.geometry import LocalField, Rig, rays
 from grabberd.core.kernel import KERNEL
 from grabberd.core.measurement import LocationSettings, location
-from grabberd.core.reconstruction import CoverageTally, ImageNoise, Tracker
-from grabberd.core.reconstruction.correspondence import compiled_predictors
+from grabberd.core.reconstruction import CoverageTally, ImageNoise, Tracker, tracking
+from grabberd.core.reconstruction.correspondence import compiled_identification
 from grabberd.core.reconstruction.correspondence.correspondence import Correspondence
-from grabberd.core.reconstruction.tracking import tracker as tracking
 
 pytestmark = pytest.mark.skipif(
     not KERNEL,
@@ -255,7 +254,7 @@ def test_predictors_that_give_way_to_others_change_no_bit(liner, room, monkeypat
     fields = [one.packed for one in liner.packed(1, "doubled")]
     views = liner.setup.calibration.views
     whole = list(steps(Engine(KERNEL, tracker_of(liner.setup), views), fields, LocationSettings()))
-    monkeypatch.setattr(compiled_predictors, "MOST_PREDICTORS", room)
+    monkeypatch.setattr(compiled_identification, "MOST_PREDICTORS", room)
     few = list(steps(Engine(KERNEL, tracker_of(liner.setup), views), fields, LocationSettings()))
     assert few == whole
 

@@ -5,7 +5,7 @@ import pytest
 from core.chain.fake_scene import take_scene
 from grabberd.core.chain.measure import measure_fields
 from grabberd.core.reconstruction import CoverageTally
-from grabberd.core.reconstruction.coverage.verdict import CoverageVerdict, judge
+from grabberd.core.reconstruction.coverage import CoverageVerdict, judge
 
 FIELDS = 48
 """A little less than a cycle of the liner."""

@@ -5,7 +5,7 @@ import pytest
 
 from grabberd.core.chain.field_order import check
 from grabberd.core.field import BOTTOM, TOP, Field
-from grabberd.core.reconstruction.accuracy.field_order import Order
+from grabberd.core.reconstruction.field_order import Order
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.world import World
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from core.chain.fake_scene import take_scene
-from grabberd.core.chain.focus import edge_sharpness
-from grabberd.core.chain.light import CLIPPED_LEVEL, light_of
+from grabberd.core.chain.light import CLIPPED_LEVEL, edge_sharpness, light_of
 from grabberd.core.field import Field
 
 VIEWS = {"left": (0, 360), "right": (360, 720)}

@@ -11,8 +11,7 @@ from grabberd.core.chain.measure import measure_fields
 from grabberd.core.field import TOP, Field, quantise
 from grabberd.core.geometry import LocalField
 from grabberd.core.measurement import Blobs
-from grabberd.core.reconstruction.accuracy.accuracy import accuracy
-from grabberd.core.reconstruction.accuracy.ground_truth import Coordinates
+from grabberd.core.reconstruction.accuracy import Coordinates, accuracy
 
 FIELDS = 60
 WAYS = [(1, "doubled"), (1, "field"), (8, "field")]

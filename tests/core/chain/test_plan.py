@@ -12,8 +12,7 @@ from grabberd.config import shipped_configs
 from grabberd.core.chain.plan import PlanSettings, nominal_calibration, plan, variations
 from grabberd.core.geometry import NominalRig, Rig
 from grabberd.core.reconstruction import ObjectModel
-from grabberd.core.reconstruction.accuracy.accuracy import accuracy
-from grabberd.core.reconstruction.accuracy.ground_truth import Coordinates
+from grabberd.core.reconstruction.accuracy import Coordinates, accuracy
 from grabberd.errors import InputError
 
 HALVES = {"columns": 720, "lines": 576, "left": (0, 360), "right": (360, 720)}

@@ -9,7 +9,7 @@ from core.chain.fake_scene import take_scene
 from grabberd.core.chain.measure import measure_fields
 from grabberd.core.chain.rig_watch import RigWatch
 from grabberd.core.geometry import rotation_angles, rotation_matrix
-from grabberd.core.reconstruction.accuracy.drift_check import RigVerdict
+from grabberd.core.reconstruction.drift_check import RigVerdict
 
 PX_RAD = 0.0084 / 8.0
 

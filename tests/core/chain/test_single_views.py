@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core.chain.fake_scene import take_scene
-from grabberd.core.chain.single_views import single_view_images
+from grabberd.core.chain.measure import single_view_images
 from grabberd.core.geometry import Rig, project_all
 
 FIELDS = 60

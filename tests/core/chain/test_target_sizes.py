@@ -10,9 +10,9 @@ import yaml
 from core.chain.sized_pictures import Picture, fields
 from grabberd.config import shipped_configs
 from grabberd.core.chain.calibration.calibrate import calibrate
-from grabberd.core.chain.calibration.identify import identify
+from grabberd.core.chain.calibration.frame_capture import identify
+from grabberd.core.chain.locating import LEAST_PX, px_per_mm, px_per_mm_of, sized
 from grabberd.core.chain.measure import MeasureSetup, measure_fields, measured_groups
-from grabberd.core.chain.target_sizes import LEAST_PX, px_per_mm, px_per_mm_of, sized
 from grabberd.core.geometry import Calibration
 from grabberd.core.measurement import LocationSettings
 from grabberd.core.reconstruction import ObjectModel

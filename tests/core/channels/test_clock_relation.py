@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from core.channels.delays import START_NS, Packet, packets
 from grabberd.core.channels import Anomaly, ClockRelation
-from grabberd.core.channels.clock_relation import CLOCK_JUMPED
+from grabberd.core.channels.dating import CLOCK_JUMPED
 from grabberd.errors import StreamFailed
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grabberd.core.channels.lower_envelope import lower_envelope
+from grabberd.core.channels.dating import lower_envelope
 
 X = np.arange(120) * 500e6
 

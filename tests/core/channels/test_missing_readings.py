@@ -3,7 +3,7 @@
 import numpy as np
 
 from grabberd.core.channels import MissingReadings
-from grabberd.core.channels.missing_readings import MISSING
+from grabberd.core.channels.dating import MISSING
 
 STEADY = np.arange(100) * 5_000_000
 

@@ -4,8 +4,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from grabberd.core.field import BIT_DEPTHS, BOTTOM, TOP, Field, double_lines, quantise, split_frame, unpack
-from grabberd.core.field.field import packed_shape
+from grabberd.core.field import (
+    BIT_DEPTHS,
+    BOTTOM,
+    TOP,
+    Field,
+    double_lines,
+    packed_shape,
+    quantise,
+    split_frame,
+    unpack,
+)
 
 frames = hnp.arrays(np.uint8, st.tuples(st.integers(1, 12).map(lambda n: 2 * n), st.integers(1, 40)))
 

@@ -5,8 +5,7 @@ import numpy as np
 from hypothesis import given
 
 from core.geometry.rigs import places, views
-from grabberd.core.geometry import project
-from grabberd.core.geometry.conversions import (
+from grabberd.core.calibration.exchange import (
     axes_from_omega_phi_kappa,
     axes_from_openptv,
     pixels_from_corner,
@@ -16,6 +15,7 @@ from grabberd.core.geometry.conversions import (
     pose_from_opencv,
     pose_to_opencv,
 )
+from grabberd.core.geometry import project
 
 XY_PX = np.array([[0.0, 0.0], [359.5, 287.5], [719.0, 100.0]])
 

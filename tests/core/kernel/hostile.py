@@ -9,19 +9,17 @@ from core.kernel.layouts import LAYOUTS
 from core.reconstruction.liners import model
 from core.reconstruction.many import grid
 from grabberd.core.chain.engine import Engine
-from grabberd.core.field import BIT_DEPTHS, Field, PackedField, Packing, pack
-from grabberd.core.field.field import INTERPOLATIONS
+from grabberd.core.field import BIT_DEPTHS, INTERPOLATIONS, Field, PackedField, Packing, pack
 from grabberd.core.geometry import LocalField, Rig, project
 from grabberd.core.kernel import load
 from grabberd.core.measurement import LocationSettings
-from grabberd.core.measurement.compiled.binary_location import measure_compiled
-from grabberd.core.measurement.compiled.grey_location import measure_grey, takes_grey
+from grabberd.core.measurement.compiled_location import measure_compiled, measure_grey, takes_grey
 from grabberd.core.measurement.locators.locator import GREY
 from grabberd.core.reconstruction import ImageNoise, Track, Tracker, ViewBlobs
+from grabberd.core.reconstruction.correspondence.agreement import Hypotheses
 from grabberd.core.reconstruction.correspondence.compiled_identification import Identification
 from grabberd.core.reconstruction.correspondence.correspondence import Correspondence
 from grabberd.core.reconstruction.correspondence.displacement_field import DisplacementField
-from grabberd.core.reconstruction.correspondence.hypotheses import Hypotheses
 from grabberd.instrument.acquisition import ContentCheck, GrabbedField
 
 KERNEL = load("_sanitised")

@@ -10,8 +10,8 @@ from core.kernel.layouts import LAYOUTS, yuyv
 from core.measurement.test_any_picture import picture
 from grabberd.core.field import Packing
 from grabberd.core.kernel import KERNEL
-from grabberd.instrument.acquisition.checks.content_check import ContentCheck
-from grabberd.instrument.acquisition.checks.shifted_rows import coarse_shift, profiles, profiles_shape
+from grabberd.instrument.acquisition.content_check import ContentCheck
+from grabberd.instrument.acquisition.shifted_rows import coarse_shift, profiles, profiles_shape
 from instrument.acquisition.pictures import camera, grabbed, noise, without_a_packet
 
 pytestmark = pytest.mark.skipif(

@@ -10,7 +10,7 @@ from core.measurement.test_any_picture import picture
 from grabberd.core.field import Field, double_lines, quantise
 from grabberd.core.kernel import KERNEL
 from grabberd.core.measurement import LocationSettings
-from grabberd.core.measurement.compiled.grey_location import measure_grey, takes_grey
+from grabberd.core.measurement.compiled_location import measure_grey, takes_grey
 from grabberd.core.measurement.location import measure_by_numpy, settings_for
 from grabberd.core.measurement.locators.locator import GREY
 

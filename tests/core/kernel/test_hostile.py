@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 
 from core.kernel.sanitised import HERE, build, run, runtime
-from grabberd.core.chain.engine_inputs import Following
+from grabberd.core.chain.engine import Following
 from grabberd.core.kernel import DONE, KERNEL, REFUSED, load
-from grabberd.core.measurement.compiled.binary_location import Settings
-from grabberd.core.measurement.compiled.grey_location import GreySettings
+from grabberd.core.measurement.compiled_location import GreySettings, Settings
 from grabberd.core.reconstruction import Smoothness
-from grabberd.core.reconstruction.correspondence.compiled_identification import Identifying
-from grabberd.core.reconstruction.correspondence.compiled_predictors import Predictors
+from grabberd.core.reconstruction.correspondence.compiled_identification import Identifying, Predictors
 from grabberd.core.reconstruction.correspondence.compiled_search import World
 from grabberd.core.reconstruction.correspondence.displacement_field import DisplacementField
 

@@ -10,10 +10,9 @@ from core.kernel.test_tracking_equality import MODEL, RIGS, assert_same
 from core.reconstruction.liners import see, wall
 from grabberd.core.kernel import KERNEL
 from grabberd.core.reconstruction import CorrespondenceSettings, ImageNoise
-from grabberd.core.reconstruction.correspondence.agreement import Agreement
+from grabberd.core.reconstruction.correspondence.agreement import Agreement, Hypotheses, hypotheses
 from grabberd.core.reconstruction.correspondence.compiled_identification import Identification
 from grabberd.core.reconstruction.correspondence.correspondence import Correspondence
-from grabberd.core.reconstruction.correspondence.hypotheses import Hypotheses, hypotheses
 
 pytestmark = pytest.mark.skipif(
     not KERNEL,

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from core.kernel.layouts import LAYOUTS, packed_rows, uyvy
 from core.measurement.rendering import grid_of_discs
 from core.measurement.test_any_picture import picture
-from grabberd.core.field import BIT_DEPTHS, Field, Packing, pack
-from grabberd.core.field.field import INTERPOLATIONS
+from grabberd.core.field import BIT_DEPTHS, INTERPOLATIONS, Field, Packing, pack
 from grabberd.core.kernel import KERNEL
 
 pytestmark = pytest.mark.skipif(

@@ -9,7 +9,7 @@ import pytest
 from core.measurement.rendering import BOTTOM, TOP, errors_px, grid_of_discs
 from grabberd.core.field import double_lines, quantise
 from grabberd.core.measurement import LocationSettings, measure
-from grabberd.core.measurement.sigma import binary_sigma_px, grey_sigma_px
+from grabberd.core.measurement.noise import binary_sigma_px, grey_sigma_px
 
 DIAMETERS_PX = (4.0, 4.5, 5.0, 5.6, 6.3)
 FACTOR = np.array([1.35, 1.6])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from grabberd.core.reconstruction.point_series import PointSeries
+from grabberd.core.reconstruction.points import PointSeries
 
 PX_PER_MM = 4.0
 

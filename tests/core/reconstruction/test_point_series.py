@@ -1,7 +1,6 @@
 import numpy as np
 
-from grabberd.core.reconstruction.point_series import PointSeries
-from grabberd.core.reconstruction.points import Points
+from grabberd.core.reconstruction.points import Points, PointSeries
 
 
 def points(targets, start):

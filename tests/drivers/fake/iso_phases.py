@@ -1,6 +1,6 @@
 """The pulsation phases of the simulated vacuum, which its trapezoid makes known exactly."""
 
-from grabberd_fake.ellipse_options import EllipseOptions
+from grabberd_fake.liner_options import EllipseOptions
 
 
 def iso_phases_s(options: EllipseOptions) -> tuple[float, float, float, float]:

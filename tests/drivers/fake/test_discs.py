@@ -5,10 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from grabberd_fake import FakeOptions
-from grabberd_fake.discs import Ellipses, disc_images, facing, smeared
-from grabberd_fake.optics import Array
-from grabberd_fake.rig import build_views
-from grabberd_fake.targets import Targets
+from grabberd_fake.discs import Ellipses, Targets, disc_images, facing, smeared
+from grabberd_fake.optics import Array, build_views
 
 LEFT, RIGHT = build_views(FakeOptions.read({"rig": {"mirror_error_px": 0}}))
 

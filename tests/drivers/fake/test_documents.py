@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from grabberd_fake import FakeOptions, truth_at
 from grabberd_fake.__main__ import main
 from grabberd_fake.documents import calibration_document, object_document
-from grabberd_fake.rig import build_views
+from grabberd_fake.optics import build_views
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 SHIPPED = {

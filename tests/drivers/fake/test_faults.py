@@ -14,11 +14,11 @@ from grabberd_fake.faults import (
     NoSignal,
     Recoverable,
     Repeat,
+    Script,
     Stall,
     Unplug,
     Wrap,
 )
-from grabberd_fake.faults_script import Script
 
 
 @pytest.mark.parametrize(

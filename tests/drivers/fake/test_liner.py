@@ -9,8 +9,7 @@ from numpy.testing import assert_allclose
 from grabberd_fake.liner import Liner, movement, patch_places
 from grabberd_fake.liner_options import LinerOptions
 from grabberd_fake.options import FakeOptions
-from grabberd_fake.wall_quantities import touch_kpa
-from grabberd_fake.wall_states import Patch, wall_names, wall_states
+from grabberd_fake.wall_states import Patch, touch_kpa, wall_names, wall_states
 
 OPEN_NS, CLOSED_NS = 400_000_000, 900_000_000
 MS = 1_000_000

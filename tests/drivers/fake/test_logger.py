@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from grabberd.core.channels import Anomaly
-from grabberd.core.channels.clock_relation import CLOCK_JUMPED
-from grabberd.core.channels.missing_readings import MISSING
+from grabberd.core.channels.dating import CLOCK_JUMPED, MISSING
 from grabberd.errors import DeviceAbsent, DeviceLost
 from grabberd.testing import ManualClock
 from grabberd_fake import FakeLogger, FakeOptions

@@ -6,9 +6,8 @@ from numpy.testing import assert_allclose
 
 from grabberd_fake import WallPlaces, truth_at, truth_of_liner
 from grabberd_fake.liner_options import LinerOptions
-from grabberd_fake.milking_truth import closed_liner_quantities, quantities_of
-from grabberd_fake.wall_quantities import buckling_kpa, teat_load, touch_kpa
-from grabberd_fake.wall_states import wall_states
+from grabberd_fake.liner_truth import closed_liner_quantities, quantities_of
+from grabberd_fake.wall_states import buckling_kpa, teat_load, touch_kpa, wall_states
 
 CLOSED_NS = 900_000_000
 MS = 1_000_000

@@ -8,9 +8,8 @@ from numpy.testing import assert_allclose
 
 from grabberd_fake import FakeOptions
 from grabberd_fake.documents import calibration_document
-from grabberd_fake.optics import Array, Camera, Mirror
+from grabberd_fake.optics import Array, Camera, Mirror, build_views
 from grabberd_fake.options import CameraOptions
-from grabberd_fake.rig import build_views
 
 PLAIN = CameraOptions(x0_px=360.0, y0_px=288.0, radial=(0.0, 0.0, 0.0), decentering=(0.0, 0.0))
 small = st.floats(-50, 50, allow_nan=False)

@@ -5,9 +5,8 @@ import dataclasses
 import pytest
 
 from grabberd_fake import FakeGrabber, FakeOptions
-from grabberd_fake.ellipse_options import EllipseOptions
 from grabberd_fake.faults import Lose, Unplug
-from grabberd_fake.liner_options import LinerOptions, WaveOptions
+from grabberd_fake.liner_options import EllipseOptions, LinerOptions, WaveOptions
 from grabberd_fake.options import CameraOptions, PictureOptions, PointOption, RigOptions
 
 

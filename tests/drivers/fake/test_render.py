@@ -9,11 +9,10 @@ import pytest
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
-from grabberd_fake.discs import Ellipses, disc_images
+from grabberd_fake.discs import Ellipses, Targets, disc_images
 from grabberd_fake.optics import Array, View
 from grabberd_fake.options import PictureOptions
 from grabberd_fake.render import SCALE, Renderer
-from grabberd_fake.targets import Targets
 from grabberd_fake.world import World
 
 FINE = 16

@@ -7,8 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from grabberd_fake import FakeOptions
-from grabberd_fake.optics import View
-from grabberd_fake.rig import build_views
+from grabberd_fake.optics import View, build_views
 
 PERFECT = {
     "mirror_tilt_mrad": 0,

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from grabberd_fake import SCENES, FakeOptions
-from grabberd_fake.scenes import Scene, accuracy_object, build_scene, calibration_frame
+from grabberd_fake.world import Scene, accuracy_object, build_scene, calibration_frame
 
 POINTS = [
     {"id": 9, "x_mm": 1, "y_mm": 2, "z_mm": 3},

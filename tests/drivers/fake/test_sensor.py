@@ -8,8 +8,7 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 from grabberd_fake.options import PictureOptions
-from grabberd_fake.render import SCALE, normal_distribution, normal_integral, normal_quantiles
-from grabberd_fake.sensor import Sensor
+from grabberd_fake.render import SCALE, Sensor, normal_distribution, normal_integral, normal_quantiles
 
 
 def exposed(canvas: float = 0.0, fields: int = 1, seed: int = 0, **picture: Any) -> NDArray[np.uint8]:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from grabberd_fake.sheet import Sheet, determinant, inverse
+from grabberd_fake.ellipse_truth import Sheet, determinant, inverse
 
 
 def angles(count):

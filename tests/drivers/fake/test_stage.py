@@ -15,8 +15,7 @@ from grabberd_fake.__main__ import main
 from grabberd_fake.liner_options import LinerOptions
 from grabberd_fake.stage import REARRANGED, on_stage, ramp, read_stage, write_stage
 from grabberd_fake.vacuum import pulsation_kpa
-from grabberd_fake.wall_quantities import touch_kpa
-from grabberd_fake.wall_states import wall_names, wall_states
+from grabberd_fake.wall_states import touch_kpa, wall_names, wall_states
 
 EMPTY = "wall: thin-empty\n"
 BAD = "wall: cow\nperiod_s: 0\nrows: 3\n"

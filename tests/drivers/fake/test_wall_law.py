@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from grabberd_fake.ellipse_truth import moment, pre_stretch, strain, tension
 from grabberd_fake.options import FakeOptions
-from grabberd_fake.wall_law import moment, pre_stretch, strain, tension
 
 
 def liner(**material):

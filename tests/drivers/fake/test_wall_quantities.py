@@ -2,8 +2,7 @@
 
 import pytest
 
-from grabberd_fake.wall_quantities import buckling_kpa, teat_load, touch_kpa
-from grabberd_fake.wall_states import wall_states
+from grabberd_fake.wall_states import buckling_kpa, teat_load, touch_kpa, wall_states
 
 
 def test_walls_meet_after_the_liner_has_buckled_and_press_each_other_from_then_on() -> None:

@@ -8,7 +8,7 @@ from scipy.special import ellipe
 
 from grabberd_fake import FakeOptions, truth_of_wall
 from grabberd_fake.ellipse_liner import EllipseLiner
-from grabberd_fake.wall_truth import wall_sheet
+from grabberd_fake.ellipse_truth import wall_sheet
 
 OPEN_NS, MOVING_NS, CLOSED_NS = 400_000_000, 60_000_000, 900_000_000
 LONG = {"scene": "ellipse", "ellipse": {"length_mm": 300.0, "rows": 3, "columns": 8}}

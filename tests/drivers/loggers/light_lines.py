@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.loggers.ports import Port
-from grabberd_loggers.light.gpio_abi import USED, ChipInfo, GpioKernel, LineInfo
-from grabberd_loggers.light.gpio_line import GpioLightOptions, GpioLine
+from grabberd_loggers.light.gpio_line import USED, ChipInfo, GpioKernel, GpioLightOptions, GpioLine, LineInfo
 from grabberd_loggers.light.serial_line import SerialLightOptions, SerialLine
 
 

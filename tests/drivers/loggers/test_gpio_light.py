@@ -9,7 +9,7 @@ import pytest
 
 from drivers.loggers.light_lines import GpioChip
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused
-from grabberd_loggers.light import gpio_abi
+from grabberd_loggers.light import gpio_line
 from grabberd_loggers.light.gpio_line import GpioLight
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")
@@ -127,9 +127,9 @@ def test_requests_and_structures_are_those_of_the_kernels_header(tmp_path: Path)
         [str(program)], check=True, timeout=10, capture_output=True, text=True
     ).stdout.split("\n")
     ours = (
-        *(gpio_abi.GET_CHIP_INFO, gpio_abi.GET_LINE_INFO, gpio_abi.GET_LINE),
-        *(gpio_abi.GET_VALUES, gpio_abi.SET_VALUES),
+        *(gpio_line.GET_CHIP_INFO, gpio_line.GET_LINE_INFO, gpio_line.GET_LINE),
+        *(gpio_line.GET_VALUES, gpio_line.SET_VALUES),
     )
     assert [int(one) for one in numbers.split()] == list(ours)
     assert places == "72 588"
-    assert gpio_abi.output_request(17, "grabberd light", inverted=True).hex() == request
+    assert gpio_line.output_request(17, "grabberd light", inverted=True).hex() == request

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from drivers.loggers.iio_tree import IioTree
-from grabberd.core.channels.missing_readings import MISSING
+from grabberd.core.channels.dating import MISSING
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused
 from grabberd.testing import ManualClock
-from grabberd_loggers.iio.buffered import BACKWARD, OTHER_CLOCK
 from grabberd_loggers.iio.logger import IioLogger
-from grabberd_loggers.iio.polled import FAILED, MISSED, NOT_A_NUMBER
+from grabberd_loggers.iio.readers import BACKWARD, FAILED, MISSED, NOT_A_NUMBER, OTHER_CLOCK
 
 MS = 1_000_000
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grabberd_loggers.iio.scan import Element, ScanFormat
+from grabberd_loggers.iio.readers import Element, ScanFormat
 
 
 def test_elements_lie_at_multiples_of_their_size() -> None:

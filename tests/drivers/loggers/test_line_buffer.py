@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grabberd_loggers.line_buffer import LONGEST, LineBuffer
+from grabberd_loggers.lines import LONGEST, LineBuffer
 
 
 @given(

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from grabberd.core.channels import Dating
-from grabberd.core.channels.clock_relation import CLOCK_JUMPED
-from grabberd.core.channels.missing_readings import MISSING
+from grabberd.core.channels.dating import CLOCK_JUMPED, MISSING
 from grabberd.errors import StreamFailed
-from grabberd_loggers.line_format import NOT_A_NUMBER, OTHER_CELLS, LineFormat
-from grabberd_loggers.line_readings import HEADER_AGAIN, REPEATED, LineReadings
+from grabberd_loggers.lines import HEADER_AGAIN, NOT_A_NUMBER, OTHER_CELLS, REPEATED, LineFormat, LineReadings
 
 HEADER = "time_ms,p1 [kPa]"
 MS, START_NS = 1_000_000, 50_000_000_000

@@ -12,7 +12,7 @@ from brokers import Mosquitto, broker, needs_mosquitto
 from paho.mqtt import publish
 
 from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused
-from grabberd_loggers.line_format import NOT_A_NUMBER, Line, LineFormat
+from grabberd_loggers.lines import NOT_A_NUMBER, Line, LineFormat
 from grabberd_loggers.mqtt_topic import OVERLONG, RETAINED, MqttLogger, line_of
 
 COLUMNS = ["time_ms", "p1 [kPa]", "p2 [kPa]"]

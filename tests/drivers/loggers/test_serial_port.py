@@ -8,7 +8,7 @@ import pytest
 from drivers.loggers.ports import Port
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers import line_logger
-from grabberd_loggers.line_readings import HEADER_AGAIN
+from grabberd_loggers.lines import HEADER_AGAIN
 from grabberd_loggers.serial_port import SerialLogger
 
 

@@ -14,7 +14,7 @@ from drivers.replay.videos import by_ffmpeg, coded, needs_ffmpeg, spoil, uncompr
 from grabberd.core.field import FieldOrder
 from grabberd.errors import DeviceRefused, PictureError, StreamEnded
 from grabberd_replay import ReplayGrabber
-from grabberd_replay.containers import container_of
+from grabberd_replay.video import container_of
 
 pytestmark = needs_ffmpeg
 

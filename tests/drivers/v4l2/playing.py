@@ -16,7 +16,7 @@ from grabberd.instrument.device.field_pipeline import FieldPipeline
 from grabberd.instrument.device.scheduling import ThreadTimes
 from grabberd.instrument.device.status_board import StatusBoard
 from grabberd_fake.audit import Judged, lies_of
-from grabberd_v4l2 import ioctls
+from grabberd_v4l2 import abi
 
 
 class KernelClock:
@@ -150,7 +150,7 @@ class Play:
 
     def _late_ioctl(self, fd, request, argument):
         self._ioctl(fd, request, argument)
-        self.scheduler.hang(ioctls.NAMES[request])
+        self.scheduler.hang(abi.NAMES[request])
 
     def _late_work(self, *grabbed, **known):
         slots = self._work(*grabbed, **known)

@@ -8,7 +8,7 @@ import subprocess
 import pytest
 import videodev2
 
-from grabberd_v4l2 import abi, ioctls
+from grabberd_v4l2 import abi
 from grabberd_v4l2.formats import FORMATS
 
 STRUCTURES = {
@@ -71,7 +71,7 @@ def names_in_c(structure):
 def numbers():
     for name, value in CONSTANTS.items():
         yield f'_Static_assert((unsigned long long)({name}) == {value}ULL, "{name}");'
-    for number, name in ioctls.NAMES.items():
+    for number, name in abi.NAMES.items():
         yield f'_Static_assert(VIDIOC_{name} == {number}U, "VIDIOC_{name}");'
 
 
@@ -140,23 +140,23 @@ LACKING = ["G_STD", "S_STD", "QUERYSTD", "ENUM_FRAMESIZES", "ENUM_FRAMEINTERVALS
 
 
 def test_call_numbers_are_those_of_another_package():
-    theirs = {name: getattr(videodev2, f"VIDIOC_{name}", None) for name in ioctls.NAMES.values()}
+    theirs = {name: getattr(videodev2, f"VIDIOC_{name}", None) for name in abi.NAMES.values()}
     assert [name for name, number in theirs.items() if number is None] == LACKING
-    for number, name in ioctls.NAMES.items():
+    for number, name in abi.NAMES.items():
         assert theirs[name] is None or number == theirs[name] % 2**32
 
 
 @pytest.mark.skipif(ctypes.sizeof(ctypes.c_void_p) != 8, reason="written down for 64 bits")
 def test_call_numbers_are_those_written_down():
-    assert ioctls.DQBUF == 0xC0585611
-    assert ioctls.S_FMT == 0xC0D05605
-    assert ioctls.S_STD == 0x40085618
-    assert ioctls.QUERYSTD == 0x8008563F
-    assert ioctls.ENUMINPUT == 0xC050561A
-    assert ioctls.DQEVENT == 0x80885659
-    assert ioctls.ENUM_FRAMESIZES == 0xC02C564A
-    assert ioctls.ENUM_FRAMEINTERVALS == 0xC034564B
-    assert ioctls.S_PARM == 0xC0CC5616
+    assert abi.DQBUF == 0xC0585611
+    assert abi.S_FMT == 0xC0D05605
+    assert abi.S_STD == 0x40085618
+    assert abi.QUERYSTD == 0x8008563F
+    assert abi.ENUMINPUT == 0xC050561A
+    assert abi.DQEVENT == 0x80885659
+    assert abi.ENUM_FRAMESIZES == 0xC02C564A
+    assert abi.ENUM_FRAMEINTERVALS == 0xC034564B
+    assert abi.S_PARM == 0xC0CC5616
 
 
 def test_pixel_formats_have_numbers_and_names():

@@ -7,7 +7,7 @@ import pytest
 from drivers.v4l2.fake_kernel import Card, FakeKernel
 from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import Arrangement
-from grabberd_v4l2.answers import ask
+from grabberd_v4l2.discovery import ask
 from grabberd_v4l2.node import Node
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from drivers.v4l2.computer import Computer
 from grabberd.errors import DeviceAbsent, DeviceRefused
-from grabberd_v4l2.identity import Identity, find_node
+from grabberd_v4l2.devices import Identity, find_node
 
 BY_PATH = "/dev/v4l/by-path/pci-0000:00:14.0-usb-0:2:1.0-video-index0"
 

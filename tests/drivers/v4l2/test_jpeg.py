@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grabberd_v4l2.jpeg import JpegLuma
+from grabberd_v4l2.formats import JpegLuma
 
 LINES, COLUMNS = 96, 160
 

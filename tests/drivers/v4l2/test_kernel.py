@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from grabberd_v4l2 import abi, ioctls
+from grabberd_v4l2 import abi
 from grabberd_v4l2.kernel import POLL_HUP, POLL_IN, LinuxKernel
 
 PAGE = os.sysconf("SC_PAGE_SIZE")
@@ -93,7 +93,7 @@ def test_what_cannot_be_mapped_is_an_error_of_the_system(fd):
 
 def test_a_call_on_what_is_no_device_is_refused(fd):
     with pytest.raises(OSError, match="ioctl") as caught:
-        KERNEL.ioctl(fd, ioctls.QUERYCAP, abi.Capability())
+        KERNEL.ioctl(fd, abi.QUERYCAP, abi.Capability())
     assert caught.value.errno == errno.ENOTTY
 
 

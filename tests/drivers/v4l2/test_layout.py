@@ -6,7 +6,7 @@ import pytest
 from grabberd.core.field import BOTTOM, TOP, FieldOrder
 from grabberd.errors import DeviceRefused
 from grabberd_v4l2.abi import Arrangement
-from grabberd_v4l2.layout import Granted, Layout
+from grabberd_v4l2.fields import Granted, Layout
 from grabberd_v4l2.profiles import Profiles
 
 PROFILES = Profiles.load()

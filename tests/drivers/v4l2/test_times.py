@@ -11,10 +11,9 @@ from grabberd.errors import DeviceRefused
 from grabberd.instrument.acquisition import GrabbedField, StreamInfo
 from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import Arrangement
-from grabberd_v4l2.layout import Granted, LaidField, Layout
+from grabberd_v4l2.fields import FieldTimes, Granted, LaidField, Layout, Stamp
 from grabberd_v4l2.negotiation import picture_bytes
 from grabberd_v4l2.profiles import Profiles
-from grabberd_v4l2.times import FieldTimes, Stamp
 from instrument.acquisition.streams import Numbering
 
 PROFILES = Profiles.load()

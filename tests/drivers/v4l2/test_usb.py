@@ -9,8 +9,7 @@ from usb.core import USBError
 
 from drivers.v4l2.computer import Computer
 from grabberd.errors import DeviceAbsent, DeviceRefused
-from grabberd_v4l2.identity import Identity
-from grabberd_v4l2.sysfs import usb_places, video_nodes
+from grabberd_v4l2.devices import Identity, usb_places, video_nodes
 from grabberd_v4l2.usb import libusb, remarks_on, reset_of
 
 

@@ -10,22 +10,22 @@ import typer
 from fastapi import FastAPI
 
 from grabberd.archive import CaptureReader, CaptureWriter
-from grabberd.archive.state.outbox import Outbox
+from grabberd.archive.state.state_database import Outbox
 from grabberd.cli import main
 from grabberd.cli.app import app
 from grabberd.cli.terminal import console
 from grabberd.client.lsl.events import DeviceEvents
-from grabberd.client.lsl.points_layout import PointsLayout
+from grabberd.client.lsl.outlets import PointsLayout
 from grabberd.clock import SystemClock
 from grabberd.config import default_config_file, load_config
 from grabberd.core.ledger import Slot
 from grabberd.documents.captures import CaptureDocument
+from grabberd.documents.enums import Role
 from grabberd.documents.examples import CAPTURE
-from grabberd.documents.roles import Role
 from grabberd.instrument.setup import set_up
 from grabberd.server.api import create_app
 from grabberd.server.api.problems import STATUS
-from grabberd.server.daemon.kinds import KINDS
+from grabberd.server.daemon.jobs import KINDS
 from grabberd.server.daemon.service import Service
 from grabberd.server.mqtt.home_assistant import discovery
 from grabberd.server.mqtt.messages import Topics, all_topics, capture_summary, device_state

@@ -3,7 +3,7 @@
 import numpy as np
 
 from grabberd.core.field import Field, Packing
-from grabberd.instrument.acquisition.checks.content_check import ContentCheck
+from grabberd.instrument.acquisition.content_check import ContentCheck
 from grabberd.instrument.acquisition.device import GrabbedField
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.world import World

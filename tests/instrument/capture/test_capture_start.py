@@ -7,7 +7,7 @@ import pytest
 from running import patient, running
 from several import several
 
-from grabberd.documents.states import DeviceState
+from grabberd.documents.enums import DeviceState
 from grabberd.errors import Conflict, InputError, NotReady
 from grabberd.instrument.capture import capture_start
 from grabberd.instrument.capture.capture_request import CaptureRequest, NewCapture

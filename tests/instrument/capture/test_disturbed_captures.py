@@ -9,7 +9,7 @@ from running import PATIENCE_S, live, running, sealed, until
 from grabberd.archive import CaptureReader
 from grabberd.config import CaptureConfig, RingConfig
 from grabberd.core.ledger import Outcome
-from grabberd.documents.states import DeviceState
+from grabberd.documents.enums import DeviceState
 from grabberd.errors import Cause
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.instrument.live.health import device_health, lacks_of

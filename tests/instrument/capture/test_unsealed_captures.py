@@ -13,7 +13,7 @@ from grabberd.archive.capture import writer
 from grabberd.errors import Cause, StorageError
 from grabberd.fault_board import FaultBoard
 from grabberd.instrument.capture.recording import Recording
-from grabberd.instrument.capture.unsealed_captures import LONGEST_NS, UnsealedCaptures
+from grabberd.instrument.capture_end import LONGEST_NS, UnsealedCaptures
 
 FULL = StorageError("one.grab.part cannot be written: unable to open database file", "close clients")
 

@@ -13,10 +13,16 @@ from slots import PERIOD_NS, slot
 from grabberd.archive import CaptureReader
 from grabberd.archive.capture.verification import verify
 from grabberd.core.channels import Anomaly, Dating
-from grabberd.documents.states import DeviceState
+from grabberd.documents.enums import DeviceState
 from grabberd.errors import DeviceLost
-from grabberd.instrument.channels.calibrations import UNKNOWN_UNIT, calibration_of
-from grabberd.instrument.channels.channel_recording import LAST_NS, MARGIN_NS, OTHER_CLOCK, OTHER_UNIT
+from grabberd.instrument.channels.channel_recording import (
+    LAST_NS,
+    MARGIN_NS,
+    OTHER_CLOCK,
+    OTHER_UNIT,
+    UNKNOWN_UNIT,
+    calibration_of,
+)
 from grabberd.instrument.channels.feed import Part
 from grabberd.instrument.channels.loggers import Loggers
 

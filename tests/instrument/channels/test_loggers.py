@@ -10,7 +10,7 @@ from slots import ManualClock
 
 from grabberd.clock import SystemClock
 from grabberd.core.channels import Anomaly, Dating
-from grabberd.documents.states import DeviceState
+from grabberd.documents.enums import DeviceState
 from grabberd.errors import Cause, DeviceAbsent
 from grabberd.fault_board import FaultBoard
 from grabberd.instrument.channels.feed import Part

@@ -5,7 +5,7 @@ import pytest
 from scripted_loggers import INFO, STEP_NS, readings_at
 
 from grabberd.errors import StreamFailed
-from grabberd.instrument.channels.reading_check import AHEAD_NS, NOT_FINITE, TIME_AHEAD, TIME_BACK, checked
+from grabberd.instrument.channels.logger_thread import AHEAD_NS, NOT_FINITE, TIME_AHEAD, TIME_BACK, checked
 
 NOW_NS = 1000 * STEP_NS
 

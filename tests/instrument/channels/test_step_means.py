@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grabberd.instrument.channels.step_means import STEP_NS, STEPS, StepMeans
+from grabberd.instrument.channels.feed import STEP_NS, STEPS, StepMeans
 
 MS_NS = 1_000_000
 

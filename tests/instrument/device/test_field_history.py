@@ -11,7 +11,7 @@ from measured_fields import LINER, SETUP, measured_field
 
 from grabberd.core.chain.measure import MeasureSetup
 from grabberd.core.reconstruction.section_width import facing_targets
-from grabberd.instrument.device.field_history import FIELDS, MOST_PAIRS, ROW, FieldHistory
+from grabberd.instrument.device.field_watch import FIELDS, MOST_PAIRS, ROW, FieldHistory
 
 FIELD_NS = 20_000_000
 

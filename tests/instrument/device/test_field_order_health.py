@@ -10,9 +10,9 @@ from running import running, sealed
 
 from grabberd.archive import CaptureReader
 from grabberd.archive.catalogue.capture_documents import describe
-from grabberd.core.reconstruction.accuracy.field_order import FieldOrderFit, Order
+from grabberd.core.reconstruction.field_order import FieldOrderFit, Order
 from grabberd.instrument.capture.capture_request import CaptureRequest
-from grabberd.instrument.device.field_order_health import FieldOrderHealth
+from grabberd.instrument.device.field_watch import FieldOrderHealth
 from grabberd.library.jobs.measurement import measure_file
 
 

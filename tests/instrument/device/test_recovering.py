@@ -10,7 +10,7 @@ import pytest
 from simulated_time import Run, SimulatedClock
 
 from grabberd.core.ledger import Outcome
-from grabberd.documents.states import DeviceState
+from grabberd.documents.enums import DeviceState
 from grabberd.errors import GrabberdError
 from grabberd_fake import FakeGrabber
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grabberd.documents.states import DeviceState
+from grabberd.documents.enums import DeviceState
 from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
 from grabberd.instrument.device.recovery import (
     PROVEN_S,

@@ -10,7 +10,7 @@ from running import PATIENCE_S, running, sealed
 
 from grabberd.archive import export_png
 from grabberd.config import ThresholdConfig
-from grabberd.documents.states import JobState
+from grabberd.documents.enums import JobState
 from grabberd.errors import CalibrationMismatch
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.library.jobs.measurement import MeasurementJob

@@ -8,9 +8,9 @@ import pytest
 from running import running, sealed
 
 from grabberd.archive import CaptureReader
-from grabberd.core.reconstruction.accuracy.drift_check import RigFit, RigVerdict
+from grabberd.core.reconstruction.drift_check import RigFit, RigVerdict
 from grabberd.instrument.capture.capture_request import CaptureRequest
-from grabberd.instrument.device.rig_health import RigHealth, fit_document
+from grabberd.instrument.device.field_watch import RigHealth, fit_document
 
 
 def fit(verdict: RigVerdict, shift_px: float = 0.5) -> RigFit:

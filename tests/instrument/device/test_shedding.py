@@ -2,7 +2,7 @@
 
 import pytest
 
-from grabberd.instrument.device.shedding import BEHIND_NS, CALM_NS, SPARE_S, Shedding
+from grabberd.instrument.device.field_pipeline import BEHIND_NS, CALM_NS, SPARE_S, Shedding
 
 NOW_NS = 10**12
 

@@ -7,7 +7,7 @@ from slots import ManualClock, slot
 from grabberd.core.ledger import LedgerEvent, LossCause, Rebase
 from grabberd.errors import Cause
 from grabberd.instrument.acquisition import Standstill
-from grabberd.instrument.device.standstills import SHOWN_S
+from grabberd.instrument.device.scheduling import SHOWN_S
 from grabberd.instrument.device.status_board import StatusBoard
 
 SECOND_NS = 1_000_000_000

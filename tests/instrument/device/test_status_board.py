@@ -10,7 +10,7 @@ from slots import STREAM, ManualClock, slot, without_signal
 
 from grabberd.clock import iso_utc
 from grabberd.core.ledger import Outcome
-from grabberd.documents.states import DeviceState, Rung
+from grabberd.documents.enums import DeviceState, Rung
 from grabberd.errors import Cause, DeviceRefused, PictureError, StorageError, StreamFailed
 from grabberd.instrument.device.recovery import Step
 from grabberd.instrument.device.status_board import TRANSITIONS, StatusBoard, cause_of, may_follow

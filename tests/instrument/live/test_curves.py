@@ -14,9 +14,9 @@ from slots import ManualClock
 
 from grabberd.instrument.channels.feed import Part
 from grabberd.instrument.channels.loggers import Loggers
-from grabberd.instrument.device.field_history import FieldHistory
+from grabberd.instrument.device.field_watch import FieldHistory
 from grabberd.instrument.instrument import Instrument
-from grabberd.instrument.live.curves import SPAN_NS, curves_document, curves_message
+from grabberd.instrument.live.field_streams import SPAN_NS, curves_document, curves_message
 
 SECOND_NS = 1_000_000_000
 FIELD_NS = 20_000_000

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from grabberd.core.chain.light import CLIPPED_LEVEL
 from grabberd.core.field import Field
-from grabberd.instrument.live.grey_picture import (
+from grabberd.instrument.live.preview import (
     BLACK,
     LADDER,
     NO_PICTURE,

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 import pytest
 from running import sealed, standing
 
-from grabberd.archive.export.points_document import PointsQuery, points_json
+from grabberd.archive.export.page_documents import PointsQuery, points_json
 from grabberd.documents.document import Document
 from grabberd.documents.points import PointsDocument
 from grabberd.instrument.capture.capture_request import CaptureRequest
-from grabberd.instrument.live.live_document import newest_points, object_document
+from grabberd.instrument.live.newest_field import newest_points, object_document
 from grabberd.server.daemon.service import Service
 
 

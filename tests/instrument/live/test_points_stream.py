@@ -8,7 +8,7 @@ import pytest
 
 from grabberd.clock import UtcClock
 from grabberd.instrument.instrument import Instrument
-from grabberd.instrument.live.points_stream import PointsEncoder
+from grabberd.instrument.live.field_streams import PointsEncoder
 
 
 def setup_with(calibration_id: str) -> SimpleNamespace:

@@ -20,8 +20,8 @@ from grabberd.instrument.acquisition import Ring
 from grabberd.instrument.device.threshold_keeper import Shown
 from grabberd.instrument.device.worker import Live
 from grabberd.instrument.instrument import Instrument
-from grabberd.instrument.live.grey_picture import LADDER
 from grabberd.instrument.live.preview import (
+    LADDER,
     NO_CENTROIDS,
     OLD_NS,
     POINT,

@@ -16,7 +16,7 @@ from grabberd.core.ledger import Ledger
 from grabberd.documents.requests import CalibrationOptions
 from grabberd.documents.results import CalibrationResult
 from grabberd.errors import Conflict, ExtraMissing, MeasurementError
-from grabberd.library.jobs.calibration_job import CalibrationJob
+from grabberd.library.jobs.calibration_jobs import CalibrationJob
 from grabberd.work.job_spec import JobContext
 
 FRAME = {"targets": [{"id": 1}, {"id": 2}]}

@@ -8,10 +8,10 @@ import pytest
 from running import running, sealed
 
 from grabberd.archive.calibrations.calibration_frames import calibration_frame_document
-from grabberd.documents.states import JobState
+from grabberd.documents.enums import JobState
 from grabberd.errors import NotFound, NotReady
 from grabberd.instrument.capture.capture_request import CaptureRequest
-from grabberd.library.jobs.check import check_file
+from grabberd.library.jobs.calibration_frame import check_file
 from grabberd.server.daemon.check_job import CheckJob
 from grabberd.server.daemon.service import Service
 

@@ -10,7 +10,7 @@ from archive.captures import ledger_of, meta
 from archive.milkings import object_document
 from core.chain.fake_scene import Scene, take_scene
 from grabberd.archive import CaptureWriter
-from grabberd.archive.capture.channels.reading_groups import (
+from grabberd.archive.capture.reading_groups import (
     ChannelCalibration,
     RecordedChannel,
     RecordedReadings,
@@ -22,9 +22,8 @@ from grabberd.testing import ManualClock
 from grabberd_fake import FakeLight, FakeLogger
 from grabberd_fake.liner_options import LinerOptions
 from grabberd_fake.vacuum import pulsation_kpa
-from grabberd_liner.analyses.channel_curves import channel_curves
 from grabberd_liner.analyses.job import analyse_file
-from grabberd_liner.analyses.source import found_light
+from grabberd_liner.analyses.source import channel_curves, found_light
 from grabberd_liner.chain.analysis.vacuum_inputs import read_vacuum
 
 LAMP = {"diameter_px": 9.0, "x_px": 640.0, "y_px": 24.0}

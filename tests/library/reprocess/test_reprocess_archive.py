@@ -24,8 +24,7 @@ from grabberd.archive.measure_setups import measure_setup
 from grabberd.core.chain.measure import measure_fields
 from grabberd.errors import Conflict, InputError, StorageError
 from grabberd.files.documents import read_documents
-from grabberd.library.reprocess.capture_selection import find_captures
-from grabberd.library.reprocess.reprocess_archive import ReprocessProgress
+from grabberd.library.reprocess.reprocess_archive import ReprocessProgress, find_captures
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.library.reprocess.task_pool import TaskPool
+from grabberd.library.reprocess.workers import TaskPool
 
 POISON = -1
 

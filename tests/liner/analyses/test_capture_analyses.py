@@ -10,9 +10,9 @@ from queued_jobs import jobs_in
 
 from archive.captures import slots, write
 from grabberd.archive.catalogue.archive import Archive
-from grabberd.archive.catalogue.capture_table import captures_csv
-from grabberd.documents.job_problem import JobProblem
-from grabberd.documents.states import JobState
+from grabberd.archive.catalogue.capture_list import captures_csv
+from grabberd.documents.document import JobProblem
+from grabberd.documents.enums import JobState
 from grabberd_liner.analyses.capture_analyses import CaptureAnalyses
 from grabberd_liner.analyses.documents import CaptureAnalysis
 from grabberd_liner.analyses.job import AnalysisJob

@@ -6,7 +6,7 @@ import pytest
 from archive.captures import PERIOD_NS, slots, write
 from archive.readings import SIGMA_NS, STEP_NS, readings, write_with_channels
 from grabberd.core.channels import Dating
-from grabberd_liner.analyses.channel_curves import channel_curves, recorded_quantities
+from grabberd_liner.analyses.source import channel_curves, recorded_quantities
 
 BOTH = {"vacuum": {"pulsation": "channel", "liner": "channel"}}
 FIELDS = 60

@@ -5,9 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from grabberd_liner.analyses.device_documents import analysis_list, pulsation_document, report_page
 from grabberd_liner.analyses.documents import PulsationDocument
-from grabberd_liner.analyses.store import PAGE, RECORD, AnalysisStore
+from grabberd_liner.analyses.store import (
+    PAGE,
+    RECORD,
+    AnalysisStore,
+    analysis_list,
+    pulsation_document,
+    report_page,
+)
 
 NOTHING = PulsationDocument(rate_per_min=None, capture=None, analysis=None)
 

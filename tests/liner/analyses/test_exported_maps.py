@@ -7,8 +7,8 @@ import pytest
 from archive.damage import damage, every_way
 from core.chain.milking import grid, whole
 from grabberd.errors import NotFound, StorageError
-from grabberd_liner.analyses.exported_maps import MAPS, OFFSETS, read_map, write_maps
-from grabberd_liner.chain.analysis.maps import map_units, target_maps
+from grabberd_liner.analyses.store import MAPS, OFFSETS, read_map, write_maps
+from grabberd_liner.chain.analysis.analysis_document import map_units, target_maps
 from grabberd_liner.chain.analysis.tables import tables
 
 

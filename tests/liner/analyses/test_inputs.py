@@ -7,7 +7,7 @@ from running import configuration
 from sealed_setups import DEVICE, setups_of
 
 from grabberd.config import default_config_file
-from grabberd.documents.job_problem import JobProblem
+from grabberd.documents.document import JobProblem
 from grabberd.errors import ConfigError
 from grabberd.instrument.setup import set_up
 from grabberd_liner.analyses.inputs import inputs_of, problems_of_inputs

@@ -11,7 +11,7 @@ from archive.milkings import object_document
 from core.chain.fake_scene import Scene, take_scene
 from grabberd.archive import CaptureWriter
 from grabberd.core.ledger import Outcome, Slot
-from grabberd.documents.named_types import JsonObject
+from grabberd.documents.document import JsonObject
 from grabberd.errors import AnalysisError, InputError
 from grabberd_liner.analyses.job import analyse_file, with_log
 
@@ -90,7 +90,7 @@ def test_targets_that_one_view_alone_sees_have_a_pressure_but_no_point(opened: P
 def test_without_what_a_pressure_needs_the_fields_are_not_located_again(
     opened: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grabberd.core.chain.single_views.single_view_images", None)
+    monkeypatch.setattr("grabberd.core.chain.measure.single_view_images", None)
     made = analyse_file(lambda share: None, path=opened, inputs={"reference": "nominal"})
     assert all(state.pressure is None for state in made.analysis.states)
 

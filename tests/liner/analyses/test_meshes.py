@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from core.chain.milking import analysed, changed, grid, still, whole
-from grabberd_liner.analyses.export import write_analysis
-from grabberd_liner.analyses.meshes import meshes
+from grabberd_liner.analyses.export import meshes, write_analysis
 from grabberd_liner.chain.analysis.tables import tables
 
 VTK = {"Float64": "<f8", "Int64": "<i8", "UInt8": "u1"}

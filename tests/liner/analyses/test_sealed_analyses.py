@@ -11,11 +11,10 @@ from sealed_setups import DEVICE, SHAPE, Barn, setups_of
 from slots import ManualClock
 
 from archive.captures import slots, write
-from grabberd.archive.state.annotation_store import Annotation
-from grabberd.archive.state.state_store import StateStore
+from grabberd.archive.state.state_database import Annotation, StateStore
 from grabberd.config import AnalysisConfig, default_config_file
-from grabberd.documents.job_problem import JobProblem
-from grabberd.documents.states import JobState
+from grabberd.documents.document import JobProblem
+from grabberd.documents.enums import JobState
 from grabberd.errors import StorageError
 from grabberd.instrument.setup import DeviceSetup, set_up
 from grabberd.server.daemon.check_job import NOTE as CHECK

@@ -3,7 +3,7 @@
 import numpy as np
 
 from grabberd_liner.analysis import Smoothing, Surface
-from grabberd_liner.analysis.surface.modes import Domain, modes
+from grabberd_liner.analysis.surface.smoothing import Domain, modes
 
 PITCH_MM = 6.5
 SMOOTHING = Smoothing(45.0, 10.0, (0.1, 2.0, 1.5))

@@ -10,13 +10,12 @@ from slots import ManualClock
 from archive.captures import slots, write
 from archive.liner_tests import FAILED, damage, stored_test
 from grabberd.archive.catalogue.archive import Archive
-from grabberd.documents.job_problem import JobProblem
-from grabberd.documents.states import JobState
+from grabberd.documents.document import JobProblem
+from grabberd.documents.enums import JobState
 from grabberd.errors import Conflict, InputError, NotFound
-from grabberd_liner.guided_tests.documents import LinerTestResult
+from grabberd_liner.guided_tests.documents import LinerTestRequest, LinerTestResult
 from grabberd_liner.guided_tests.job import LinerTestJob
 from grabberd_liner.guided_tests.liner_tests import LinerTests
-from grabberd_liner.guided_tests.requests import LinerTestRequest
 from grabberd_liner.guided_tests.store import LinerTestStore
 from grabberd_liner.profiles.documents import ProfileDocument
 from grabberd_liner.profiles.profiles import Profiles

@@ -10,10 +10,9 @@ import pytest
 from grabberd.archive.state.backup import back_up, restore
 from grabberd.errors import Conflict, InputError, NotFound, StorageError
 from grabberd.work.own_process import OwnProcesses
-from grabberd_liner.chain.analysis.profile import quantity_problems
-from grabberd_liner.profiles.profile_text import read_profile
+from grabberd_liner.chain.analysis.profile_inputs import quantity_problems
+from grabberd_liner.profiles.profile_text import problems_in_process, read_profile
 from grabberd_liner.profiles.profiles import Profiles, check_name
-from grabberd_liner.profiles.quantity_process import problems_in_process
 from liner.chain.analysis.profiling import ALL, COW, CUP, LINER, PULSATOR, changed
 
 
@@ -151,7 +150,7 @@ def test_the_process_finds_what_is_wrong_as_the_daemon_would(
 def test_a_process_that_does_not_answer_is_an_error_of_the_machine(
     monkeypatch: pytest.MonkeyPatch, processes: OwnProcesses
 ) -> None:
-    monkeypatch.setattr("grabberd_liner.profiles.quantity_process.PROGRAM", "raise SystemExit(3)")
+    monkeypatch.setattr("grabberd_liner.profiles.profile_text.PROGRAM", "raise SystemExit(3)")
     with pytest.raises(StorageError, match="does not answer"):
         problems_in_process(processes, LINER)
     assert problems_in_process(processes, COW) == []

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from archive.milkings import milking
 from core.chain.milking import still
 from grabberd.cli.app import app
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.server.api import create_app
 from grabberd.server.api.guard.front import Front
 from grabberd.server.api.serving import server_of

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grabberd.errors import Conflict, InputError, NotFound
-from grabberd_liner.profiles.store import LARGEST_BYTES, ProfileStore
+from grabberd_liner.profiles.profiles import LARGEST_BYTES, ProfileStore
 
 NOW = "2026-03-01T09:30:00.000Z"
 
@@ -131,7 +131,7 @@ def test_a_program_that_is_killed_leaves_whole_versions(store: ProfileStore) -> 
     store.put("liner", "A", {"age": 0}, NOW)
     code = (
         "import sys; from pathlib import Path; from itertools import count\n"
-        "from grabberd_liner.profiles.store import ProfileStore\n"
+        "from grabberd_liner.profiles.profiles import ProfileStore\n"
         "store = ProfileStore(Path(sys.argv[1]))\n"
         "for age in count(1):\n"
         "    print(store.put('liner', 'A', {'age': age}, sys.argv[2]).version, flush=True)\n"

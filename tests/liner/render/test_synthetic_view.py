@@ -10,8 +10,7 @@ from core.chain.fake_scene import take_scene
 from grabberd.core.field import double_lines
 from grabberd_liner.render import synthetic_view
 from grabberd_liner.render.model_pictures import Gallery, Modelling
-from grabberd_liner.render.viewpoint import SIDES
-from grabberd_liner.render.wire_model import Look
+from grabberd_liner.render.wire_model import SIDES, Look
 
 LOOK = Look(*SIDES["oblique"], 320, 240)
 

@@ -6,10 +6,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grabberd_liner.analysis import Mesh
-from grabberd_liner.render.canvas import PAPER
-from grabberd_liner.render.colours import PLAIN, UNKNOWN, Scale, ticks
-from grabberd_liner.render.viewpoint import SIDES, Box
-from grabberd_liner.render.wire_model import Look, Painted, wire_model
+from grabberd_liner.render.wire_model import (
+    PAPER,
+    PLAIN,
+    SIDES,
+    UNKNOWN,
+    Box,
+    Look,
+    Painted,
+    Scale,
+    ticks,
+    wire_model,
+)
 from liner.analysis.exact import exact_surface
 from liner.analysis.shapes import cylinder, sheet
 

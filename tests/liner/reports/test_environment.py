@@ -2,7 +2,7 @@ from importlib.resources import files
 
 import pytest
 
-from grabberd.reports.environment import environment as program
+from grabberd.reports.document import environment as program
 from grabberd_liner.reports.environment import environment
 from reports.pages import chapters_left_out
 

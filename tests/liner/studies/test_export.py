@@ -8,8 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from grabberd.errors import InputError, StorageError
-from grabberd_liner.chain.study.study import make_study
-from grabberd_liner.chain.study.study_question import StudyQuestion
+from grabberd_liner.chain.study.study import StudyQuestion, make_study
 from grabberd_liner.chain.study.tables import tables
 from grabberd_liner.studies.export import write_study
 from liner.chain.study.captured import COMPRESSION, herd

@@ -5,12 +5,10 @@ from typing import Any
 
 import pytest
 
-from grabberd_liner.chain.study.studied import Studied
-from grabberd_liner.chain.study.study import make_study
+from grabberd_liner.chain.study.study import Studied, StudyQuestion, make_study
 from grabberd_liner.chain.study.study_document import study_document
-from grabberd_liner.chain.study.study_question import StudyQuestion
 from grabberd_liner.chain.study.tables import tables
-from grabberd_liner.studies.report_answers import answer, trend_answer
+from grabberd_liner.studies.report import answer, trend_answer
 from liner.chain.study.captured import COMPRESSION, capture, found, herd
 
 QUESTION = StudyQuestion(by="liner", within="cow", over="milkings")

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from grabberd.errors import InputError
-from grabberd_liner.studies.result_folders import captures_of_folders
+from grabberd_liner.studies.captures import captures_of_folders
 from liner.studies.results import COMPRESSION, OVERPRESSURE, quantity, report, store, table
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from grabberd.errors import InputError
-from grabberd_liner.chain.study.studied import Studied, unanalysed
+from grabberd_liner.chain.study.study import Studied, unanalysed
 from grabberd_liner.studies.selection import Condition, Selection
 
 

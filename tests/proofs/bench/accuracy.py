@@ -18,8 +18,7 @@ from grabberd.core.chain.measure import MeasureSetup, measure_fields
 from grabberd.core.field import Field, NumberedField, quantise
 from grabberd.core.geometry import Calibration
 from grabberd.core.reconstruction import ObjectModel
-from grabberd.core.reconstruction.accuracy.accuracy import PAPER_PRECISION, PAPER_RMSE
-from grabberd.core.reconstruction.accuracy.ground_truth import Truth
+from grabberd.core.reconstruction.accuracy import PAPER_PRECISION, PAPER_RMSE, Truth
 from grabberd_fake import FakeGrabber, FakeOptions, truth_at
 from grabberd_fake.documents import calibration_document, object_document
 from grabberd_fake.grabber import JumpingClock

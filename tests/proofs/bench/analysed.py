@@ -14,9 +14,9 @@ from grabberd.core.chain.accuracy import requantised
 from grabberd.core.chain.measure import measure_fields
 from grabberd_fake import FakeOptions
 from grabberd_fake.ellipse_liner import closure, profile
+from grabberd_fake.ellipse_truth import WallTruth, truth_of_wall
 from grabberd_fake.truth import truth_at
 from grabberd_fake.vacuum import pulsation_kpa
-from grabberd_fake.wall_truth import WallTruth, truth_of_wall
 from grabberd_liner.analysis import Grid, TimedPoints
 from grabberd_liner.chain.analysis.analyse import Analysis, analyse
 from grabberd_liner.chain.analysis.field_points import FieldPoints

@@ -19,9 +19,8 @@ from grabberd_liner.analysis import (
     outer_places,
     wall_at,
 )
-from grabberd_liner.analysis.wall.forms import middle_forms
-from grabberd_liner.analysis.wall.strain import strain
-from grabberd_liner.chain.analysis.smoothings import Smoothings
+from grabberd_liner.analysis.wall.strain import middle_forms, strain
+from grabberd_liner.chain.analysis.wall_series import Smoothings
 from grabberd_liner.chain.analysis.wall_state import WallState
 
 Array = NDArray[np.float64]

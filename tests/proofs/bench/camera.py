@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from grabberd.core.field import Field, Packing, pack
 from grabberd.core.measurement import LocationSettings, measure
-from grabberd_v4l2.formats import bytes_per_pixel, luma
-from grabberd_v4l2.jpeg import JpegLuma
+from grabberd_v4l2.formats import JpegLuma, bytes_per_pixel, luma
 
 SIZES = ((640, 480), (1280, 720), (1920, 1080))
 QUALITIES = (75, 90)

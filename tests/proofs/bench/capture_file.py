@@ -10,9 +10,9 @@ from typing import Any
 from grabberd.archive import CaptureMeta, CaptureReader, CaptureWriter
 from grabberd.archive.capture.codec import ZLIB, decode_field, encode_points
 from grabberd.archive.capture.codec import decode_points as decode_single
-from grabberd.archive.capture.groups.picture_codec import decode_pictures, encode_pictures
-from grabberd.archive.capture.groups.point_codec import decode_points
-from grabberd.archive.capture.groups.point_codec import encode_points as encode_group
+from grabberd.archive.capture.groups import decode_pictures, encode_pictures
+from grabberd.archive.capture.point_codec import decode_points
+from grabberd.archive.capture.point_codec import encode_points as encode_group
 from grabberd.archive.capture.schema import RESERVE_BYTES
 from grabberd.archive.measure_setups import measure_setup
 from grabberd.config import shipped_configs
@@ -21,7 +21,7 @@ from grabberd.core.field import Field, NumberedField, PackedField, double_lines,
 from grabberd.core.ledger import Ledger, Outcome, Slot
 from grabberd.core.reconstruction.points import Points
 from grabberd.files.documents import read_documents
-from grabberd.instrument.acquisition.registry import GRABBERS
+from grabberd.instrument.acquisition.discovery import GRABBERS
 
 FIELDS, GROUP, ROUNDS = 600, 25, 7
 PERIOD_NS, THRESHOLD = 20_000_000, 60

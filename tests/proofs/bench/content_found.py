@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.field import Field, Packing
-from grabberd.instrument.acquisition.checks.content_check import Content, ContentCheck
+from grabberd.instrument.acquisition.content_check import Content, ContentCheck
 from grabberd.instrument.acquisition.device import GrabbedField
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.world import World

@@ -13,9 +13,8 @@ from tests.proofs.bench.pressure_case import SOUGHT_KPA, Figures, Given, paragra
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis import Estimate, PressureModel, fit_surface, outer_places
-from grabberd_liner.chain.analysis.question import Question
-from grabberd_liner.chain.analysis.smoothings import Smoothings
-from grabberd_liner.chain.analysis.wall_state import EQUILIBRIUM, SMOOTH, WallState, wall_states
+from grabberd_liner.chain.analysis.wall_series import Smoothings
+from grabberd_liner.chain.analysis.wall_state import EQUILIBRIUM, SMOOTH, Question, WallState, wall_states
 
 Array = NDArray[np.float64]
 

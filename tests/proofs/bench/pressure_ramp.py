@@ -9,7 +9,7 @@ from tests.liner.analysis.ramps import BROAD, empty, guessed, open_liner, ramp, 
 from tests.liner.analysis.walls import SolvedLiner, solved
 from tests.proofs.bench.pressure_case import SOUGHT_KPA, Given, paragraph
 
-from grabberd_fake.wall_quantities import buckling_kpa, touch_kpa
+from grabberd_fake.wall_states import buckling_kpa, touch_kpa
 from grabberd_liner.analysis import (
     Collapse,
     LinerValues,

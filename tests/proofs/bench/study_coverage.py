@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from tests.proofs.bench.pressure_case import paragraph
 
-from grabberd_liner.analysis.study.comparison import Comparison, compare
-from grabberd_liner.analysis.study.observations import observations
+from grabberd_liner.analysis.comparison import Comparison, compare
+from grabberd_liner.analysis.mixed_model import observations
 
 TRIALS = 1000
 CERTAIN = 0.05

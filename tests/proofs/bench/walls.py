@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator
 
-from grabberd_fake.wall_quantities import buckling_kpa, teat_load, touch_kpa
-from grabberd_fake.wall_states import wall_names, wall_states
+from grabberd_fake.wall_states import buckling_kpa, teat_load, touch_kpa, wall_names, wall_states
 
 DIFFERENCE_KPA = 42.0
 

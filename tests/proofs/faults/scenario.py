@@ -7,7 +7,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from grabberd.core.ledger import Outcome
-from grabberd.documents.states import DeviceState
+from grabberd.documents.enums import DeviceState
 from grabberd.instrument.device.recovery import Rung
 from grabberd_fake import FakeOptions
 from grabberd_fake.faults import FOREVER_S, Fault, Recoverable

@@ -12,8 +12,7 @@ import numpy as np
 
 from core.kernel import sanitised
 from grabberd.core.kernel import load
-from grabberd.core.measurement.compiled.binary_location import Settings
-from grabberd.core.measurement.compiled.grey_location import GreySettings
+from grabberd.core.measurement.compiled_location import GreySettings, Settings
 
 CALLS = 4000
 EDGE = np.zeros((5120, 2), np.float32)

@@ -21,7 +21,7 @@ from typing import Any
 from fastapi.testclient import TestClient
 from running import wait_until_it_accepts
 
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.errors import GrabberdError
 from grabberd.server.api import create_app
 from grabberd.server.api.guard.roles import least_roles

@@ -13,7 +13,7 @@ from drivers.replay.pictures import frames
 from drivers.replay.videos import avi, coded, y4m
 from grabberd.archive import CaptureReader
 from grabberd.archive.state.backup import back_up
-from grabberd.archive.state.state_store import StateStore
+from grabberd.archive.state.state_database import StateStore
 from grabberd.config import default_config_file
 from proofs.fuzz.commands import run_command
 

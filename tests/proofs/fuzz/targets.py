@@ -24,7 +24,7 @@ from grabberd.errors import GrabberdError
 from grabberd.files.documents import read_documents, read_yaml
 from grabberd_liner.analysis import read_vacuum_log
 from grabberd_replay import ReplayGrabber
-from grabberd_v4l2.profiles.profile import Profiles
+from grabberd_v4l2.profiles import Profiles
 from proofs.fuzz.commands import run_command
 from proofs.fuzz.mutation import change_cells, changed
 

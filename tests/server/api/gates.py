@@ -10,7 +10,7 @@ from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from grabberd.archive.access import Access
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.server.api.guard.authentication import Attempts, Authenticator
 from grabberd.server.api.guard.front import Front
 from grabberd.server.api.guard.gate import Gate

@@ -9,11 +9,11 @@ from pathlib import Path
 
 from running import PATIENCE_S
 
-from grabberd.server.api.forced_end import EX_TEMPFAIL, LEFT_S, ForcedEnd
+from grabberd.server.api.serving import EX_TEMPFAIL, LEFT_S, ForcedEnd
 
 STUCK = """
 import multiprocessing, signal, sys, threading, time
-from grabberd.server.api.forced_end import ForcedEnd
+from grabberd.server.api.serving import ForcedEnd
 
 def sleep():
     signal.signal(signal.SIGTERM, signal.SIG_IGN)

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from server.api.daemons import serving
 
 ROOT = Path(__file__).parents[3]

@@ -12,10 +12,9 @@ from fastapi.testclient import TestClient
 from pydantic import BaseModel
 from running import PATIENCE_S
 
+from grabberd.documents.enums import Role
 from grabberd.documents.points import NewestPoints
-from grabberd.documents.roles import Role
-from grabberd.documents.settings import SettingsDocument
-from grabberd.documents.state import HealthDocument, StateDocument
+from grabberd.documents.state import HealthDocument, SettingsDocument, StateDocument
 from grabberd.server.api import create_app, snapshots
 from grabberd.server.api.snapshots import STATE_S, Shared, Snapshot, Snapshots
 from grabberd.server.daemon.service import Service

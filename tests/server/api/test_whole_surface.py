@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from running import PATIENCE_S, wait_until_it_accepts
 
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.server.api import create_app
 from grabberd.server.api.guard.front import Front
 from grabberd.server.api.serving import server_of

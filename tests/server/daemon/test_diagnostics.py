@@ -8,7 +8,7 @@ from pathlib import Path
 
 from running import running, sealed
 
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.server.daemon.diagnostics import bundle, daemon_parts, machine_parts
 from grabberd.server.daemon.journal import last_lines

@@ -14,7 +14,7 @@ from several import sealed_all, service_of, several, wait_until_they_accept
 
 from grabberd.archive import CaptureReader, CaptureWriter
 from grabberd.config import default_config_file
-from grabberd.documents.states import DeviceState
+from grabberd.documents.enums import DeviceState
 from grabberd.errors import ConfigError, DeviceRefused
 from grabberd.instrument.acquisition import GrabbedField, Signal, StreamInfo
 from grabberd.instrument.capture.capture_request import CaptureRequest

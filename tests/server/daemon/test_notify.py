@@ -11,11 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from simulated_time import SimulatedClock
 
-from grabberd.documents.states import DeviceState
-from grabberd.instrument.device.status_board import StatusBoard
-from grabberd.instrument.liveness import Liveness
-from grabberd.server.daemon.heartbeat import Heartbeat
-from grabberd.server.daemon.notify import Notifier
+from grabberd.documents.enums import DeviceState
+from grabberd.instrument.device.status_board import Liveness, StatusBoard
+from grabberd.server.daemon.systemd import Heartbeat, Notifier
 
 WATCHDOG_S = 30.0
 

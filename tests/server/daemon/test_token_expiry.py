@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.archive.access import AS_THE_DAEMON, Access
-from grabberd.archive.machine_key import MachineKey, readable_key
-from grabberd.documents.roles import Role
+from grabberd.archive.access import AS_THE_DAEMON, Access, MachineKey, readable_key
+from grabberd.documents.enums import Role
 from grabberd.errors import AccessExpired, Conflict
 
 WEEK = timedelta(days=7)

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.archive.state.state_store import StateStore
-from grabberd.server.mqtt.announcements import Announcements
+from grabberd.archive.state.state_database import StateStore
+from grabberd.server.mqtt.home_assistant import Announcements
 from grabberd.server.mqtt.messages import Message
 
 NORTH, SOUTH = (Message(f"homeassistant/sensor/{name}/config", {"name": name}, True) for name in ("n", "s"))

@@ -19,10 +19,10 @@ from running import PATIENCE_S, configuration, sealed, wait_until_it_accepts
 
 from archive.liner_tests import stored_test
 from grabberd.config import MqttConfig, MqttTlsConfig, default_config_file, shipped_configs
-from grabberd.documents.job_problem import JobProblem
+from grabberd.documents.document import JobProblem
+from grabberd.documents.enums import JobState
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.state import MqttDocument
-from grabberd.documents.states import JobState
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.instrument.setup import set_up
 from grabberd.server.daemon.service import Service
@@ -174,7 +174,9 @@ def test_a_summary_whose_acknowledgement_was_lost_comes_twice_under_one_id(
 ) -> None:
     with broker(tmp_path) as known, receiver(known.port) as heard:
         with publishing(tmp_path / "state", known.port) as service, monkeypatch.context() as killed:
-            killed.setattr("grabberd.archive.state.outbox.Outbox.acknowledge", lambda *_: known.kill())
+            killed.setattr(
+                "grabberd.archive.state.state_database.Outbox.acknowledge", lambda *_: known.kill()
+            )
             capture_id = capture(service)
             heard.until(lambda: heard.captures() == [capture_id])
             eventually(service, lambda now: not now.connected)

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from grabberd.config import default_config_file, load_config
-from grabberd.config.secrets import without_secrets
+from grabberd.config.section import without_secrets
 from grabberd.errors import ConfigError
 from grabberd.server.mqtt.publisher_setup import check_mqtt
 

@@ -7,7 +7,7 @@ import pytest
 
 from archive.captures import slots, write
 from grabberd.archive.catalogue.archive import Archive
-from grabberd.archive.state.outbox import Outbox
+from grabberd.archive.state.state_database import Outbox
 from grabberd.server.mqtt.summary_queue import SummaryQueue
 
 

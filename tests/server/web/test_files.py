@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from grabberd.server.web import Files
-from grabberd.server.web.files import COMMENTS, STATIC
-from grabberd.server.web.page import render
+from grabberd.server.web.page import COMMENTS, STATIC, render
 
 EDITION = Files().edition
 MOST_BYTES = 400_000

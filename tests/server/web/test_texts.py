@@ -11,11 +11,10 @@ import pytest
 
 from grabberd.config import shipped_configs
 from grabberd.core.chain.calibration import acceptance
-from grabberd.core.reconstruction.coverage.verdict import CoverageVerdict, FindingCode
-from grabberd.core.reconstruction.miss import Miss
+from grabberd.core.reconstruction.coverage import CoverageVerdict, FindingCode
+from grabberd.core.reconstruction.points import Miss
 from grabberd.errors import Cause
-from grabberd.server.web.files import FIRST_TEXTS, LANGUAGES, STATIC
-from grabberd.server.web.page import AFTER, AT_ONCE
+from grabberd.server.web.page import AFTER, AT_ONCE, FIRST_TEXTS, LANGUAGES, STATIC
 from grabberd_liner.chain.guided_tests.recipes import RECIPES
 
 CALL = re.compile(r"""\bt[nl]?\(\s*(?P<quote>["'`])(?P<key>[a-z]\w*\.(?:(?!(?P=quote)).)+)(?P=quote)""")

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 from grabberd.server.web import Files
-from grabberd.server.web.files import STATIC
+from grabberd.server.web.page import STATIC
 
 ROOT = Path(__file__).parents[3]
 TYPES = STATIC.parent / "types"

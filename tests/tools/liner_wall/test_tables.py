@@ -7,8 +7,7 @@ from tools.liner_wall.designs import Case, Design, cases, mounting_stretch
 from tools.liner_wall.path import _LARGEST_SHIFT_MM
 from tools.liner_wall.teat import Teat
 
-from grabberd_fake.wall_quantities import buckling_kpa, touch_kpa
-from grabberd_fake.wall_states import WallStates, wall_names, wall_states
+from grabberd_fake.wall_states import WallStates, buckling_kpa, touch_kpa, wall_names, wall_states
 
 CASES = [case for case in cases() if case.name != "reference-round-towards"]
 EMPTY = [case for case in CASES if case.teat is None]

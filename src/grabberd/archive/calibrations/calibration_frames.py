@@ -9,7 +9,7 @@ from grabberd.config import shipped_configs
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.core.reconstruction.object_model import FileKey
 from grabberd.documents.calibrations import CalibrationFrameRow
-from grabberd.documents.named_types import JsonObject
+from grabberd.documents.document import JsonObject
 from grabberd.errors import NotFound
 from grabberd.files.documents import read_yaml
 

@@ -1,12 +1,23 @@
-"""Fields and points of a capture as they are read, whatever the format of the file."""
+"""Fields and points of a capture as they are read, whatever the format of the file, and those of format 1.
 
+Format 2 is read by `group_content`.
+"""
+
+import sqlite3
+from collections import deque
 from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive.capture.rows import RecordedField
+from grabberd.archive.capture.checked_rows import END, CheckedRows, Kind, query_rows
+from grabberd.archive.capture.codec import decode_points
+from grabberd.archive.capture.digests import FIELDS, Damage, Row, points_prefix
+from grabberd.archive.capture.meta import LARGEST_TIME_NS
+from grabberd.archive.capture.rows import FIELD_COLUMNS, RecordedField, recorded_field
+from grabberd.archive.capture.schema import reading_errors
 from grabberd.core.reconstruction.points import Points
 
 
@@ -85,3 +96,97 @@ class Content(Protocol):
 
     def unaccounted(self) -> list[str]:
         """Lists in words what belongs to nothing else in the file."""
+
+
+ALL_FIELDS = Kind(
+    "field",
+    query_rows(
+        f"SELECT {FIELD_COLUMNS} FROM fields WHERE n >= :first AND n < :end ORDER BY n LIMIT :some"  # noqa: S608 - constants
+    ),
+)
+_POINTS = Kind(
+    "points",
+    query_rows(
+        "SELECT p.n, f.time_ns, p.run, p.count, p.data FROM points AS p JOIN fields AS f ON f.n = p.n "
+        "WHERE p.run = :run AND p.n >= :first AND p.n < :end AND p.n % :every = 0 ORDER BY p.n LIMIT :some"
+    ),
+    stored=lambda row: (row[2], row[0], *row[3:]),
+    whole=False,
+)
+_ALL_POINTS = Kind(
+    "points",
+    query_rows(
+        "SELECT n, run, count, data FROM points WHERE run = :run AND n >= :first AND n < :end "
+        "ORDER BY n LIMIT :some"
+    ),
+    stored=lambda row: (row[1], row[0], *row[2:]),
+)
+
+
+class RowContent:
+    """See `Content`."""
+
+    def __init__(self, path: Path, connection: sqlite3.Connection, left_out: list[Damage] | None) -> None:
+        self._path = path
+        self._connection = connection
+        self._rows = CheckedRows(path, connection, left_out)
+
+    @property
+    def has_digests(self) -> bool:
+        """See `Content`."""
+        return self._rows.has_digests
+
+    def keep_groups(self) -> None:
+        """Keeps nothing: each field has rows of its own."""
+
+    def fields(self, first_n: int, end_n: int) -> Iterator[RecordedField]:
+        """See `Content`."""
+        return self._rows.each(ALL_FIELDS, FIELDS, recorded_field, first_n, end_n)
+
+    def points(self, run: int, first_n: int, end_n: int, every: int) -> Iterator[PointArrays]:
+        """See `Content`."""
+        prefix = points_prefix(run)
+        return self._rows.each(_POINTS, prefix, _point_arrays, first_n, end_n, run=run, every=every)
+
+    def check_points(self, run: int, first_n: int, end_n: int) -> None:
+        """See `Content`."""
+        rows = self._rows.each(_ALL_POINTS, points_prefix(run), lambda _: None, first_n, end_n, run=run)
+        deque(rows, maxlen=0)
+
+    def point_count(self, run: int, first_n: int, end_n: int, every: int) -> int:
+        """See `Content`."""
+        query = "SELECT coalesce(sum(count), 0) FROM points WHERE run = ? AND n >= ? AND n < ? AND n % ? = 0"
+        with reading_errors(self._path):
+            return int(self._connection.execute(query, (run, first_n, end_n, every)).fetchone()[0])
+
+    def point_span(self, run: int, first_n: int, end_n: int) -> tuple[int, int]:
+        """See `Content`."""
+        query = (
+            "SELECT coalesce(sum(p.count), 0), coalesce(max(p.n) + 1, 0) FROM points AS p "
+            "JOIN fields AS f ON f.n = p.n WHERE p.run = ? AND p.n >= ? AND p.n < ?"
+        )
+        with reading_errors(self._path):
+            count, end = self._connection.execute(query, (run, first_n, end_n)).fetchone()
+            return int(count), int(end)
+
+    def measured(self, run: int) -> int:
+        """See `Content`."""
+        kind = _ALL_POINTS._replace(what="points" if run == 1 else f"points of run {run}")
+        return sum(1 for _ in self._rows.each(kind, points_prefix(run), _decoded, 0, END, run=run))
+
+    def unaccounted(self) -> list[str]:
+        """See `Content`; every row has a digest of its own here."""
+        return []
+
+
+def _decoded(row: Row) -> Points:
+    _, _, count, data = row
+    return decode_points(data, count)
+
+
+def _point_arrays(row: Row) -> PointArrays:
+    n, time_ns, _, count, data = row
+    if not isinstance(time_ns, int) or not 0 <= time_ns < LARGEST_TIME_NS:
+        raise ValueError(f"time_ns is {time_ns!r}")
+    points = decode_points(data, count)
+    return PointArrays(np.array([n]), np.array([time_ns]), np.array([count]), points)

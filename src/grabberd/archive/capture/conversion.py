@@ -14,8 +14,8 @@ import numpy as np
 
 from grabberd.archive.capture.content_digest import content_sha256
 from grabberd.archive.capture.digests import write_sealed_digest
-from grabberd.archive.capture.groups.quanta import quantised
 from grabberd.archive.capture.meta import CONVERSION, SEALED, Conversion, write_meta
+from grabberd.archive.capture.point_codec import quantised
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.rows import RecordedField
 from grabberd.archive.capture.runs import alone

@@ -1,25 +1,30 @@
-"""Sealing what a crash left, or setting it aside with a reason; nothing is ever deleted."""
+"""Sealing what a crash left, or setting it aside with a reason; nothing is ever deleted.
+
+`grabberd capture` records without a daemon into a hidden folder, which tells what a kill left there.
+"""
 
 import itertools
 import math
 import os
+import shutil
 from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from grabberd.archive.capture.channels.stored_account import close_account, read_account, write_account
 from grabberd.archive.capture.digests import write_sealed_digest
-from grabberd.archive.capture.ledger_table import write_ledger
 from grabberd.archive.capture.meta import SEALED, CaptureMeta, write_meta
 from grabberd.archive.capture.reader import CaptureReader
-from grabberd.archive.capture.schema import DAMAGED, connect, reading_errors
+from grabberd.archive.capture.recorded_channels import close_account, read_account, write_account
+from grabberd.archive.capture.rows import write_ledger
+from grabberd.archive.capture.schema import DAMAGED, PART, connect, reading_errors, sealed_path
 from grabberd.archive.capture.writer import FAILED, RUNNING, publish
 from grabberd.archive.guarded_database import JOURNAL
 from grabberd.clock import Now
 from grabberd.core.ledger import Ledger, LedgerEntry, Outcome
-from grabberd.errors import CaptureFileError, LaterVersion
-from grabberd.files.disk import storage_errors
+from grabberd.errors import CaptureFileError, LaterVersion, StorageError
+from grabberd.files.disk import DirectoryLock, scratch_folder, storage_errors
 
 REASON = ".txt"
 INTERRUPTED = "the program ended while it was recording"
@@ -164,3 +169,76 @@ def numbered(name: str) -> Iterator[str]:
     """`NAME`, `NAME-2`, `NAME-3` and so on."""
     yield name
     yield from (f"{name}-{number}" for number in itertools.count(2))
+
+
+PREFIX = ".grabberd-"
+
+
+@contextmanager
+def recording_folder(directory: Path) -> Iterator[Path]:
+    """A hidden folder for a file that is being recorded, locked against others and removed afterwards.
+
+    The lock tells a capture in the making from one that a kill cut off: the system releases it with the
+    process, however that ends.
+
+    Raises:
+        StorageError: It cannot be made.
+    """
+    with scratch_folder(directory, PREFIX) as folder:
+        lock = DirectoryLock(folder)
+        lock.acquire()
+        try:
+            yield folder
+        finally:
+            lock.release()
+
+
+def interrupted_captures(directory: Path) -> list[Path]:
+    """Unsealed captures in a folder that a killed `grabberd capture` left."""
+    return [part for part in sorted(directory.glob(f"{PREFIX}*/*{PART}")) if _is_free(part.parent)]
+
+
+def seal(part: Path) -> Path:
+    """Seals an interrupted capture, and moves it next to the hidden folder that it was recorded in.
+
+    Raises:
+        CaptureFileError: It is no `.grab.part`, cannot be read, or is of a later version; it is kept.
+        StorageError: It is still being written, or a capture of its name exists.
+    """
+    if part.suffix != PART or not part.is_file():
+        raise CaptureFileError(f"{part} is not an interrupted capture", "name a file NAME.grab.part")
+    hidden = part.parent.name.startswith(PREFIX)
+    home = part.parent.parent if hidden else part.parent
+    final = home / sealed_path(part).name
+    if final.exists():
+        raise StorageError(f"{final} exists already", "move it away first; nothing is overwritten")
+    with _held(part.parent):
+        sealed = recover(part)
+        if sealed.parent.name == DAMAGED:
+            reason = reason_of(sealed).read_text(encoding="utf-8").strip()
+            raise CaptureFileError(reason, f"it is kept as {sealed}")
+        with storage_errors(final):
+            os.rename(sealed, final)
+    if hidden:
+        shutil.rmtree(part.parent, ignore_errors=True)
+    return final
+
+
+@contextmanager
+def _held(folder: Path) -> Iterator[None]:
+    """Locks a folder against recording; one that was never locked gets no lock file."""
+    lock = DirectoryLock(folder)
+    if lock.path.exists():
+        lock.acquire()
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def _is_free(folder: Path) -> bool:
+    try:
+        with _held(folder):
+            return True
+    except StorageError:
+        return False

@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 from grabberd.archive.capture.codec import decode_points, encode_points
 from grabberd.archive.capture.digests import Row
-from grabberd.archive.capture.groups.group_rows import PointGroup, measured_fields, measured_points
-from grabberd.archive.capture.groups.waiting import points_in_groups
+from grabberd.archive.capture.groups import PointGroup, measured_fields, measured_points, points_in_groups
 from grabberd.archive.capture.schema import FORMAT_1
 from grabberd.core.reconstruction.points import Points
 

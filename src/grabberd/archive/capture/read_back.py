@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from grabberd.archive.capture.channels.reading_groups import ReadingGroup, RecordedReadings, decode_readings
 from grabberd.archive.capture.digests import (
     FIELDS,
     Row,
@@ -16,16 +15,17 @@ from grabberd.archive.capture.digests import (
     row_digest,
     write_row_digests,
 )
-from grabberd.archive.capture.groups.group_rows import (
+from grabberd.archive.capture.groups import (
     PictureGroup,
     PointGroup,
     measured_points,
     recorded_fields,
 )
-from grabberd.archive.capture.groups.quanta import quantised
 from grabberd.archive.capture.meta import SEALED
+from grabberd.archive.capture.point_codec import quantised
 from grabberd.archive.capture.point_table import GROUPED, PointTable
 from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.reading_groups import ReadingGroup, RecordedReadings, decode_readings
 from grabberd.archive.capture.schema import reading_errors
 from grabberd.core.field import PackedField
 from grabberd.core.ledger import Ledger

@@ -10,11 +10,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive.capture.channels.recorded_channels import RecordedChannels
 from grabberd.archive.capture.checked_rows import END
-from grabberd.archive.capture.content import Content, PointArrays
+from grabberd.archive.capture.content import Content, PointArrays, RowContent
 from grabberd.archive.capture.digests import CHANGED, Damage, changed_parts
-from grabberd.archive.capture.groups.group_content import GroupContent
+from grabberd.archive.capture.group_content import GroupContent
 from grabberd.archive.capture.meta import (
     LARGEST_TIME_NS,
     SEALED,
@@ -23,9 +22,8 @@ from grabberd.archive.capture.meta import (
     read_coverage,
     read_meta,
 )
-from grabberd.archive.capture.rebases import rebases_in
-from grabberd.archive.capture.row_content import RowContent
-from grabberd.archive.capture.rows import RecordedField, RunInfo, ledger, run_info
+from grabberd.archive.capture.recorded_channels import RecordedChannels
+from grabberd.archive.capture.rows import RecordedField, RunInfo, ledger, rebases_in, run_info
 from grabberd.archive.capture.schema import DAMAGE, FORMAT_1, connect, format_of, named_now, reading_errors
 from grabberd.archive.guarded_database import check_kind
 from grabberd.core.field import NumberedField

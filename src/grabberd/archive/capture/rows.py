@@ -1,5 +1,10 @@
-"""Rows of a capture file as objects (fields: of format 1); an invalid row is an error, never a guess."""
+"""Rows of a capture file as objects: fields of format 1, runs and ledger.
 
+An invalid row is an error, never a guess. Rebases, the ledger's events, stand among the metadata, as the key
+`rebases` of `extra`.
+"""
+
+import sqlite3
 from bisect import bisect_right
 from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -7,7 +12,7 @@ from typing import Any, NamedTuple
 from grabberd.archive.capture.codec import decode_field
 from grabberd.archive.capture.meta import LARGEST_N, LARGEST_TIME_NS, LONGEST_REASON
 from grabberd.core.field import BIT_DEPTHS, LARGEST_SIDE_PX, PROGRESSIVE, NumberedField, PackedField
-from grabberd.core.ledger import Ledger, LedgerEntry, LedgerEvent, Outcome
+from grabberd.core.ledger import Ledger, LedgerEntry, LedgerEvent, Outcome, Rebase
 from grabberd.files.json_value import read_json
 
 FIELD_COLUMNS = (
@@ -166,3 +171,56 @@ def text_of(value: Any) -> str | None:
     if isinstance(value, str | None) and len(value or "") <= LONGEST_REASON:
         return value
     raise ValueError(f"a text is {type(value).__name__}, or has more than {LONGEST_REASON} characters")
+
+
+NOT_WRITTEN = "not written to disk"
+
+
+def as_far_as_written(connection: sqlite3.Connection, ledger: Ledger) -> Ledger:
+    """The ledger, in which received fields that are not in the file are lost."""
+    rows = connection.execute("SELECT n FROM fields WHERE outcome = ? ORDER BY n", (str(Outcome.RECEIVED),))
+    written = [n for (n,) in rows]
+    if len(written) == ledger.received:
+        return ledger
+    kept = Ledger.restore(
+        written, ledger.entries, events=ledger.events, first_n=ledger.first_n, gap=NOT_WRITTEN
+    )
+    kept.close(ledger.end_n or 0, NOT_WRITTEN)
+    return kept
+
+
+def write_ledger(connection: sqlite3.Connection, ledger: Ledger) -> None:
+    """Replaces the table `ledger`."""
+    connection.execute("DELETE FROM ledger")
+    for entry in ledger.entries:
+        insert_entry(connection, entry)
+
+
+def insert_entry(connection: sqlite3.Connection, entry: LedgerEntry) -> None:
+    """Adds one entry of the ledger."""
+    row = (entry.first_n, entry.count, str(entry.outcome), entry.reason)
+    connection.execute("INSERT INTO ledger VALUES (?, ?, ?, ?)", row)
+
+
+KEY = "rebases"
+
+
+def with_rebases(extra: Mapping[str, Any], events: Sequence[LedgerEvent]) -> Mapping[str, Any]:
+    """The same metadata with these events."""
+    return {**extra, KEY: [event._asdict() for event in events]} if events else extra
+
+
+def rebases_in(extra: Mapping[str, Any]) -> list[LedgerEvent]:
+    """The events in a capture's metadata; none in files of earlier versions.
+
+    Raises:
+        ValueError: They are damaged.
+    """
+    return [_event(one) for one in extra.get(KEY, ())]
+
+
+def _event(stored: Any) -> LedgerEvent:
+    match stored:
+        case {"n": int(n), "kind": str(kind), "reason": str(reason)}:
+            return LedgerEvent(n, Rebase(kind), reason)
+    raise ValueError(f"a rebase is {stored!r}")

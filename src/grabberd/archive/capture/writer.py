@@ -10,16 +10,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
-from grabberd.archive.capture.channels.channel_writer import ChannelWriter
-from grabberd.archive.capture.channels.reading_groups import RecordedChannel, RecordedReadings
 from grabberd.archive.capture.digests import FORM, FORM_KEY, write_sealed_digest
-from grabberd.archive.capture.groups.waiting import PicturesInWaiting, PointsInWaiting
-from grabberd.archive.capture.ledger_table import as_far_as_written, insert_entry, write_ledger
+from grabberd.archive.capture.groups import PicturesInWaiting, PointsInWaiting
 from grabberd.archive.capture.meta import SEALED, CaptureMeta, check_meta, coverage_key, read_meta, write_meta
 from grabberd.archive.capture.point_table import GROUPED
 from grabberd.archive.capture.read_back import Uncommitted, check_sealed
-from grabberd.archive.capture.rebases import with_rebases
-from grabberd.archive.capture.rows import RunInfo
+from grabberd.archive.capture.reading_groups import RecordedChannel, RecordedReadings
+from grabberd.archive.capture.recorded_channels import ChannelWriter
+from grabberd.archive.capture.rows import RunInfo, as_far_as_written, insert_entry, with_rebases, write_ledger
 from grabberd.archive.capture.schema import (
     RESERVE_BYTES,
     VERSION,

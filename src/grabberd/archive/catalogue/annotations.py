@@ -5,9 +5,9 @@ from dataclasses import replace
 from typing import Protocol
 
 from grabberd.archive.catalogue.archive import Archive
-from grabberd.archive.state.annotation_store import AnnotationStore
+from grabberd.archive.state.state_database import AnnotationStore
 from grabberd.documents.captures import CaptureDocument
-from grabberd.documents.named_types import MOST_LABELS, MOST_MARKS
+from grabberd.documents.document import MOST_LABELS, MOST_MARKS
 from grabberd.errors import Conflict, InputError
 
 

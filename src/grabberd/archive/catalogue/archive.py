@@ -9,20 +9,18 @@ from pathlib import Path
 from typing import Protocol
 
 from grabberd.archive import CaptureIndex, recover
-from grabberd.archive.capture.captures_folder import CapturesFolder
+from grabberd.archive.capture.captures_folder import CapturesFolder, plainly_named
 from grabberd.archive.capture.crash_recovery import reason_of
-from grabberd.archive.capture.plain_names import plainly_named
 from grabberd.archive.capture.schema import DAMAGED, PART, SUFFIX, part_path
+from grabberd.archive.catalogue.capture_catalogue import Library, Results
 from grabberd.archive.catalogue.capture_documents import (
+    Descriptions,
     damaged_document,
     describe,
 )
-from grabberd.archive.catalogue.descriptions import Descriptions
-from grabberd.archive.catalogue.index_keeper import IndexKeeper
-from grabberd.archive.catalogue.library import Library, Results
-from grabberd.archive.state.annotation_store import Annotation
-from grabberd.archive.state.capture_index import Unusable
+from grabberd.archive.state.capture_index import IndexKeeper, Unusable
 from grabberd.archive.state.index_entries import SEALED_ENTRY, IndexEntry
+from grabberd.archive.state.state_database import Annotation
 from grabberd.documents.captures import CaptureDocument, MarkDocument
 from grabberd.errors import (
     CaptureFileError,

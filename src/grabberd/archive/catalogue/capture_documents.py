@@ -1,17 +1,24 @@
-"""The documents of captures and their runs, built from what is known of them."""
+"""The documents of captures and their runs, with coverage and channels, built from what is known of them.
 
-from collections.abc import Iterable
+A sealed capture is described once until its file changes, and none holds up who asks for others.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from grabberd.archive import CaptureMeta, CaptureReader, RunInfo
 from grabberd.archive.capture.meta import SEALED
 from grabberd.archive.capture.schema import reading_errors
-from grabberd.archive.catalogue.channel_documents import channels_summary
-from grabberd.archive.catalogue.coverage_documents import coverage_summary, whole_coverage
 from grabberd.archive.state.index_entries import IndexEntry
 from grabberd.core.channels.account import Account
 from grabberd.core.field import PAL_HZ
 from grabberd.core.ledger import Ledger, LedgerEntry, cause_of_loss
+from grabberd.core.reconstruction.coverage import finding_in_words, miss_in_words
 from grabberd.documents.captures import (
     CaptureDocument,
     GroupDocument,
@@ -22,7 +29,11 @@ from grabberd.documents.captures import (
     RunDocument,
     WholeRunDocument,
 )
+from grabberd.documents.channels import ChannelsSummary
+from grabberd.documents.coverage import CoverageDocument, CoverageSummary, TargetCoverage
+from grabberd.errors import ReadingGivenUp, StorageError
 from grabberd.files.disk import storage_errors
+from grabberd.files.patience import CURRENT, Patience, check_patience, within
 
 
 def ledger_document(ledger: Ledger, rate_hz: float) -> LedgerDocument:
@@ -167,3 +178,127 @@ def _first_field_s(meta: CaptureMeta, first_time_ns: int | None) -> float | None
     if first_time_ns is None or not meta.device.get("stream", {}).get("live", True):
         return None
     return (first_time_ns - meta.start_ns) / 1e9
+
+
+AXES = ("x", "y", "z")
+
+
+def coverage_summary(stored: Mapping[str, Any] | None) -> CoverageSummary | None:
+    """The coverage in short; None for a run that was not counted.
+
+    Raises:
+        ValueError: The file's document is invalid.
+    """
+    return None if stored is None else CoverageSummary.model_validate(_summary(stored))
+
+
+def whole_coverage(stored: Mapping[str, Any] | None) -> CoverageDocument | None:
+    """The coverage with its targets; None for a run that was not counted.
+
+    Raises:
+        KeyError, ValueError: The file's document is invalid.
+    """
+    if stored is None:
+        return None
+    targets = [_target(stored["targets"], i) for i in range(len(stored["targets"]["target"]))]
+    known = {**_summary(stored), "targets": targets, "worst_fields": stored["worst_fields"]}
+    return CoverageDocument.model_validate(known)
+
+
+def _summary(stored: Mapping[str, Any]) -> dict[str, Any]:
+    names = ("verdict", "share", "fields", "missing_fields", "residual_px", "residual_sigma")
+    findings = [
+        {**one, "in_words": finding_in_words(one["code"], one["values"], one["miss"])}
+        for one in stored["findings"]
+    ]
+    return {name: stored[name] for name in names} | {
+        "findings": findings,
+        "in_words": findings[0]["in_words"],
+    }
+
+
+def _target(columns: Mapping[str, Any], i: int) -> TargetCoverage:
+    misses = {reason: counts[i] for reason, counts in columns["misses"].items() if counts[i]}
+    reason = max(misses, key=misses.__getitem__) if misses else None
+    offset_mm = [axis[i] for axis in columns["offset_mm"]]
+    displaced_mm = math.hypot(*offset_mm) if columns["displaced"][i] else None
+    return TargetCoverage.model_validate(
+        {
+            "target": columns["target"][i],
+            "expected": columns["expected"][i],
+            "found": columns["found"][i],
+            "misses": misses,
+            "reason": reason,
+            "in_words": miss_in_words(reason, displaced_mm) if reason else "",
+            **{f"offset_{axis}_mm": value for axis, value in zip(AXES, offset_mm, strict=True)},
+            "offset_sigma_mm": columns["offset_sigma_mm"][i],
+            "offset_fields": columns["offset_fields"][i],
+        }
+    )
+
+
+def channels_summary(account: Account | None, *, sealed: bool) -> ChannelsSummary | None:
+    """Verdict on the channels of a capture; None if it has none."""
+    if account is None:
+        return None
+    names = [one.name for one in account.channels]
+    if sealed:
+        return ChannelsSummary.model_validate(
+            {"names": names, "verdict": account.verdict, "in_words": account.in_words}
+        )
+    return ChannelsSummary(names=names, verdict=None, in_words="being recorded")
+
+
+KEPT = 4096
+"""Number of captures whose descriptions are cached."""
+LONGEST_S = 25.0
+"""Time to describe one capture: less than a request for a list has, so that no file takes all of it."""
+TOO_SLOW_FOR_S = 600.0
+"""Time for which a file that took longer than that is not tried again."""
+
+
+class Descriptions:
+    """Describes files, each once until it changes: the ledger of a long capture takes a while to read.
+
+    Args:
+        describe: Describes a file.
+    """
+
+    def __init__(self, describe: Callable[[Path], CaptureDocument]) -> None:
+        self._describe = lru_cache(KEPT)(lambda path, changed_ns: describe(path))
+        self._too_slow: dict[tuple[Path, int], float] = {}
+
+    def of(self, path: Path) -> CaptureDocument:
+        """The description of a file.
+
+        Raises:
+            CaptureFileError: It is damaged.
+            StorageError: It takes longer than `LONGEST_S`.
+            ReadingGivenUp: Nobody waits for it any longer.
+        """
+        changed_ns = _changed_ns(path)
+        key = (path, changed_ns)
+        if self._too_slow.get(key, 0.0) > time.monotonic():
+            raise _too_slow(path)
+        try:
+            with within(Patience(time.monotonic() + LONGEST_S, outer=CURRENT.get())):
+                return self._describe(path, changed_ns)
+        except ReadingGivenUp as error:
+            check_patience(path.name)
+            if len(self._too_slow) >= KEPT:
+                self._too_slow.clear()
+            self._too_slow[key] = time.monotonic() + TOO_SLOW_FOR_S
+            raise _too_slow(path) from error
+
+
+def _too_slow(path: Path) -> StorageError:
+    return StorageError(
+        f"describing {path.name} takes longer than {LONGEST_S:g} s",
+        "it is tried again after ten minutes; to see the others sooner, move it elsewhere",
+    )
+
+
+def _changed_ns(path: Path) -> int:
+    with storage_errors(path), suppress(FileNotFoundError):
+        return path.lstat().st_mtime_ns
+    return 0

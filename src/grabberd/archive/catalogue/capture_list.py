@@ -1,15 +1,30 @@
-"""Lists captures page by page; captures that come or go meanwhile shift no page."""
+"""Several captures at once: listed page by page, as a table for spreadsheets, and acted upon each by itself.
 
-from collections.abc import Mapping
+Captures that come or go meanwhile shift no page; one that an act fails on keeps no other from it.
+"""
+
+import csv
+import io
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import tzinfo
 from typing import NamedTuple
 
 from grabberd.archive.catalogue.archive import Archive
-from grabberd.archive.state.capture_catalogue import Facets
-from grabberd.archive.state.capture_query import CaptureQuery, Position
+from grabberd.archive.catalogue.capture_catalogue import Count, Facets
+from grabberd.archive.catalogue.capture_query import CaptureQuery, Position
+from grabberd.archive.export.table_files import cells
 from grabberd.archive.state.index_entries import IndexEntry, check_widths
-from grabberd.documents.captures import CaptureDocument
-from grabberd.errors import NotFound
+from grabberd.core.ledger import Outcome
+from grabberd.documents.captures import (
+    BatchDocument,
+    BatchFailure,
+    CaptureDocument,
+    CaptureList,
+    FacetsDocument,
+    FacetValue,
+)
+from grabberd.errors import GrabberdError, NotFound
+from grabberd.extension import extensions, load
 
 _ATTEMPTS = 3
 """Times that a page is asked for whose captures were removed by hand, which is noticed as they are shown."""
@@ -75,3 +90,92 @@ def _document(
         return archive.listed(entry).model_copy(update={"created_utc": entry.created_utc})
     except NotFound:
         return None
+
+
+def list_document(page: CapturePage, cursor: Callable[[Position | None], str | None]) -> CaptureList:
+    """A page as a document.
+
+    Args:
+        page: The page.
+        cursor: Returns the cursor of a position.
+    """
+    return CaptureList(
+        captures=page.captures,
+        next=cursor(page.after),
+        total=page.total,
+        in_all=page.in_all,
+        facets=None if page.facets is None else _facets(page.facets),
+        widths_mm=page.widths_mm,
+    )
+
+
+def _facets(found: Facets) -> FacetsDocument:
+    return FacetsDocument(
+        **{name: _values(counts) for name, counts in found.of.items()},
+        days=_values(found.days),
+        labels={name: _values(counts) for name, counts in found.labels.items()},
+    )
+
+
+def _values(counts: Iterable[Count]) -> list[FacetValue]:
+    return [FacetValue(value=value, count=count) for value, count in counts]
+
+
+Columns = Callable[[CaptureDocument | None], Mapping[str, object]]
+"""Gives the columns that an extension adds, with a capture's values; of None their names count alone."""
+
+
+def captures_csv(captures: Sequence[CaptureDocument]) -> str:
+    """The captures as CSV, with a column for each label that any of them has, and those of extensions."""
+    labels = sorted({name for capture in captures for name in capture.labels})
+    added: list[Columns] = [load(one.columns) for one in extensions() if one.columns]
+    text = io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow(cells([*_head(labels), *(name for columns in added for name in columns(None))]))
+    for capture in captures:
+        more = (value for columns in added for value in columns(capture).values())
+        writer.writerow(cells([*_row(capture, labels), *more]))
+    return text.getvalue()
+
+
+def _head(labels: Iterable[str]) -> list[object]:
+    return [
+        *("id", "device", "created_utc", "state", "verdict", "fields", "received"),
+        *("coverage_verdict", "share_found", "bits", "lines"),
+        *(f"label_{name}" for name in labels),
+        *("note", "pinned", "size_bytes"),
+    ]
+
+
+def _row(capture: CaptureDocument, labels: Iterable[str]) -> list[object]:
+    covered = capture.coverage
+    received = capture.ledger.counts.get(Outcome.RECEIVED, 0)
+    return [
+        *(capture.id, capture.device, capture.created_utc, capture.state, capture.verdict or ""),
+        *(capture.fields, received),
+        *((covered.verdict, covered.share) if covered else ("", None)),
+        *(capture.bits, capture.lines or ""),
+        *(capture.labels.get(name, "") for name in labels),
+        *(capture.note, str(capture.pinned).lower(), capture.size_bytes),
+    ]
+
+
+def for_each(captures: Iterable[str], act: Callable[[str], str | None]) -> BatchDocument:
+    """Does something with each capture, in order.
+
+    Args:
+        captures: Their ids; one that is named twice counts once.
+        act: Called with each id; returns the id of a job that it has queued, if any.
+    """
+    done: list[str] = []
+    failed: list[BatchFailure] = []
+    jobs: list[str] = []
+    for one in dict.fromkeys(captures):
+        try:
+            job = act(one)
+        except GrabberdError as error:
+            failed.append(BatchFailure(capture=one, detail=error.message, hint=error.hint))
+            continue
+        done.append(one)
+        jobs += [] if job is None else [job]
+    return BatchDocument(done=done, failed=failed, jobs=jobs)

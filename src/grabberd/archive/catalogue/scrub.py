@@ -7,10 +7,9 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, Protocol
 
-from grabberd.archive.capture.verification import Verification
+from grabberd.archive.capture.verification import Verification, verify_files
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.index_entries import SEALED_ENTRY
-from grabberd.archive.verify_process import verify_files
 from grabberd.clock import UtcClock, iso_utc
 from grabberd.errors import Cause, GrabberdError
 from grabberd.fault_board import FaultBoard

@@ -1,12 +1,19 @@
-"""The course of the wall's width of each capture, made when it is sealed or first asked for, and kept."""
+"""The course of the wall's width of each capture, in few numbers, which tell captures apart at a glance.
 
+It is made when the capture is sealed or first asked for, and kept in the index.
+"""
+
+import json
 import logging
 from collections import deque
+from pathlib import Path
 
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.catalogue.archive import Archive
-from grabberd.archive.export.width_course import width_course_text
 from grabberd.archive.state.index_entries import IndexEntry, check_widths
-from grabberd.errors import GrabberdError
+from grabberd.core.reconstruction.object_model import ObjectModel
+from grabberd.core.reconstruction.section_width import SectionWidth, section_widths
+from grabberd.errors import GrabberdError, NotFound
 
 log = logging.getLogger(__name__)
 
@@ -55,3 +62,60 @@ class WidthCourses:
             self._archive.index.keep_widths(entry, entry.widths)
         except GrabberdError as error:  # a full disk: it is made again for the next one who asks
             log.info("the widths of capture %s are not kept: %s", entry.id, error.message)
+
+
+SPAN_S = 6.0
+"""Time that is looked at, in the middle of the capture: several pulsations, whatever its length."""
+MOST = 60
+_EVERY = 5
+"""Fields from one number to the next: odd, so that both parities are seen."""
+
+
+def width_course(path: Path) -> list[float | None]:
+    """Widths in mm between the outermost facing targets that are seen, ten a second; none without points.
+
+    Raises:
+        CaptureFileError: The file cannot be read.
+    """
+    with CaptureReader(path) as reader:
+        try:
+            run = reader.run(None)
+        except NotFound:
+            return []
+        model = _model(run.made_with.get("object"))
+        if model is None:
+            return []
+        first_n = reader.first_n or 0
+        fields = round(SPAN_S * reader.meta.rate_hz)
+        middle = first_n + max(0, reader.field_span - fields) // 2
+        begin = middle - middle % _EVERY
+        timed = reader.timed_points(run.run, begin, begin + fields, _EVERY)
+        found = {n: section_widths(points, model) for n, _, points in timed}
+    numbers = range(begin, begin + fields, _EVERY)
+    return _best([found.get(n, []) for n in numbers if n <= max(found, default=-1)][:MOST])
+
+
+def width_course_text(path: Path) -> str:
+    """The same as JSON."""
+    return json.dumps(width_course(path))
+
+
+def _model(document: object) -> ObjectModel | None:
+    if not isinstance(document, dict):
+        return None
+    try:
+        return ObjectModel.from_document(document)
+    except GrabberdError:  # of an earlier version: there is no width to be known
+        return None
+
+
+def _best(fields: list[list[SectionWidth]]) -> list[float | None]:
+    """Widths of the pair that most fields have, the outermost of several."""
+    pairs = list(dict.fromkeys(one.targets for widths in fields for one in widths))
+    courses = [[_of(widths, pair) for widths in fields] for pair in pairs]
+    seen = [sum(width is not None for width in course) for course in courses]
+    return courses[seen.index(max(seen))] if any(seen) else []
+
+
+def _of(widths: list[SectionWidth], pair: tuple[int, int]) -> float | None:
+    return next((round(one.width_mm, 2) for one in widths if one.targets == pair and one.width_mm), None)

@@ -14,9 +14,9 @@ from collections.abc import Generator
 from pathlib import Path
 from typing import IO
 
-from grabberd.archive.export.parquet_file import check_parquet
+from grabberd.archive.export.mat_file import check_stream_size, points_mat
 from grabberd.archive.export.points_export import open_run, points_parquet
-from grabberd.archive.export.points_mat import check_stream_size, points_mat
+from grabberd.archive.export.table_files import check_parquet
 from grabberd.errors import StorageError
 from grabberd.files.patience import check_patience
 

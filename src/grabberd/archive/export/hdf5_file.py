@@ -1,16 +1,31 @@
-"""Tables as HDF5: a group for each, and in it a plain array for each column with its unit and meaning."""
+"""Points and channels of a capture, and any other tables, as HDF5.
+
+There is a group for each table, and in it a plain array for each column with its unit and meaning.
+"""
 
 import importlib.util
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.chain.columns import Table
+from grabberd.archive.capture.digests import Damage
+from grabberd.archive.export.channels_export import CHANNEL_COLUMNS, channel_rows
+from grabberd.archive.export.points_columns import POINT_COLUMNS, rows_by_group
+from grabberd.archive.export.points_export import (
+    open_run,
+    points_about,
+    row_groups,
+    write_ledger_file,
+    write_left_out_file,
+)
+from grabberd.core.chain.columns import Column, Rows, Table, joined
 from grabberd.errors import ExtraMissing
-from grabberd.files.disk import storage_errors
+from grabberd.files.checked_file import Check, checked_path
+from grabberd.files.disk import new_folder, storage_errors
 
 if TYPE_CHECKING:
     import h5py  # type: ignore[import-untyped]
@@ -78,3 +93,95 @@ def _group(file: "h5py.File", name: str, meaning: str) -> "h5py.Group":
     group = file.create_group(name, track_order=True)
     group.attrs["meaning"] = meaning
     return group
+
+
+NAME = "points.h5"
+_CHUNK = 16_384
+
+
+def export_hdf5(
+    path: Path, directory: Path, run: int | None = None, left_out: list[Damage] | None = None
+) -> int:
+    """Writes `points.h5` and `ledger.csv` into a folder; returns the number of points.
+
+    Raises:
+        CaptureFileError, NotFound, ExtraMissing, StorageError: See `points_parquet` and `export_csv`.
+    """
+    check_hdf5()
+    reader, number = open_run(path, run, left_out)
+    rows: dict[str, int] = {}
+    with reader:
+        new_folder(directory)
+        with storage_errors(directory):
+            write_ledger_file(reader, directory)
+        points = (joined(POINT_COLUMNS, some) for some in row_groups(rows_by_group(reader, number)))
+        with checked_path(directory / NAME, _check(rows)) as part:
+            about = points_about(reader, number)
+            rows |= _write(part, about, {"points": (POINT_COLUMNS, points)})
+            if reader.channels.all:
+                rows |= _write(part, about, {"channels": (CHANNEL_COLUMNS, channel_rows(reader))})
+    with storage_errors(directory):
+        write_left_out_file(left_out, directory)
+    return rows["points"]
+
+
+def _write(
+    path: Path, about: Mapping[str, Any], groups: Mapping[str, tuple[Sequence[Column], Iterable[Rows]]]
+) -> dict[str, int]:
+    """Adds groups to a file, a part at a time; returns the number of rows in each."""
+    import h5py  # noqa: PLC0415
+
+    rows = {}
+    with storage_errors(path), h5py.File(path, "a") as file:
+        file.attrs["grabberd"] = json.dumps(about, ensure_ascii=False)
+        for name, (columns, parts) in groups.items():
+            # Without tracked order, readers would list the columns by the alphabet.
+            group = file.create_group(name, track_order=True)
+            for column in columns:
+                _create(group, column)
+            rows[name] = sum(_append(group, columns, part) for part in parts)
+    return rows
+
+
+def _create(group: "h5py.Group", column: Column) -> None:
+    import h5py  # noqa: PLC0415
+
+    # Variable-length strings are read by every HDF5 library, times of numpy by none.
+    is_text = column.dtype == "U" or column.dtype.startswith("M8")
+    dtype = h5py.string_dtype() if is_text else column.dtype
+    dataset = group.create_dataset(column.name, (0,), dtype, maxshape=(None,), chunks=(_CHUNK,))
+    dataset.attrs["unit"], dataset.attrs["meaning"] = column.unit, column.meaning
+
+
+def _append(group: "h5py.Group", columns: Sequence[Column], rows: Rows) -> int:
+    count = 0
+    for column in columns:
+        values, dataset = _stored(column.array(rows[column.name])), group[column.name]
+        count, begin = len(values), len(dataset)
+        dataset.resize((begin + count,))
+        dataset[begin:] = values
+    return count
+
+
+def _stored(values: NDArray[Any]) -> NDArray[Any]:
+    """Values as HDF5 has them: moments as text of ISO 8601, empty where there is none."""
+    if values.dtype.kind != "M":
+        return values
+    texts = np.char.add(np.datetime_as_string(values), "Z")
+    return np.where(np.isnat(values), "", texts).astype(object)
+
+
+def _check(rows: Mapping[str, int]) -> Check:
+    """HDF5 with these groups, of whose columns each has so many rows."""
+
+    def check(path: Path) -> str | None:
+        import h5py  # noqa: PLC0415
+
+        with h5py.File(path, "r") as file:
+            for name, count in rows.items():
+                for column, values in file[name].items():
+                    if len(values[()]) != count:
+                        return f"{name}, {column}: it has {len(values)} rows, expected {count}"
+        return None
+
+    return check

@@ -140,8 +140,7 @@ def _rows(n: NDArray[Any], utc: NDArray[np.datetime64], time_s: NDArray[np.float
 
 def sigma_mm(covariance_mm2: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N, 3) standard deviations from (N, 3, 3) covariances."""
-    sigma: NDArray[np.float64] = np.sqrt(np.diagonal(covariance_mm2, axis1=1, axis2=2))
-    return sigma
+    return np.sqrt(np.diagonal(covariance_mm2, axis1=1, axis2=2))
 
 
 def rows_by_group(

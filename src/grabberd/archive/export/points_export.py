@@ -1,7 +1,11 @@
-"""Points of a capture as CSV, PLY and Parquet: streams and files, some fields at a time."""
+"""Points of a capture as CSV, PLY and Parquet: streams and files, some fields at a time.
 
+`ledger.csv` stands beside whatever is exported, and `left_out.csv` where the disk has damaged something.
+"""
+
+import csv
 import json
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
@@ -11,15 +15,21 @@ from grabberd.archive.capture.checked_rows import END
 from grabberd.archive.capture.digests import MISSING, Damage
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.export.channels_export import export_channels
-from grabberd.archive.export.csv_file import csv_text
-from grabberd.archive.export.ledger_file import write_ledger_file, write_left_out_file
-from grabberd.archive.export.parquet_file import check_parquet, write_parquet
-from grabberd.archive.export.ply_file import ply_head, ply_vertex, ply_vertices
 from grabberd.archive.export.points_columns import CLOUD_COLUMNS, POINT_COLUMNS, rows_by_group
 from grabberd.archive.export.read_back import csv_check, parquet_check, ply_check
+from grabberd.archive.export.table_files import (
+    cells,
+    check_parquet,
+    csv_text,
+    ply_head,
+    ply_vertex,
+    ply_vertices,
+    write_parquet,
+)
 from grabberd.core.chain.columns import Rows, joined
+from grabberd.core.ledger import Ledger, cause_of_loss
 from grabberd.errors import NotFound
-from grabberd.files.checked_file import Check, checked_file
+from grabberd.files.checked_file import Check, checked_file, checked_path
 from grabberd.files.disk import new_folder, storage_errors
 
 POINTS_A_GROUP = 40_000
@@ -243,3 +253,54 @@ def points_file(
         with checked_file(directory / name, check) as file:
             yield file
         write_left_out_file(left_out, directory)
+
+
+LEDGER = "ledger.csv"
+LEDGER_COLUMNS = ("first_n", "count", "outcome", "cause", "reason")
+LEFT_OUT = "left_out.csv"
+LEFT_OUT_COLUMNS = Damage._fields
+REBASE = "rebase"
+"""Outcome of a row that counts no fields: a change of what numbers and times go by from that field on."""
+
+
+def write_ledger_file(reader: CaptureReader, directory: Path) -> None:
+    """Writes `ledger.csv`: a row for each entry and each rebase, in order; only a header for a good capture.
+
+    Raises:
+        CaptureFileError: The capture is damaged.
+        StorageError: The file cannot be written, or is there already.
+    """
+    _write(directory / LEDGER, LEDGER_COLUMNS, ledger_rows(reader.ledger))
+
+
+def write_left_out_file(left_out: Sequence[Damage] | None, directory: Path) -> None:
+    """Writes `left_out.csv`, what the disk has damaged and is not among the results; none if all was sound.
+
+    Raises:
+        StorageError: The file cannot be written.
+    """
+    if left_out:
+        _write(directory / LEFT_OUT, LEFT_OUT_COLUMNS, left_out)
+
+
+def _write(path: Path, columns: Sequence[str], rows: Sequence[tuple[object, ...]]) -> None:
+    with (
+        checked_path(path, csv_check(columns, rows.__len__)) as part,
+        part.open("w", newline="", encoding="utf-8") as file,
+    ):
+        table = csv.writer(file)
+        table.writerow(columns)
+        table.writerows(map(cells, rows))
+
+
+def ledger_rows(ledger: Ledger) -> list[tuple[int, int, str, str, str]]:
+    """Rows of `LEDGER_COLUMNS`: one for each entry and each rebase, in order."""
+    return sorted(_rows(ledger))
+
+
+def _rows(ledger: Ledger) -> Iterator[tuple[int, int, str, str, str]]:
+    for entry in ledger.entries:
+        cause = cause_of_loss(entry.outcome, entry.reason)
+        yield entry.first_n, entry.count, str(entry.outcome), str(cause), entry.reason
+    for event in ledger.events:
+        yield event.n, 0, REBASE, str(event.kind), event.reason

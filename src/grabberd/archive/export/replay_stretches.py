@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from grabberd.archive.capture.content import PointArrays
 from grabberd.archive.capture.reader import CaptureReader, Opened
 from grabberd.archive.capture.rows import RecordedField
-from grabberd.archive.export.grey_png import grey_png
+from grabberd.archive.export.field_pictures import grey_png
 from grabberd.archive.export.points_columns import sigma_mm
 from grabberd.core.field import unpack
 from grabberd.core.ledger import Outcome

@@ -22,10 +22,10 @@ from grabberd.archive.state.state_backups import CAPTURES_FOLDER, ORIGIN
 from grabberd.archive.state.state_database import MIGRATIONS, tables_of
 from grabberd.bounded_documents import LARGEST_DOCUMENT
 from grabberd.errors import InputError, StorageError
-from grabberd.files.directory_lock import DirectoryLock
 from grabberd.files.disk import (
     OWNER_ONLY,
     READ_ONLY,
+    DirectoryLock,
     clear_scratch,
     scratch_folder,
     storage_errors,

@@ -21,7 +21,7 @@ from typing import Any, Literal
 
 from grabberd.core.geometry import Calibration
 from grabberd.errors import Conflict, InputError, NotFound, StorageError
-from grabberd.files.checked_file import check_file
+from grabberd.files.checked_file import check_file, text_check
 from grabberd.files.disk import (
     READ_ONLY,
     clear_scratch,
@@ -30,7 +30,6 @@ from grabberd.files.disk import (
     sync_directory,
     write_synced,
 )
-from grabberd.files.text_check import text_check
 
 ID = re.compile(r"[0-9A-Za-z_-]{1,80}")
 REMEMBERED = 256

@@ -1,29 +1,35 @@
-"""An index of captures, which can be rebuilt from their files at any time."""
+"""An index of captures, which can be rebuilt from their files at any time.
+
+While the daemon runs, it is rebuilt whenever it is found missing or damaged.
+"""
 
 import builtins
 import os
 import sqlite3
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
+from grabberd.archive.capture.captures_folder import plainly_named
 from grabberd.archive.capture.crash_recovery import set_aside
-from grabberd.archive.capture.plain_names import plainly_named
 from grabberd.archive.capture.schema import DAMAGED, PART, SUFFIX
 from grabberd.archive.guarded_database import JOURNAL, open_tables, read_header
-from grabberd.archive.state.entry_process import Reading, read_entries
 from grabberd.archive.state.index_entries import (
     CAPTURES,
     DAMAGED_ENTRY,
     IndexEntry,
+    Reading,
     aside_entry,
     check_entry,
     distinct,
     entry_of,
+    read_entries,
 )
-from grabberd.errors import NotFound, StorageError
+from grabberd.errors import Cause, IndexRebuilding, NotFound, StorageError
+from grabberd.fault_board import FaultBoard
 from grabberd.files.disk import is_damaged, storage_errors
 from grabberd.files.patience import check_patience
 
@@ -307,3 +313,94 @@ def _set_aside(reading: Reading) -> bool:
 def _forget(database: Path) -> None:
     for path in (database, database.with_name(database.name + JOURNAL)):
         path.unlink(missing_ok=True)
+
+
+PATIENCE_S = 2.0
+"""How long a request waits for the index; a thousand captures are read in about a second."""
+PAUSE_S = 10.0
+"""Time between two attempts: each reads every capture file."""
+
+
+class IndexKeeper:
+    """Rebuilds in a thread of its own, one at a time; requests that come meanwhile wait a moment.
+
+    Args:
+        index: The index.
+        unsealed: Returns the `.grab.part` files that nobody writes and that could not be sealed.
+        faults: Where it is told.
+        now_s: Source of monotonic time.
+
+    Attributes:
+        rebuilt: How often it has been rebuilt since the start.
+    """
+
+    def __init__(
+        self,
+        index: CaptureIndex,
+        unsealed: Callable[[], Iterable[Path]],
+        faults: FaultBoard,
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.rebuilt = 0
+        self._index = index
+        self._unsealed = unsealed
+        self._faults = faults
+        self._now_s = now_s
+        self._lock = threading.Lock()
+        self._done: threading.Event | None = None
+        self._failure: StorageError | None = None
+        self._not_before_s = 0.0
+
+    def heal(self, reason: Unusable, patience_s: float = PATIENCE_S) -> None:
+        """Returns when the index has been rebuilt.
+
+        Raises:
+            IndexRebuilding: That takes longer.
+            StorageError: It has failed, a moment ago or now.
+        """
+        done = self._started(reason)
+        if not done.wait(patience_s):
+            read, of = self._index.read
+            raise IndexRebuilding(
+                f"the list of captures is being rebuilt from their files: {read} of {of} have been read",
+                "ask again in a moment; captures go on meanwhile",
+                Cause.INDEX_REBUILDING,
+            )
+        if self._failure is not None:
+            raise self._failure
+
+    def _started(self, reason: Unusable) -> threading.Event:
+        with self._lock:
+            if self._done is not None and not self._done.is_set():
+                return self._done
+            if self._failure is not None and self._now_s() < self._not_before_s:
+                raise self._failure
+            self._done = threading.Event()
+            self._faults.report(
+                Cause.INDEX_REBUILDING,
+                f"{self._index.path.name} is unusable ({reason}) and is being rebuilt from the captures",
+                "nothing is lost, and captures go on; the list is there again in a moment",
+                "warning",
+            )
+            threading.Thread(target=self._rebuild, args=(self._done,), name="index", daemon=True).start()
+            return self._done
+
+    def _rebuild(self, done: threading.Event) -> None:
+        try:
+            self._index.rebuild(self._unsealed(), anew=True)
+        except (StorageError, OSError) as error:
+            self._fail(error)
+        else:
+            self._failure = None
+            self.rebuilt += 1
+            self._faults.resolve(Cause.INDEX_FAILED)
+        finally:
+            self._faults.resolve(Cause.INDEX_REBUILDING)
+            done.set()
+
+    def _fail(self, error: StorageError | OSError) -> None:
+        hint = "make room or fix the disk; it is retried automatically, and captures continue"
+        message = f"the list of captures cannot be rebuilt: {error}"
+        self._failure = StorageError(message, hint, Cause.INDEX_FAILED)
+        self._not_before_s = self._now_s() + PAUSE_S
+        self._faults.report(Cause.INDEX_FAILED, message, hint)

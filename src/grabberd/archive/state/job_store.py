@@ -19,7 +19,7 @@ from grabberd.archive.guarded_database import JOURNAL, open_tables, read_header
 from grabberd.archive.state.state_database import Migrations, StateDatabase, tables_of
 from grabberd.errors import StorageError
 from grabberd.files.disk import is_damaged, storage_errors, sync_directory
-from grabberd.work.stored_jobs import StoredJob, Unanalysed
+from grabberd.work.job_rows import StoredJob, Unanalysed
 
 FOLDER, QUEUE, ASIDE = "jobs", "queue.sqlite", "damaged-"
 MIGRATIONS: Migrations = (

@@ -17,8 +17,7 @@ from typing import NamedTuple
 
 from grabberd.archive.capture.captures_folder import ANY, id_of
 from grabberd.archive.guarded_database import JOURNAL
-from grabberd.archive.state.state_database import MIGRATIONS, StateDatabase
-from grabberd.archive.state.state_store import StateStore
+from grabberd.archive.state.state_database import MIGRATIONS, StateDatabase, StateStore
 from grabberd.archive.state.token_store import GUARDED
 from grabberd.errors import StorageError
 from grabberd.files.disk import OWNER_ONLY, is_damaged, storage_errors, sync_directory, write_synced

@@ -1,10 +1,16 @@
-"""`state.sqlite`, which cannot be rebuilt from captures: its schema by versions, one transaction a call."""
+"""`state.sqlite`, which cannot be rebuilt from captures: its schema by versions, one transaction a call.
 
+Its stores: settings, annotations of captures (pins, notes, labels, marks), answers to requests that must take
+effect once however often they are sent, and summaries that await acknowledgement by a receiver.
+"""
+
+import json
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from grabberd.errors import StorageError
 from grabberd.files.disk import OWNER_ONLY, is_damaged
@@ -177,3 +183,156 @@ def _migrate(connection: sqlite3.Connection, path: Path, migrations: Migrations)
         for statement in statements:
             connection.execute(statement)
     connection.execute(f"PRAGMA user_version = {len(migrations):d}")
+
+
+class StateStore(StateDatabase):
+    """The settings in `state.sqlite`: a JSON value for each key."""
+
+    def get(self, key: str) -> Any:
+        """The value of a key; None if there is none."""
+        with self.errors():
+            rows = self.execute("SELECT value FROM settings WHERE key = ?", key)
+            return json.loads(rows[0][0]) if rows else None
+
+    def put(self, values: Mapping[str, Any]) -> None:
+        """Writes some keys, all or none of them."""
+        rows = [(key, json.dumps(value, ensure_ascii=False)) for key, value in values.items()]
+        with self.transaction() as connection:
+            connection.executemany("INSERT OR REPLACE INTO settings VALUES (?, ?)", rows)
+
+    def remove(self, key: str) -> None:
+        """Removes a key, if it exists."""
+        self.execute("DELETE FROM settings WHERE key = ?", key)
+
+
+@dataclass(frozen=True, slots=True)
+class Annotation:
+    """Annotation of one capture.
+
+    Attributes:
+        pinned: True if retention must not remove the capture.
+        note: Note in place of the one in the file; None to leave that one.
+        labels: Labels in place of those in the file; None to leave those.
+        marks: Names of marked fields by their numbers.
+    """
+
+    pinned: bool = False
+    note: str | None = None
+    labels: Mapping[str, str] | None = None
+    marks: Mapping[int, str] = field(default_factory=dict)
+
+
+_QUERY = "SELECT capture, pinned, note, labels, marks FROM annotations"
+
+
+class AnnotationStore(StateDatabase):
+    """The annotations in `state.sqlite`."""
+
+    def get(self, capture_id: str) -> Annotation:
+        """The annotation of a capture, an empty one if there is none."""
+        with self.errors():
+            rows = self.execute(f"{_QUERY} WHERE capture = ?", capture_id)
+            return _annotation(rows[0]) if rows else Annotation()
+
+    def all(self) -> dict[str, Annotation]:
+        """All annotations by capture id."""
+        with self.errors():
+            return {row[0]: _annotation(row) for row in self.execute(_QUERY)}
+
+    def put(self, capture_id: str, annotation: Annotation) -> None:
+        """Replaces the annotation of a capture."""
+        labels = None if annotation.labels is None else json.dumps(dict(annotation.labels))
+        marks = json.dumps(dict(annotation.marks)) if annotation.marks else None
+        row = (capture_id, annotation.pinned, annotation.note, labels, marks)
+        self.execute("INSERT OR REPLACE INTO annotations VALUES (?, ?, ?, ?, ?)", *row)
+
+    def remove(self, capture_id: str) -> None:
+        """Removes the annotation of a capture, if there is one."""
+        self.execute("DELETE FROM annotations WHERE capture = ?", capture_id)
+
+
+def _annotation(row: tuple[Any, ...]) -> Annotation:
+    _, pinned, note, labels, marks = row
+    named = {int(n): name for n, name in json.loads(marks or "{}").items()}
+    return Annotation(bool(pinned), note, None if labels is None else json.loads(labels), named)
+
+
+class KeptAnswer(NamedTuple):
+    """The answer to a request with a key.
+
+    Attributes:
+        digest: Digest of the request.
+        status: HTTP status; None while the request is unanswered.
+        location: Header `Location` of the answer.
+        body: Body of the answer.
+    """
+
+    digest: bytes
+    status: int | None = None
+    location: str | None = None
+    body: bytes = b""
+
+
+class IdempotencyStore(StateDatabase):
+    """The keys in `state.sqlite`. Times are ISO 8601 UTC in one format: they sort as text."""
+
+    def begin(self, key: str, digest: bytes, now_utc: str, oldest_utc: str) -> KeptAnswer | None:
+        """Stores a key and drops those older than `oldest_utc`; returns what was stored for it before."""
+        with self.transaction() as connection:
+            connection.execute("DELETE FROM idempotency WHERE created_utc < ?", (oldest_utc,))
+            row = connection.execute(
+                "SELECT digest, status, location, body FROM idempotency WHERE key = ?", (key,)
+            ).fetchone()
+            if row is not None:
+                return KeptAnswer(*row)
+            connection.execute(
+                "INSERT INTO idempotency (key, digest, created_utc) VALUES (?, ?, ?)", (key, digest, now_utc)
+            )
+            return None
+
+    def finish(self, key: str, answer: KeptAnswer) -> None:
+        """Stores the answer."""
+        change = "UPDATE idempotency SET status = ?, location = ?, body = ? WHERE key = ?"
+        self.execute(change, answer.status, answer.location, answer.body, key)
+
+    def forget(self, key: str) -> None:
+        """Removes a key whose request had no effect, so that it may be sent again."""
+        self.execute("DELETE FROM idempotency WHERE key = ?", key)
+
+
+class Outbox(StateDatabase):
+    """The captures entered in `state.sqlite`, each with its summary until that is acknowledged.
+
+    An acknowledged capture stays entered without its summary, so that it is not sent again.
+    """
+
+    def entered(self) -> set[str]:
+        """Ids of all captures that were entered and not forgotten."""
+        return {capture_id for (capture_id,) in self.execute("SELECT capture FROM outbox")}
+
+    def enter(self, capture_id: str, summary: Mapping[str, Any]) -> None:
+        """Stores a summary until it is acknowledged; an earlier one of the capture is left as it is."""
+        document = json.dumps(summary, ensure_ascii=False)
+        self.execute("INSERT OR IGNORE INTO outbox VALUES (?, ?)", capture_id, document)
+
+    def waiting(self) -> int:
+        """Number of summaries that are not acknowledged."""
+        return int(self.execute("SELECT count(*) FROM outbox WHERE summary IS NOT NULL")[0][0])
+
+    def first(self) -> tuple[str, dict[str, Any]] | None:
+        """The first waiting capture by id, and its summary; None if none is waiting."""
+        query = "SELECT capture, summary FROM outbox WHERE summary IS NOT NULL ORDER BY capture LIMIT 1"
+        return next(
+            ((capture_id, json.loads(document)) for capture_id, document in self.execute(query)), None
+        )
+
+    def acknowledge(self, capture_id: str) -> None:
+        """Drops a summary that has arrived."""
+        self.execute("UPDATE outbox SET summary = NULL WHERE capture = ?", capture_id)
+
+    def forget(self, captures: Collection[str]) -> None:
+        """Forgets captures that no longer exist, except those whose summary is waiting."""
+        with self.transaction() as connection:
+            connection.executemany(
+                "DELETE FROM outbox WHERE capture = ? AND summary IS NULL", [(one,) for one in captures]
+            )

@@ -12,7 +12,7 @@ from grabberd.archive.state.state_database import StateDatabase
 from grabberd.clock import UtcClock
 from grabberd.errors import Cause, StorageError
 from grabberd.fault_board import FaultBoard
-from grabberd.files.directory_lock import DirectoryLock
+from grabberd.files.disk import DirectoryLock
 
 log = logging.getLogger(__name__)
 

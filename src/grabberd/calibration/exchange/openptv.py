@@ -1,6 +1,6 @@
 """The documented path of the reader of OpenPTV's files."""
 
-from grabberd.core.calibration.exchange.openptv import (
+from grabberd.core.calibration.exchange import (
     Sensor,
     matched,
     read_calibration_points,

@@ -7,9 +7,7 @@ from urllib.parse import quote, urlencode
 
 from grabberd.client.daemon import Daemon
 from grabberd.client.lsl.events import DeviceEvents, Event
-from grabberd.client.lsl.lsl_clock import LslClock
-from grabberd.client.lsl.outlets import Outlets
-from grabberd.client.lsl.points_layout import PointsLayout
+from grabberd.client.lsl.outlets import LslClock, Outlets, PointsLayout
 from grabberd.client.points_stream import follow_points
 from grabberd.errors import GrabberdError, InputError, NotReady
 

@@ -1,25 +1,210 @@
-"""The streams of one device on the Lab Streaming Layer.
+"""The streams of one device on the Lab Streaming Layer, their channels, and the clock that dates them.
 
 LSL's own threads send what is pushed; for an inlet that is slow they keep a minute and drop the oldest. So
-nobody waits here, and the daemon knows nothing of inlets at all.
+nobody waits here, and the daemon knows nothing of inlets at all. A stream of points has six channels for each
+target of the object model, always in its sequence.
 """
 
+import hashlib
 import json
 import math
 import platform
 import threading
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+import time
+from collections.abc import Callable, Iterator
+from datetime import datetime
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
 
 from grabberd import __version__
+from grabberd.archive.capture.point_codec import PER_MM, rounded
 from grabberd.client.lsl.events import Event
-from grabberd.client.lsl.lsl_clock import LslClock
-from grabberd.client.lsl.points_layout import PointsLayout
 from grabberd.client.points_stream import StreamedPoints
+from grabberd.documents.points_frame import PointsFrame
 from grabberd.errors import ExtraMissing
 
 if TYPE_CHECKING:
     import pylsl
+
+
+TRIALS = 9
+"""The clocks are read so often; the reading that took the shortest time counts."""
+SAME_NS = 10_000_000
+"""On one computer, UTC and the monotonic clock differ by the same for everybody, to well within this.
+
+On two computers they do so only if both were started within this time of each other."""
+
+
+class Relation(NamedTuple):
+    """LSL's clock as seen by another one.
+
+    Attributes:
+        offset_ns: To be added to the other clock's time.
+        error_ns: The most by which that is wrong.
+    """
+
+    offset_ns: int
+    error_ns: int
+
+
+class LslClock:
+    """Relates the clocks of this computer to LSL's `local_clock`.
+
+    On Linux that is CLOCK_MONOTONIC itself. It is measured nevertheless, because LSL promises it nowhere;
+    where no difference can be measured, there is none, and times stay as they are.
+
+    Args:
+        local_clock: LSL's clock, seconds.
+        monotonic_ns: CLOCK_MONOTONIC of this computer.
+        utc_ns: UTC of this computer, since 1970.
+    """
+
+    def __init__(
+        self,
+        local_clock: Callable[[], float],
+        monotonic_ns: Callable[[], int] = time.monotonic_ns,
+        utc_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._local_clock = local_clock
+        self._monotonic_ns = monotonic_ns
+        self._utc_ns = utc_ns
+        measured = _relation(local_clock, monotonic_ns)
+        self.monotonic = measured._replace(offset_ns=0) if _is_same(measured) else measured
+
+    def is_of_this_computer(self, frame: PointsFrame) -> bool:
+        """True if the monotonic clock that a field was dated by is this computer's."""
+        own_ns = self._utc_ns() - self._monotonic_ns()
+        return abs(frame.utc_us * 1000 - frame.time_ns - own_ns) < SAME_NS
+
+    def time_of(self, frame: PointsFrame, *, of_this_computer: bool) -> float:
+        """Middle of a field's exposure, seconds of LSL's clock.
+
+        Args:
+            frame: The field.
+            of_this_computer: False: by UTC, as well as the clocks of both computers are set.
+        """
+        if of_this_computer:
+            return (frame.time_ns + self.monotonic.offset_ns) / 1e9
+        return self._by_utc(frame.utc_us * 1000)
+
+    def time_at(self, utc: datetime) -> float:
+        """A moment of UTC, seconds of LSL's clock."""
+        return self._by_utc(round(utc.timestamp() * 1e9))
+
+    def now(self) -> float:
+        """The present moment, seconds of LSL's clock."""
+        return self._local_clock()
+
+    def _by_utc(self, utc_ns: int) -> float:
+        # Related anew every time: UTC may have been set meanwhile.
+        return (utc_ns + _relation(self._local_clock, self._utc_ns).offset_ns) / 1e9
+
+
+def _relation(local_clock: Callable[[], float], other_ns: Callable[[], int]) -> Relation:
+    trials = []
+    for _ in range(TRIALS):
+        before_ns, local_s, after_ns = other_ns(), local_clock(), other_ns()
+        middle_ns = (before_ns + after_ns) // 2
+        trials.append(Relation(round(local_s * 1e9) - middle_ns, (after_ns - before_ns) // 2))
+    return min(trials, key=lambda one: one.error_ns)
+
+
+def _is_same(relation: Relation) -> bool:
+    # LSL's clock comes as a float of seconds: after a year, its steps are of 4 ns.
+    return abs(relation.offset_ns) <= relation.error_ns + 1000
+
+
+_VARIANCES = [0, 3, 5]
+"""Those of x, y and z among the six elements of a covariance."""
+PARTS = (
+    *(("x", "PositionX"), ("y", "PositionY"), ("z", "PositionZ")),
+    *(("sigma_x", "SigmaX"), ("sigma_y", "SigmaY"), ("sigma_z", "SigmaZ")),
+)
+"""Ending of each channel's label, and its type."""
+UNIT = "millimeters"
+
+
+class Channel(NamedTuple):
+    """A channel as its metadata describes it."""
+
+    label: str
+    type: str
+    unit: str
+    target: int
+    row: int
+    column: int
+
+
+class PointsLayout:
+    """The targets of an object model and their channels.
+
+    Args:
+        name: Name of the object model.
+        places: Id, row and column of each target.
+
+    Attributes:
+        name: Name of the object model.
+    """
+
+    def __init__(self, name: str, places: tuple[tuple[int, int, int], ...]) -> None:
+        self.name = name
+        self._places = places
+        self._index = {target: k for k, (target, _, _) in enumerate(places)}
+
+    @classmethod
+    def from_document(cls, document: dict[str, Any]) -> Self:
+        """The layout of an object model as `GET /api/v1/devices/NAME/object` describes it."""
+        columns = (document["target"], document["row"], document["column"])
+        return cls(document["name"], tuple(zip(*columns, strict=True)))
+
+    def __eq__(self, other: object) -> bool:
+        """True if both have the same channels in the same sequence, and the same object model's name."""
+        return isinstance(other, PointsLayout) and self._said == other._said
+
+    def __hash__(self) -> int:
+        """Hash of what makes them equal."""
+        return hash(self._said)
+
+    @property
+    def digest(self) -> str:
+        """Eight characters that differ where the layouts do."""
+        return hashlib.sha256(repr(self._said).encode()).hexdigest()[:8]
+
+    @property
+    def channel_count(self) -> int:
+        """Number of channels."""
+        return len(self._places) * len(PARTS)
+
+    def channels(self) -> Iterator[Channel]:
+        """Every channel, in its sequence."""
+        for target, row, column in self._places:
+            for ending, kind in PARTS:
+                yield Channel(f"{target}_{ending}", kind, UNIT, target, row, column)
+
+    def covers(self, frame: PointsFrame) -> bool:
+        """True if every target of a field has channels."""
+        return all(target in self._index for target in frame.target.tolist())
+
+    def sample(self, frame: PointsFrame) -> NDArray[np.float32]:
+        """(channel_count,), one field; NaN where a target was not found.
+
+        Positions are rounded as in a capture file, so that a sample has the numbers of the file in 32 bits.
+        σ is that from pointing and line jitter.
+        """
+        values = np.full((len(self._places), len(PARTS)), np.nan, np.float32)
+        found = frame.target.tolist()
+        known = [k for k, target in enumerate(found) if target in self._index]
+        at = [self._index[found[k]] for k in known]
+        values[at, :3] = rounded(frame.xyz_mm[known], PER_MM)
+        values[at, 3:] = np.sqrt(frame.covariance_mm2[known][:, _VARIANCES])
+        return values.ravel()
+
+    @property
+    def _said(self) -> tuple[str, tuple[tuple[int, int, int], ...]]:
+        return self.name, self._places
+
 
 REPEATED_S = 5.0
 """A field that is older than the newest by no more than this has been pushed before; a ring lasts 0.64 s."""

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.calibration.adjustment.adjustment import adjust
-from grabberd.core.calibration.adjustment.network import Network
-from grabberd.core.calibration.adjustment.unknowns import Unknowns
+from grabberd.core.calibration.adjustment.network import Network, Unknowns
 from grabberd.core.geometry import Calibration, Plate, project_through
 
 

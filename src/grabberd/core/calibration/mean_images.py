@@ -1,7 +1,10 @@
-"""Mean images of targets at rest throughout a capture, with realistic weights (paper 3.6).
+"""Mean images of targets at rest throughout a capture, with realistic weights (paper 3.6), and whether all
+rested.
 
 Averaging divides noise by √n, but not the quantisation error: a target at rest has the same one in every
-field of a parity. Fields of the other parity cut it at other lines, so there are two such errors.
+field of a parity. Fields of the other parity cut it at other lines, so there are two such errors. A stand
+that sinks or trembles by a few tenths of a pixel passes for still target by target; all targets together show
+it.
 """
 
 from collections.abc import Sequence
@@ -144,8 +147,7 @@ class _Sums(NamedTuple):
         chance = 2 * common**2 / np.maximum(freedom, 1)[:, np.newaxis]
         real = np.maximum(own[freedom > 0].var(axis=0) - chance[freedom > 0].mean(axis=0), 0.0)
         share = np.where(freedom[:, np.newaxis] > 0, real / np.maximum(real + chance, 1e-30), 0.0)
-        noise: Array = common + share * (own - common)
-        return noise
+        return common + share * (own - common)
 
 
 def mean_images(fields: Sequence[FieldImages], settings: MeansSettings | None = None) -> MeanImages:
@@ -278,3 +280,52 @@ def _same(parities: Sequence[_Sums], gate_px: float) -> Indices:
         same = np.vstack([np.pad(same, ((0, 0), (0, len(new))), constant_values=-1), own])
         xy_px = np.concatenate([xy_px, other.xy_px[new]])
     return same
+
+
+_GATE_PX = 1.5
+_LEAST_IMAGES = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Stillness:
+    """Movement of one view's picture during the capture.
+
+    Attributes:
+        rms_px: Root mean square of the fields' common shifts, in x and y.
+        drift_px: Their steady change from the first field to the last.
+    """
+
+    rms_px: float
+    drift_px: float
+
+
+def stillness(fields: Sequence[FieldImages], means: MeanImages) -> Stillness:
+    """Measure the movement of one view's picture; zero for fewer than three fields of a parity."""
+    shifts = np.array([_shift(one, means) for one in fields]).reshape(-1, 2)
+    parity = np.array([one.parity for one in fields])
+    time = np.arange(len(fields), dtype=float)
+    kept = np.isfinite(shifts).all(axis=1)
+    for one in np.unique(parity):
+        own = (parity == one) & kept
+        # Each parity cuts the discs at other lines, which shifts all of them alike.
+        if own.sum() < 3:
+            kept &= ~own
+        else:
+            shifts[own] -= shifts[own].mean(axis=0)
+    if not kept.any():
+        return Stillness(0.0, 0.0)
+    slope = np.polyfit(time[kept], shifts[kept], 1)[0]
+    drift = float(np.linalg.norm(slope) * np.ptp(time[kept]))
+    return Stillness(float(np.sqrt((shifts[kept] ** 2).sum(axis=1).mean())), drift)
+
+
+def _shift(field: FieldImages, means: MeanImages) -> Array:
+    """(2,) median displacement of a field's images from the means; NaN with too few of them."""
+    between = np.linalg.norm(field.xy_px[:, np.newaxis] - means.xy_px, axis=2)
+    if not between.size:
+        return np.full(2, np.nan)
+    nearest = between.argmin(axis=1)
+    near = between[np.arange(len(nearest)), nearest] < _GATE_PX
+    if near.sum() < _LEAST_IMAGES:
+        return np.full(2, np.nan)
+    return np.median(field.xy_px[near] - means.xy_px[nearest[near]], axis=0)

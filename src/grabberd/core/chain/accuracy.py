@@ -9,14 +9,21 @@ from numpy.typing import NDArray
 from grabberd.core.chain.thresholds import field_threshold
 from grabberd.core.field import BIT_DEPTHS, Field, NumberedField, PackedField, double_lines, quantise, unpack
 from grabberd.core.measurement import ThresholdRule
-from grabberd.core.reconstruction.accuracy.accuracy import WRONG_BEYOND_MM, Accuracy, Axes, accuracy
-from grabberd.core.reconstruction.accuracy.ground_truth import Coordinates, Truth, true_places
-from grabberd.core.reconstruction.accuracy.length_errors import LengthErrors, length_errors
-from grabberd.core.reconstruction.accuracy.pointing import PointingPrecision, pointing_precision
-from grabberd.core.reconstruction.accuracy.rigid_motion import RigidMotion
-from grabberd.core.reconstruction.point_series import PointSeries
-from grabberd.core.reconstruction.points import Points
-from grabberd.core.reconstruction.smoothing.smoothing import Smoothed, SmoothingSettings, smooth
+from grabberd.core.reconstruction.accuracy import (
+    WRONG_BEYOND_MM,
+    Accuracy,
+    Axes,
+    Coordinates,
+    PointingPrecision,
+    RigidMotion,
+    Truth,
+    accuracy,
+    pointing_precision,
+    true_places,
+)
+from grabberd.core.reconstruction.length_errors import LengthErrors, length_errors
+from grabberd.core.reconstruction.points import Points, PointSeries
+from grabberd.core.reconstruction.smoothing import Smoothed, SmoothingSettings, smooth
 from grabberd.errors import InputError, MeasurementError
 
 Array = NDArray[np.float64]

@@ -92,8 +92,7 @@ class Table:
 
     def column(self, name: str) -> NDArray[Any]:
         """(N,) values of one column."""
-        values: NDArray[Any] = self.rows[name]
-        return values
+        return self.rows[name]
 
 
 def make_table(name: str, spec: TableSpec, values: Mapping[str, Any]) -> Table:

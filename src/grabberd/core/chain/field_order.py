@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.field import BOTTOM, TOP, Field
-from grabberd.core.reconstruction.accuracy.field_order import Order
+from grabberd.core.reconstruction.field_order import Order
 
 # Means over 4 x 2 pixels suppress noise and line jitter.
 _MEAN_COLUMNS, _MEAN_ROWS = 4, 2
@@ -206,8 +206,7 @@ def _blocks(values: Array) -> Array:
 
 
 def _without_each(blocks: Array) -> Array:
-    rest: Array = blocks.sum() - blocks
-    return rest
+    return blocks.sum() - blocks
 
 
 def _jackknife(without: Array) -> float:

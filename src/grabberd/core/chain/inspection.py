@@ -13,7 +13,7 @@ from grabberd.core.chain.field_order import FieldOrderFinding, check
 from grabberd.core.chain.thresholds import field_threshold
 from grabberd.core.field import PROGRESSIVE, TOP, Field, quantise, split_frame
 from grabberd.core.measurement import Blobs, LocationSettings, ThresholdRule, measure
-from grabberd.core.reconstruction.accuracy.field_order import Order
+from grabberd.core.reconstruction.field_order import Order
 from grabberd.errors import MeasurementError
 
 Picture = NDArray[np.uint8]

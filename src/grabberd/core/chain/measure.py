@@ -1,7 +1,9 @@
-"""Fields in, points out: location, correspondence and intersection (paper figures 4 and 10)."""
+"""Fields in, points out: location, correspondence and intersection (paper figures 4 and 10); and beside the
+points of the same fields, the images of targets that one view alone sees.
+"""
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby, islice
 from typing import NamedTuple
@@ -9,22 +11,24 @@ from typing import NamedTuple
 import numpy as np
 
 from grabberd.core.chain.engine import Engine
-from grabberd.core.chain.locating import Locating, whole_blobs
-from grabberd.core.chain.target_sizes import HINT, OtherSizes, px_per_mm_of, sized
+from grabberd.core.chain.locating import HINT, Locating, OtherSizes, px_per_mm_of, sized, whole_blobs
 from grabberd.core.field import NumberedField, PackedField
 from grabberd.core.geometry import Calibration, Rig
 from grabberd.core.kernel import KERNEL
 from grabberd.core.measurement import Blobs, LocationSettings
 from grabberd.core.reconstruction import (
+    Correspondence,
     CoverageTally,
     ImageNoise,
     ObjectModel,
     Points,
+    SingleViewImages,
+    SingleViewSearch,
     Track,
     Tracker,
     TrackingSettings,
 )
-from grabberd.core.reconstruction.coverage.batch import TrackedField
+from grabberd.core.reconstruction.coverage_tally import TrackedField
 from grabberd.errors import CalibrationMismatch, MeasurementError
 
 FIELDS_A_GROUP = 500
@@ -200,3 +204,43 @@ class _Step:
         """Time since the previous field; infinite for the first or a backward time, to restart tracking."""
         last_ns, self._last_ns = self._last_ns, time_ns
         return np.inf if last_ns is None or time_ns <= last_ns else (time_ns - last_ns) / 1e9
+
+
+def single_view_images(
+    fields: Iterable[NumberedField], points: Mapping[int, Points], setup: MeasureSetup
+) -> Iterator[tuple[int, SingleViewImages]]:
+    """Images of the targets of each field that have no point, because one view alone sees them.
+
+    Points are those of two views, so an analysis that can use one view's rays locates the fields once more.
+
+    Args:
+        fields: of a capture, in order.
+        points: measured in them, by the field's number; other fields are left out.
+        setup: of the measurement that made the points.
+    """
+    searching: _Searching | None = None
+    for numbered in fields:
+        if numbered.n not in points:
+            continue
+        # Lines of other kinds have different σ of their image coordinates.
+        if searching is None or searching.lines != numbered.packed.lines:
+            searching = _Searching(setup, numbered.packed.lines)
+        yield numbered.n, searching.images(numbered, points[numbered.n])
+
+
+class _Searching:
+    """Location and search for fields with the same lines."""
+
+    def __init__(self, setup: MeasureSetup, lines: tuple[int, int]) -> None:
+        self.lines = lines
+        self._locating = Locating(setup.sized, setup.line_jitter_px)
+        known, model = setup.calibration, setup.object_model
+        self._halves = tuple(zip(known.views, known.local_fields, strict=True))
+        rig = Rig.of(known)
+        noise = ImageNoise.of(rig, model, setup.line_jitter_px, *lines)
+        self._search = SingleViewSearch(Correspondence(rig, model, noise, setup.tracking.correspondence))
+
+    def images(self, numbered: NumberedField, points: Points) -> SingleViewImages:
+        blobs = self._locating.blobs(numbered.packed)
+        left, right = (whole_blobs(blobs, *half) for half in self._halves)
+        return self._search.images(points, left, right)

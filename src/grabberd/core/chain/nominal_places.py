@@ -64,15 +64,13 @@ class NominalPlaces:
     @property
     def significance(self) -> Array:
         """(M,) lengths of the offsets in units of σ; 0 for targets that were not seen."""
-        significance: Array = np.nan_to_num(np.linalg.norm(self.offset_mm, axis=1) / self.sigma_mm)
-        return significance
+        return np.nan_to_num(np.linalg.norm(self.offset_mm, axis=1) / self.sigma_mm)
 
     @property
     def misplaced(self) -> NDArray[np.bool_]:
         """(M,) True for targets whose nominal place is wrong: significantly, and by enough to matter."""
         length_mm = np.nan_to_num(np.linalg.norm(self.offset_mm, axis=1))
-        wrong: NDArray[np.bool_] = (self.significance > SIGNIFICANT) & (length_mm >= LEAST_MM)
-        return wrong
+        return (self.significance > SIGNIFICANT) & (length_mm >= LEAST_MM)
 
     @property
     def proposed(self) -> ObjectModel:
@@ -129,8 +127,7 @@ def _nearest(displacement_mm: Array) -> Array:
         return whole
     squares = np.nansum(whole * whole, axis=(1, 2)) / np.maximum(np.isfinite(whole).sum(axis=(1, 2)), 1)
     chosen = max(LEAST_FIELDS, round(NEAREST_SHARE * len(whole)))
-    nearest: Array = whole[np.sort(np.argsort(squares, kind="stable")[:chosen])]
-    return nearest
+    return whole[np.sort(np.argsort(squares, kind="stable")[:chosen])]
 
 
 def _offsets(model: ObjectModel, displacement_mm: Array) -> NominalPlaces:
@@ -169,8 +166,7 @@ def _left(field: DisplacementField, displacement_mm: Array, seen: NDArray[np.boo
 def _mean(left: Array, seen: NDArray[np.bool_]) -> Array:
     """(M, 3) mean over the fields in which a target was seen; 0 if in none."""
     total = np.where(seen[:, :, np.newaxis], left, 0.0).sum(axis=0)
-    mean: Array = total / np.maximum(seen.sum(axis=0), 1)[:, np.newaxis]
-    return mean
+    return total / np.maximum(seen.sum(axis=0), 1)[:, np.newaxis]
 
 
 def _scatter(left: Array, seen: NDArray[np.bool_]) -> Array:
@@ -179,5 +175,4 @@ def _scatter(left: Array, seen: NDArray[np.bool_]) -> Array:
         return np.zeros(left.shape[1])
     blocks = zip(np.array_split(left, _BLOCKS), np.array_split(seen, _BLOCKS), strict=True)
     means = [_mean(*block) for block in blocks]
-    scatter: Array = np.std(means, axis=0, ddof=1).max(axis=1) / np.sqrt(_BLOCKS)
-    return scatter
+    return np.std(means, axis=0, ddof=1).max(axis=1) / np.sqrt(_BLOCKS)

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from grabberd.core.calibration import Network, Unknowns, adjust
 from grabberd.core.geometry import Calibration, NominalRig, Rig, View, linearise, project_all
-from grabberd.core.measurement.sigma import binary_sigma_px
+from grabberd.core.measurement.noise import binary_sigma_px
 from grabberd.core.reconstruction import ImageNoise, ObjectModel, ViewBlobs, intersect
-from grabberd.core.reconstruction.accuracy.accuracy import Axes
+from grabberd.core.reconstruction.accuracy import Axes
 from grabberd.errors import InputError
 
 Array = NDArray[np.float64]
@@ -261,26 +261,22 @@ def _pointing(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> Array:
     of_bound = _WHOLE_OF_BOUND if settings.lines == "progressive" else _GREY_OF_BOUND
     grey = bound[:, np.newaxis] * of_bound * _FEW_BITS.get(settings.bits, 1.0)
     # Grey values contain the one-bit picture: with strong noise they are no worse than it.
-    pointing: Array = np.minimum(grey, binary)
-    return pointing
+    return np.minimum(grey, binary)
 
 
 def _px_per_mm(rig: Rig, xyz_mm: Array) -> Array:
     """(N, 2) scale along the lines and across them, averaged over both views."""
     _, slopes = linearise(rig, xyz_mm)
-    scale: Array = np.sqrt((slopes * slopes).sum(axis=2)).mean(axis=1).T
-    return scale
+    return np.sqrt((slopes * slopes).sum(axis=2)).mean(axis=1).T
 
 
 def _seen(rig: Rig, xyz_mm: Array) -> NDArray[np.bool_]:
     image = project_all(rig, xyz_mm)
-    seen: NDArray[np.bool_] = np.all([view.holds(image[:, i].T) for i, view in enumerate(rig.views)], axis=0)
-    return seen
+    return np.all([view.holds(image[:, i].T) for i, view in enumerate(rig.views)], axis=0)
 
 
 def _holds(view: View, xy_px: Array, lines: int) -> NDArray[np.bool_]:
-    held: NDArray[np.bool_] = view.holds(xy_px.T) & (xy_px[1] >= 0) & (xy_px[1] < lines)
-    return held
+    return view.holds(xy_px.T) & (xy_px[1] >= 0) & (xy_px[1] < lines)
 
 
 def _agreeing(rig: NominalRig) -> NominalRig:

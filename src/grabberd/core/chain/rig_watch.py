@@ -9,7 +9,7 @@ from grabberd.core.chain.locating import whole_blobs
 from grabberd.core.chain.measure import MeasuredField, MeasureSetup
 from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Correspondence, ImageNoise, Points, ViewBlobs
-from grabberd.core.reconstruction.accuracy.drift_check import (
+from grabberd.core.reconstruction.drift_check import (
     LEAST_TARGETS,
     WINDOW,
     DriftCheck,

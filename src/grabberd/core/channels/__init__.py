@@ -1,13 +1,12 @@
 """Quantities measured beside the picture, such as the vacuum, dated on the fields' own clock.
 
-`logger` is the contract that every driver of a data logger implements. `clock_relation` dates readings that
-carry the logger's own time, `arrival_dating` those without any; `missing_readings` counts what did not come.
+`logger` is the contract that every driver of a data logger implements. `dating` dates its readings, by the
+logger's own time or by their arrival, and counts what did not come; `vacuum` converts them to kPa below
+atmosphere, `account` tells how many a capture has and where there are none.
 """
 
-from grabberd.core.channels.arrival_dating import ArrivalDating
-from grabberd.core.channels.clock_relation import ClockRelation, Dated
+from grabberd.core.channels.dating import ArrivalDating, ClockRelation, Dated, MissingReadings
 from grabberd.core.channels.logger import Anomaly, Dating, Logger, LoggerInfo, Quantity, Readings
-from grabberd.core.channels.missing_readings import MissingReadings
 
 __all__ = [
     "Anomaly",

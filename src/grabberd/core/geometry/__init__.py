@@ -25,8 +25,7 @@ from grabberd.core.geometry.functional_model import (
 )
 from grabberd.core.geometry.glass import Plate, project_through, seen_through
 from grabberd.core.geometry.local_field import LocalField
-from grabberd.core.geometry.nominal_rig import NominalRig
-from grabberd.core.geometry.rig import Rig
+from grabberd.core.geometry.rig import NominalRig, Rig
 from grabberd.core.geometry.view import (
     PARAMETERS,
     View,

@@ -49,5 +49,4 @@ def approach(left_center: Array, left: Array, right_center: Array, right: Array)
 
 
 def _dot(first: Array, second: Array) -> Array:
-    product: Array = (first * second).sum(axis=-1)
-    return product
+    return (first * second).sum(axis=-1)

@@ -166,8 +166,7 @@ def _polynomials(rig: Rig, xy_mm: Array) -> Image:
 
 def _area(seen: Image) -> Array:
     """(V, N) determinant of the slopes, whose sign changes at the fold of the polynomials."""
-    determinant: Array = seen.own[0] * seen.own[1] - seen.other[0] * seen.other[1]
-    return determinant
+    return seen.own[0] * seen.own[1] - seen.other[0] * seen.other[1]
 
 
 def _by_view(rig: Rig, corrected: Array, distorted: Array) -> Array:
@@ -258,8 +257,7 @@ def _solved(rig: Rig, xy_px: Array) -> Array:
 def _unfolded(rig: Rig, area: Array) -> NDArray[np.bool_]:
     """(V, N) True where the polynomials' determinant has the sign that it has in the middle."""
     # Pixels count down where y points up: not folded, the determinant has the sign of both pitches together.
-    inside: NDArray[np.bool_] = area * np.sign(rig.pixel_mm[0] * rig.pixel_mm[1]) > 0.0
-    return inside
+    return area * np.sign(rig.pixel_mm[0] * rig.pixel_mm[1]) > 0.0
 
 
 def directions_all(rig: Rig, ideal_mm: Array) -> Array:

@@ -93,5 +93,4 @@ def project_through(plate: Plate, view: View, xyz_mm: Array) -> Array:
 
 
 def _unit(vectors: Array) -> Array:
-    unit: Array = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-    return unit
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)

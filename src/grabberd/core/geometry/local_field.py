@@ -105,8 +105,7 @@ class LocalField:
             (first[:, 1] * columns + first[:, 0])[:, np.newaxis] + _taps(columns), axis=0
         )
         strips = along_y[:, np.newaxis] @ taps.reshape(-1, 4, 8)
-        value: Array = (along_x[:, np.newaxis] @ strips.reshape(-1, 4, 2))[:, 0]
-        return value
+        return (along_x[:, np.newaxis] @ strips.reshape(-1, 4, 2))[:, 0]
 
 
 def _weights(part: Array) -> Array:

@@ -5,12 +5,17 @@ room knows about rows, parity or bits. Everything works on the packed bits: in a
 bytes are empty and never touched, and grey values are gathered only where the threshold is exceeded.
 """
 
-from grabberd.core.measurement.background import background_of
 from grabberd.core.measurement.blobs import Blobs
 from grabberd.core.measurement.location import measure, seen_in
+from grabberd.core.measurement.noise import background_of
 from grabberd.core.measurement.settings import METHODS, LocationSettings
-from grabberd.core.measurement.threshold.threshold import ThresholdRule, choose_threshold, trinder_levels
-from grabberd.core.measurement.threshold.threshold_map import threshold_map, with_seen_size
+from grabberd.core.measurement.threshold import (
+    ThresholdRule,
+    choose_threshold,
+    threshold_map,
+    trinder_levels,
+    with_seen_size,
+)
 
 __all__ = [
     "METHODS",

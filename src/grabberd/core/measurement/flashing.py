@@ -47,8 +47,7 @@ def tile_levels(packed: PackedField) -> Levels:
     luma = unpack(packed).luma
     rows, columns = luma.shape[0] // TILE_PX, luma.shape[1] // TILE_PX
     tiles = luma[: rows * TILE_PX, : columns * TILE_PX].reshape(rows, TILE_PX, columns, TILE_PX)
-    levels: Levels = tiles.mean(axis=(1, 3), dtype=np.float32) / np.float32(LARGEST_LEVEL)
-    return levels
+    return tiles.mean(axis=(1, 3), dtype=np.float32) / np.float32(LARGEST_LEVEL)
 
 
 def flashing_places(levels: Levels, y_step: int) -> list[FlashingPlace]:

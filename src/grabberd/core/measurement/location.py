@@ -10,13 +10,9 @@ from numpy.typing import NDArray
 from grabberd.core.field import PROGRESSIVE, PackedField
 from grabberd.core.kernel import KERNEL
 from grabberd.core.measurement.blobs import Blobs
-from grabberd.core.measurement.compiled.binary_location import measure_compiled, takes
-from grabberd.core.measurement.compiled.grey_location import measure_grey, takes_grey
-from grabberd.core.measurement.labelling.labels import by_component
-from grabberd.core.measurement.labelling.mask import target_bits
-from grabberd.core.measurement.labelling.runs import find_runs
-from grabberd.core.measurement.labelling.shapes import shapes_of
-from grabberd.core.measurement.line_shifts.line_jitter import Steadied, steadied
+from grabberd.core.measurement.compiled_location import measure_compiled, measure_grey, takes, takes_grey
+from grabberd.core.measurement.labelling import by_component, find_runs, shapes_of, target_bits
+from grabberd.core.measurement.line_jitter import Steadied, steadied
 from grabberd.core.measurement.locators.locator import Located, Locator, Seen
 from grabberd.core.measurement.settings import AUTOMATIC, LOCATORS, LocationSettings
 from grabberd.errors import MeasurementError
@@ -111,5 +107,4 @@ def _in_frame(seen: Seen, sigma_px: NDArray[np.float64], steady: Steadied) -> Bl
 def _inside(blobs: Blobs, windows: NDArray[np.float64]) -> NDArray[np.bool_]:
     x, y = blobs.xy_px.T[:, :, np.newaxis]
     x0, y0, x1, y1 = np.asarray(windows, np.float64).reshape(-1, 4).T
-    inside: NDArray[np.bool_] = ((x >= x0) & (x <= x1) & (y >= y0) & (y <= y1)).any(axis=1)
-    return inside
+    return ((x >= x0) & (x <= x1) & (y >= y0) & (y <= y1)).any(axis=1)

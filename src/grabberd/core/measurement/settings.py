@@ -9,11 +9,11 @@ AUTOMATIC = "automatic"
 LOCATORS: Mapping[str, str] = MappingProxyType(
     {
         "centroid": "locators.centroid:locate_by_centroid",
-        "weighted": "locators.weighted:locate_by_weighted",
+        "weighted": "locators.centroid:locate_by_weighted",
         "template": "locators.template:locate_by_template",
         "edge": "locators.edge:locate_by_edge",
         "correlation": "locators.correlation:locate_by_correlation",
-        "locale": "locale.locale:locate_by_locale",
+        "locale": "locale:locate_by_locale",
         "vernier": "locators.interpolation:locate_by_vernier",
         "tian-huhns": "locators.interpolation:locate_by_tian_huhns",
     }

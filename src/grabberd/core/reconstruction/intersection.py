@@ -148,5 +148,4 @@ def inverse_symmetric(six: Array) -> Array:
     first, second, third, fourth = six[_COFACTORS]
     cofactors = first * second - third * fourth
     determinant = (six[:3] * cofactors[:3]).sum(axis=0)
-    inverse: Array = (cofactors / determinant)[_SQUARE]
-    return inverse
+    return (cofactors / determinant)[_SQUARE]

@@ -1,18 +1,17 @@
 """From a grabber's buffers to numbered fields in the ring.
 
-`device` is the contract that every driver of a grabber implements; `registry` finds drivers by name,
-`discovery` lists the devices they can see. `numbering` works out which of the camera's fields a grabbed one
-is and what was lost before it, although timestamps jitter and drivers' counters cannot be trusted; `checks`
-look for damage and a missing signal in the picture itself. The `ring` holds the newest packed fields for
-several readers, none of which can hold up the capture; `standstill` tells why the program was late. No
-threads are started here.
+`device` is the contract that every driver of a grabber implements; `discovery` finds drivers by name, and
+the devices that they can see. `numbering` works out which of the camera's fields a grabbed one is and what
+was lost before it, although timestamps jitter and drivers' counters cannot be trusted; `content_check` and
+`shifted_rows` look for damage and a missing signal in the picture itself. The `ring` holds the newest packed
+fields for several readers, none of which can hold up the capture; `standstill` tells why the program was
+late. No threads are started here.
 """
 
-from grabberd.instrument.acquisition.checks.content_check import Content, ContentCheck
+from grabberd.instrument.acquisition.content_check import Content, ContentCheck
 from grabberd.instrument.acquisition.device import GrabbedField, Grabber, Signal, StreamInfo
-from grabberd.instrument.acquisition.discovery import FoundDevice, Verdict, discover
+from grabberd.instrument.acquisition.discovery import GRABBERS, LOGGERS, FoundDevice, Verdict, discover
 from grabberd.instrument.acquisition.numbering import FieldNumbering, Numbered
-from grabberd.instrument.acquisition.registry import GRABBERS, LOGGERS
 from grabberd.instrument.acquisition.ring import Policy, Ring, RingReader
 from grabberd.instrument.acquisition.standstill import Standstill
 

@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple, Protocol
 
-from grabberd.core.field import Field
-from grabberd.core.field.standards import FieldOrder
+from grabberd.core.field import Field, FieldOrder
 
 
 class Signal(StrEnum):

@@ -1,8 +1,8 @@
-"""Discovery of the grabbers and loggers in this computer, configured or not.
+"""The installed drivers of grabbers and loggers, by name, and the devices of this computer that they find.
 
 A driver that can search offers a function without arguments in the entry point group `grabberd.discovery`,
 for loggers `grabberd.logger_discovery`. It opens devices to query them, never to stream, and lists a device
-even if another program is using it.
+even if another program is using it, or no configuration names it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -11,7 +11,14 @@ from enum import StrEnum
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
+from grabberd.core.channels.logger import Logger
 from grabberd.errors import DriverMissing
+from grabberd.instrument.acquisition.device import Grabber
+from grabberd.registry import Registry
+
+GRABBERS: Registry[Grabber] = Registry("grabberd.drivers")
+LOGGERS: Registry[Logger] = Registry("grabberd.loggers")
+
 
 GRABBER_SEARCH, LOGGER_SEARCH = "grabberd.discovery", "grabberd.logger_discovery"
 

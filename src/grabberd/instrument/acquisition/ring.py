@@ -8,8 +8,7 @@ from enum import StrEnum
 from itertools import chain
 from typing import NamedTuple, Self
 
-from grabberd.core.ledger import LedgerEntry, LedgerEvent, Outcome
-from grabberd.core.ledger.slot import Slot
+from grabberd.core.ledger import LedgerEntry, LedgerEvent, Outcome, Slot
 from grabberd.errors import RingOverrun
 
 OVERRUN_REASON = "ring overrun"

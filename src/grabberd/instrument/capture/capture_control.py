@@ -8,7 +8,7 @@ from typing import Protocol
 
 from grabberd.archive import CaptureIndex
 from grabberd.archive.capture.schema import part_path
-from grabberd.archive.state.annotation_store import AnnotationStore
+from grabberd.archive.state.state_database import AnnotationStore
 from grabberd.clock import UtcClock
 from grabberd.documents.captures import CaptureDocument, CaptureGroup
 from grabberd.errors import Conflict, NotFound

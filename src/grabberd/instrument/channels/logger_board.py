@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from grabberd.clock import UtcClock, iso_utc
 from grabberd.core.channels import Anomaly, LoggerInfo
 from grabberd.core.channels.account import AnomalyCount, AnomalyLedger
-from grabberd.documents.states import DeviceState
+from grabberd.documents.enums import DeviceState
 from grabberd.errors import Cause, DeviceError, GrabberdError
 
 log = logging.getLogger(__name__)

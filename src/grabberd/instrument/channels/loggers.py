@@ -8,17 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive.capture.channels.reading_groups import RecordedChannel
+from grabberd.archive.capture.reading_groups import RecordedChannel
 from grabberd.clock import SystemClock, UtcClock
-from grabberd.config.secrets import without_secrets
+from grabberd.config.section import without_secrets
 from grabberd.core.channels import Dating, LoggerInfo
 from grabberd.core.channels.vacuum import Channel
 from grabberd.documents.channels import ChannelValueDocument, LoggerDocument
-from grabberd.documents.states import DeviceState
+from grabberd.documents.enums import DeviceState
 from grabberd.errors import Cause
 from grabberd.fault_board import FaultBoard
-from grabberd.instrument.channels.calibrations import calibration_of
-from grabberd.instrument.channels.channel_recording import ChannelRecording, LoggerRecording
+from grabberd.instrument.channels.channel_recording import ChannelRecording, LoggerRecording, calibration_of
 from grabberd.instrument.channels.feed import Feed
 from grabberd.instrument.channels.logger_board import LoggerBoard
 from grabberd.instrument.channels.logger_setup import LoggerSetup

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from grabberd.clock import UtcClock
 from grabberd.core.ledger import NO_SIGNAL, Slot
-from grabberd.documents.states import DeviceState, Rung
+from grabberd.documents.enums import DeviceState, Rung
 from grabberd.errors import (
     Cause,
     DeviceError,

@@ -1,4 +1,7 @@
-"""Field pipeline: from a grabbed field to a slot of the ring, by number, lines, threshold and bits."""
+"""Field pipeline: from a grabbed field to a slot of the ring, by number, lines, threshold and bits.
+
+While the capture thread falls behind the camera, it has fields measured less often.
+"""
 
 import logging
 import threading
@@ -24,8 +27,35 @@ from grabberd.instrument.acquisition import (
     Standstill,
     StreamInfo,
 )
-from grabberd.instrument.device.shedding import Shedding
 from grabberd.instrument.device.threshold_keeper import NewestField, ThresholdKeeper
+
+BEHIND_NS = 40_000_000
+"""Less is no sign of a busy computer: its scheduler alone may cost as much, whatever the rate."""
+CALM_NS = 1_000_000_000
+"""Time after the capture thread was last behind until every field is measured again."""
+SPARE_S = 0.2
+"""Pause after each field meanwhile: five fields a second are still shown."""
+
+
+class Shedding:
+    """Tells the worker when to leave the processor to the capture thread.
+
+    A field that is not taken is lost; one that is not measured is measured later, from the capture's file.
+    Written by the capture thread, read by the worker.
+    """
+
+    def __init__(self) -> None:
+        self._until_ns = 0
+
+    def saw(self, behind_ns: int, now_ns: int) -> None:
+        """Notes by how much the capture thread is behind the camera."""
+        if behind_ns >= BEHIND_NS:
+            self._until_ns = now_ns + CALM_NS
+
+    def pause_s(self, now_ns: int) -> float:
+        """Seconds that the worker has to wait for before it measures another field."""
+        return SPARE_S if now_ns < self._until_ns else 0.0
+
 
 ARRIVALS = 16384
 """Number of fields whose arrival is remembered: those of a minute at 250 fields a second."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import NamedTuple
 
-from grabberd.documents.states import DeviceState, Rung
+from grabberd.documents.enums import DeviceState, Rung
 from grabberd.errors import DeviceAbsent, DeviceLost, GrabberdError, StreamFailed
 
 

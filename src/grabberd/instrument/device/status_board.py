@@ -1,21 +1,69 @@
-"""Status of a device from moment to moment; written by its threads, read by everybody."""
+"""Status of a device from moment to moment; written by its threads, read by everybody.
+
+It includes the fields of the last minute, and whether the capture thread goes on, which is looked at from
+the event loop.
+"""
 
 import logging
 import threading
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from grabberd.clock import UtcClock, iso_utc
 from grabberd.core.field import PAL_HZ
 from grabberd.core.ledger import LossCause, Outcome, Rebase, Slot, cause_of_loss
-from grabberd.documents.states import DeviceState, Rung
+from grabberd.documents.enums import DeviceState, Rung
 from grabberd.errors import Cause, DeviceError, GrabberdError, PictureError
 from grabberd.instrument.acquisition import Standstill
 from grabberd.instrument.acquisition.device import Signal, StreamInfo
-from grabberd.instrument.device.recent_fields import RecentFields
 from grabberd.instrument.device.recovery import Step
-from grabberd.instrument.device.standstills import Standstills
+from grabberd.instrument.device.scheduling import Standstills
+
+KEPT_S = 60
+LATELY_S = 10
+"""Shorter window: what is lost in it is being lost now."""
+NOT_WHOLE = frozenset({Outcome.LOST, Outcome.DAMAGED, Outcome.OVERRUN})
+_SECOND_NS = 1_000_000_000
+
+
+class RecentCount(NamedTuple):
+    """Number of fields in a window of time: all that were due, and those that did not come whole."""
+
+    due: int = 0
+    lost: int = 0
+
+    @property
+    def share(self) -> float:
+        """Share of those that did not come whole; 0 if none was due."""
+        return self.lost / self.due if self.due else 0.0
+
+
+class RecentFields:
+    """Counts by the second; written by the capture thread, read by everybody."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._seconds: deque[tuple[int, int, int]] = deque(maxlen=KEPT_S + 1)
+
+    def count(self, now_ns: int, outcome: Outcome, count: int) -> None:
+        """Counts fields that were due."""
+        second, lost = now_ns // _SECOND_NS, count if outcome in NOT_WHOLE else 0
+        with self._lock:
+            due = count
+            if self._seconds and self._seconds[-1][0] == second:
+                _, known_due, known_lost = self._seconds.pop()
+                due, lost = known_due + due, known_lost + lost
+            self._seconds.append((second, due, lost))
+
+    def within(self, now_ns: int, seconds: int = KEPT_S) -> RecentCount:
+        """Counts of the last seconds, of `KEPT_S` at most."""
+        first = now_ns // _SECOND_NS - seconds
+        with self._lock:
+            recent = [one for one in self._seconds if one[0] > first]
+        return RecentCount(sum(due for _, due, _ in recent), sum(lost for _, _, lost in recent))
+
 
 log = logging.getLogger(__name__)
 
@@ -285,3 +333,81 @@ def cause_of(error: GrabberdError) -> Cause | None:
 
 def _level(state: DeviceState) -> int:
     return logging.WARNING if state in _TROUBLED else logging.INFO
+
+
+STUCK_AFTER_S = 5.0
+"""Silence after which a thread that takes fields is stuck: it beats fifty times a second."""
+SLOW_AFTER_S = 15.0
+"""The same while a device is opened or reset, which may take ten seconds. Also the silence after which the
+daemon is to be restarted, unless systemd asks for signs of life more often."""
+_IN_TIME_S = 2.5
+"""Pause between two looks, after which the whole program may have stood still, and not a thread of it."""
+
+
+class Liveness:
+    """Finds capture threads that are stuck: in the kernel's driver, or in the program.
+
+    The threads beat in every state, whatever their devices do.
+
+    Args:
+        boards: Status of each device.
+        restart_after_s: Silence of a thread after which the daemon is to be restarted.
+    """
+
+    def __init__(self, boards: Iterable[StatusBoard], restart_after_s: float = SLOW_AFTER_S) -> None:
+        self.boards = tuple(boards)
+        self._restart_after_s = restart_after_s
+        self._looked_s: float | None = None
+        self._excused = False
+        self._silent: tuple[str, ...] = ()
+
+    def restart_after(self, seconds: float) -> None:
+        """Sets the silence of a thread after which the daemon is to be restarted."""
+        self._restart_after_s = seconds
+
+    def look(self, now_s: float) -> None:
+        """Looks at every thread; called about once a second.
+
+        Args:
+            now_s: Time of a clock that nobody sets.
+        """
+        before_s, self._looked_s = self._looked_s, now_s
+        late = before_s is not None and now_s - before_s > _IN_TIME_S
+        # Once only: an event loop that is always late has to find stuck threads all the same.
+        self._excused = late and not self._excused
+        if self._excused:
+            return
+        for board in self.boards:
+            if board.silent_s > _limit_s(board):
+                board.find_stuck()
+        self._judge()
+
+    @property
+    def silent(self) -> tuple[str, ...]:
+        """Devices whose threads have been silent for so long that the daemon is to be restarted."""
+        return self._silent
+
+    @property
+    def is_well(self) -> bool:
+        """True unless the daemon is to be restarted now: not while another device records."""
+        return not self._silent or self._another_records()
+
+    def _judge(self) -> None:
+        limit_s = self._restart_after_s
+        silent = tuple(board.name for board in self.boards if board.silent_s > limit_s)
+        if silent and silent != self._silent:
+            log.critical(
+                "the capture thread of %s has not beaten for %.0f s: the watchdog may restart the daemon, "
+                "when no other device records",
+                " and ".join(silent),
+                limit_s,
+            )
+        self._silent = silent
+
+    def _another_records(self) -> bool:
+        others = (board for board in self.boards if board.name not in self._silent)
+        return any(board.state is DeviceState.CAPTURING for board in others)
+
+
+def _limit_s(board: StatusBoard) -> float:
+    return STUCK_AFTER_S if board.state in STREAMING else SLOW_AFTER_S

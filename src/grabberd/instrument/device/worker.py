@@ -17,10 +17,8 @@ from grabberd.core.field import NumberedField
 from grabberd.core.ledger import Outcome
 from grabberd.core.reconstruction import Coverage, CoverageTally
 from grabberd.instrument.acquisition import Policy
-from grabberd.instrument.device.field_history import FieldHistory
-from grabberd.instrument.device.field_order_health import FieldOrderHealth
 from grabberd.instrument.device.field_pipeline import ARRIVALS, FieldPipeline
-from grabberd.instrument.device.rig_health import RigHealth
+from grabberd.instrument.device.field_watch import FieldHistory, FieldOrderHealth, RigHealth
 
 PATIENCE_S = 0.05
 """Longest wait for the lock: a field that takes another worker long costs this one no more than that."""

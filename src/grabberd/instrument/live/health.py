@@ -8,25 +8,24 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from grabberd.clock import UtcClock
-from grabberd.core.reconstruction.accuracy.drift_check import RigVerdict
+from grabberd.core.reconstruction.drift_check import RigVerdict
 from grabberd.documents.devices import DeviceLackDocument
-from grabberd.documents.faults import FaultDocument
+from grabberd.documents.enums import DeviceState
 from grabberd.documents.health import (
     DeviceHealth,
+    FaultDocument,
     HealthLevel,
     HealthPart,
     HealthPartDocument,
     StartAdvice,
 )
 from grabberd.documents.state import StorageDocument
-from grabberd.documents.states import DeviceState
 from grabberd.errors import Cause
 from grabberd.instrument.acquisition import Signal, StreamInfo
-from grabberd.instrument.device.recent_fields import LATELY_S
-from grabberd.instrument.device.rig_health import WHAT_TO_DO
-from grabberd.instrument.device.status_board import STREAMING, DeviceStatus
+from grabberd.instrument.device.field_watch import WHAT_TO_DO
+from grabberd.instrument.device.status_board import LATELY_S, STREAMING, DeviceStatus
 from grabberd.instrument.instrument import Instrument
-from grabberd.instrument.live.live_document import CURRENT_NS
+from grabberd.instrument.live.newest_field import CURRENT_NS
 
 LEVELS: tuple[HealthLevel, ...] = ("good", "unknown", "warning", "bad")
 _ORDER: tuple[HealthPart, ...] = (

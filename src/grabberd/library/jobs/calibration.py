@@ -20,16 +20,16 @@ from grabberd.core.chain.calibration.acceptance.verdict import AcceptanceInputs,
 from grabberd.core.chain.calibration.calibrate import calibrate_poses
 from grabberd.core.chain.calibration.calibration_result import CalibrateResult, CalibrateSettings
 from grabberd.core.chain.calibration.report_document import report_document
-from grabberd.core.chain.target_sizes import px_per_mm
+from grabberd.core.chain.locating import px_per_mm
 from grabberd.core.field import NumberedField
 from grabberd.core.geometry import PARAMETERS, Calibration
 from grabberd.core.measurement import LocationSettings
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.calibration_reports import CalibrationReport
-from grabberd.documents.named_types import JsonObject
+from grabberd.documents.document import JsonObject
 from grabberd.documents.requests import CalibrationOptions, CertifiedLength
 from grabberd.errors import InputError
-from grabberd.work.progress import Progress, counted, portion
+from grabberd.work.job_spec import Progress, counted, portion
 
 _LOCATED = 0.8
 """Share of the work that location is; the adjustment cannot tell how far it is."""

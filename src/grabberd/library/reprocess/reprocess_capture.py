@@ -14,17 +14,17 @@ from grabberd import __version__
 from grabberd.archive import CaptureReader
 from grabberd.archive.capture.content_digest import content_sha256, document_sha256
 from grabberd.archive.capture.digests import Damage, left_out_in_words
-from grabberd.archive.export.dataset_file import read_about, write_dataset_file
+from grabberd.archive.export.dataset import read_about, write_dataset_file
 from grabberd.archive.export.points_columns import rows_of
 from grabberd.archive.measure_setups import INCLUDE_DAMAGED, check_rig, measure_setup, settings_of_capture
 from grabberd.config import RigConfig
 from grabberd.core.chain.columns import Rows
 from grabberd.core.chain.measure import MeasureSetup, measured_groups
 from grabberd.core.reconstruction import CoverageTally
-from grabberd.core.reconstruction.accuracy.field_order import FieldOrderCheck
-from grabberd.core.reconstruction.coverage.document import coverage_document
-from grabberd.documents.field_order import FieldOrderDocument
-from grabberd.documents.named_types import JsonObject
+from grabberd.core.reconstruction.coverage import coverage_document
+from grabberd.core.reconstruction.field_order import FieldOrderCheck
+from grabberd.documents.devices import FieldOrderDocument
+from grabberd.documents.document import JsonObject
 from grabberd.errors import CaptureFileError, GrabberdError, NotReady, StorageError
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}

@@ -3,11 +3,15 @@
 Matplotlib is imported only while something is drawn, and without its global state of figures.
 """
 
-from grabberd.reports.figures.accuracy import validation_svg, volume_svg
-from grabberd.reports.figures.correlation import correlation_svg
-from grabberd.reports.figures.distribution import distribution_svg, has_samples
 from grabberd.reports.figures.drawing import require_matplotlib
 from grabberd.reports.figures.geometry import geometry_svg
+from grabberd.reports.figures.statistics import (
+    correlation_svg,
+    distribution_svg,
+    has_samples,
+    validation_svg,
+    volume_svg,
+)
 from grabberd.reports.figures.vectors import field_svg, residuals_svg
 
 __all__ = [

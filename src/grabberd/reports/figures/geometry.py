@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from grabberd.reports.figures.drawing import FAINT, INK, WIDTH_MM, Array, Svg, drawn
-from grabberd.reports.names import colour
-from grabberd.reports.numbers import significant
+from grabberd.reports.notation import colour, significant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

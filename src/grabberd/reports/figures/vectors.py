@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from grabberd.reports.figures.drawing import FAINT, GREY, INK, Array, Svg, drawn, nice
-from grabberd.reports.names import colour
-from grabberd.reports.numbers import significant
+from grabberd.reports.notation import colour, significant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

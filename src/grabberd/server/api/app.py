@@ -11,54 +11,43 @@ from starlette.concurrency import run_in_threadpool
 from grabberd import __version__
 from grabberd.extension import extensions, in_order, load
 from grabberd.server.api import problems
-from grabberd.server.api.docs.openapi import describe
+from grabberd.server.api.contents import Contents
 from grabberd.server.api.guard.authentication import Attempts, Authenticator
 from grabberd.server.api.guard.front import Front
 from grabberd.server.api.guard.gate import Gate, HeadAsGet
-from grabberd.server.api.guard.refusals import Refusal, answer_refusal
+from grabberd.server.api.guard.limits import Streams
 from grabberd.server.api.guard.roles import check_declared
-from grabberd.server.api.guard.stream_limit import Streams
 from grabberd.server.api.idempotency import KeptSince
-from grabberd.server.api.reading.contents import Contents
-from grabberd.server.api.reading.readings import Readings
+from grabberd.server.api.openapi import describe
+from grabberd.server.api.problems import Refusal, answer_refusal
+from grabberd.server.api.readings import Readings
 from grabberd.server.api.routes import (
     calibrations,
-    capture_batches,
     capture_contents,
-    capture_groups,
-    capture_replay,
-    capture_zip,
     captures,
-    device_checks,
     devices,
     jobs,
     live,
     metrics,
     page,
-    sessions,
-    settings,
-    site,
     system,
 )
-from grabberd.server.api.shortcuts import Shortcuts
-from grabberd.server.api.snapshots import Snapshots
+from grabberd.server.api.snapshots import Shortcuts, Snapshots
 from grabberd.server.api.streams.feeds import Feeds
 from grabberd.server.daemon.service import Service
 from grabberd.server.web import Files, Site
 
 VERSIONED = {
-    "captures": captures,
-    "capture_batches": capture_batches,
-    "capture_zip": capture_zip,
-    "capture_groups": capture_groups,
-    "capture_contents": capture_contents,
-    "capture_replay": capture_replay,
-    "calibrations": calibrations,
-    "jobs": jobs,
-    "sessions": sessions,
-    "live": live,
-    "settings": settings,
-    "devices": devices,
+    "captures": captures.router,
+    "capture_zip": captures.zip_router,
+    "capture_groups": captures.group_router,
+    "capture_contents": capture_contents.router,
+    "calibrations": calibrations.router,
+    "jobs": jobs.router,
+    "sessions": page.session_router,
+    "live": live.router,
+    "settings": system.settings_router,
+    "devices": devices.router,
 }
 """Routes under /api/v1, among which those of extensions take their places."""
 
@@ -101,11 +90,10 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
     app.add_middleware(HeadAsGet)
     app.add_middleware(Gate, front=front, authenticator=authenticator)
     added = [place for one in extensions() for place in one.routes]
-    for module in in_order(VERSIONED.items(), added).values():
-        part = load(module) if isinstance(module, str) else module
-        app.include_router(part.router, prefix="/api/v1")
-    for part in (device_checks, system, metrics, page, site):
-        app.include_router(part.router)
+    for router in in_order(VERSIONED.items(), added).values():
+        app.include_router(load(router).router if isinstance(router, str) else router, prefix="/api/v1")
+    for router in (devices.check_router, system.router, metrics.router, page.router, page.site_router):
+        app.include_router(router)
     describe(app)
     return app
 

@@ -16,11 +16,11 @@ from fastapi.exceptions import RequestValidationError
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
-from grabberd.archive.state.idempotency_store import KeptAnswer
+from grabberd.archive.state.state_database import KeptAnswer
 from grabberd.clock import UtcClock, iso_utc
 from grabberd.errors import GrabberdError, StorageError
-from grabberd.server.api.guard.refusals import Refusal
-from grabberd.server.api.rendering import RenderedRoute
+from grabberd.server.api.problems import Refusal
+from grabberd.server.api.responses import RenderedRoute
 from grabberd.server.daemon.service import Service
 
 log = logging.getLogger(__name__)

@@ -1,14 +1,18 @@
-"""Translates every error into a problem document (RFC 9457) with a hint."""
+"""Problem documents (RFC 9457) with a hint: every error is translated into one, and a refusal is one.
+
+A `Refusal` turns a request away before, or while, a route handles it.
+"""
 
 import json
 import logging
 import re
+from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse
+from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
 
 from grabberd import errors
@@ -19,9 +23,9 @@ from grabberd.documents.problems import (
     Fault,
     GroupRefusedProblem,
     Problem,
-    Refusal as RefusalOfDevice,
     RefusalWhileRunning,
 )
+from grabberd.documents.problems import Refusal as RefusalOfDevice
 from grabberd.server.daemon.descriptors import exhaustion
 
 log = logging.getLogger(__name__)
@@ -144,3 +148,29 @@ def _of_fault(request: Request, error: Exception) -> ProblemResponse:
     log.error("%s %s failed", request.method, request.url.path, exc_info=error)
     hint = "this is an internal error; the journal has the details, please report it"
     return problem(500, "internal-error", f"{type(error).__name__} while responding", hint)
+
+
+class Refusal(HTTPException):
+    """A request is refused.
+
+    It is an HTTPException because FastAPI lets no other exception through while it reads a body.
+    """
+
+    def __init__(
+        self, status: int, name: str, detail: str, hint: str, headers: Mapping[str, str] | None = None
+    ) -> None:
+        super().__init__(status, detail, dict(headers or {}))
+        self.name = name
+        self.hint = hint
+
+    def response(self) -> ProblemResponse:
+        """The refusal as a problem document."""
+        answer = problem(self.status_code, self.name, str(self.detail), self.hint)
+        answer.headers.update(self.headers or {})
+        return answer
+
+
+def answer_refusal(_: Request, error: Exception) -> Response:
+    """The application's handler for refusals."""
+    assert isinstance(error, Refusal)
+    return error.response()

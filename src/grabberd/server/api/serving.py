@@ -1,12 +1,20 @@
-"""The server: runs the application on sockets, with TLS and limits, and notifies systemd."""
+"""The server: runs the application on sockets, with TLS and limits, notifies systemd, and ends in time.
+
+A thread may hang in the kernel, on a disk that is gone or a driver that does not return, and Python waits for
+it. So a daemon that was told to end is ended by force some seconds later, whatever its threads are doing.
+"""
 
 import asyncio
 import contextlib
 import logging
+import multiprocessing
+import os
+import select
 import socket
 import ssl
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -16,16 +24,83 @@ from fastapi import FastAPI
 
 from grabberd.config import TlsConfig
 from grabberd.errors import ConfigError, Problem
-from grabberd.server.api.forced_end import ForcedEnd
-from grabberd.server.api.guard.connections import connection_class
 from grabberd.server.api.guard.front import Front
+from grabberd.server.api.guard.limits import connection_class
 from grabberd.server.api.sockets import describe
 from grabberd.server.api.streams.feeds import Feeds
 from grabberd.server.daemon.descriptors import AT_ONCE, exhaustion
-from grabberd.server.daemon.heartbeat import Heartbeat
 from grabberd.server.daemon.service import Service
+from grabberd.server.daemon.systemd import Heartbeat
 
 log = logging.getLogger(__name__)
+
+LEFT_S = 9.0
+"""Time from the signal to the forced end."""
+EX_TEMPFAIL = 75
+"""Exit status of a forced end."""
+_LOGGED_S = 0.5
+
+
+class ForcedEnd:
+    """Ends the process some time after it was told to end, unless it has ended by then.
+
+    Args:
+        left_s: That time.
+        end: Ends the process; returns in tests alone.
+    """
+
+    def __init__(self, left_s: float = LEFT_S, end: Callable[[], None] | None = None) -> None:
+        self._left_s = left_s
+        self._end = end or end_now
+        self._reading, self._writing = os.pipe()
+        self._thread = threading.Thread(target=self._wait, name="forced-end", daemon=True)
+        self._told = False
+
+    def start(self) -> None:
+        """Waits for being told."""
+        self._thread.start()
+
+    def told_to_end(self) -> None:
+        """Begins to count; for a signal handler, which must not take a lock, and again safe."""
+        if not self._told:
+            self._told = True
+            os.write(self._writing, b"!")
+
+    def close(self) -> None:
+        """Ends the waiting of a process that goes on; does nothing once it was told to end."""
+        if not self._told:
+            os.close(self._writing)
+            self._thread.join()
+
+    def _wait(self) -> None:
+        told = os.read(self._reading, 1)
+        if told:
+            select.select([], [], [], self._left_s)
+            self._end()
+        else:
+            os.close(self._reading)
+
+
+def end_now() -> None:
+    """Ends the process and those that it has started, without waiting for anything."""
+    # A thread of its own: the log, too, may hang.
+    logged = threading.Thread(target=_log, daemon=True)
+    logged.start()
+    logged.join(_LOGGED_S)
+    for child in multiprocessing.active_children():
+        child.kill()
+    os._exit(EX_TEMPFAIL)
+
+
+def _log() -> None:
+    names = ", ".join(sorted(one.name for one in threading.enumerate() if one.is_alive()))
+    log.critical(
+        "not everything has ended %g s after the signal to end, so it is ended by force: a capture that is "
+        "not sealed yet is sealed at the next start; threads left: %s",
+        LEFT_S,
+        names,
+    )
+
 
 HEAD_BYTES = 32_768
 WEBSOCKET_BYTES = 65_536

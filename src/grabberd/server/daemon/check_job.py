@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING
 
 from grabberd.archive.calibrations.calibration_frames import calibration_frame_document
 from grabberd.archive.capture.schema import SUFFIX
-from grabberd.documents.named_types import JsonObject
+from grabberd.documents.document import JsonObject
 from grabberd.documents.requests import CHECK_S
 from grabberd.documents.results import CheckResult
 from grabberd.errors import NotReady
 from grabberd.instrument.capture.capture_request import CaptureRequest
-from grabberd.work.job_spec import JobContext, JobSpec
-from grabberd.work.progress import Progress, portion
+from grabberd.work.job_spec import JobContext, JobSpec, Progress, portion
 
 if TYPE_CHECKING:  # the job process carries values, not the daemon's own objects
     from grabberd.instrument.capture.capture_control import CaptureControl
@@ -95,7 +94,7 @@ class CheckJob(JobSpec):
         Raises:
             NotReady: The capture was not sealed in time.
         """
-        from grabberd.library.jobs.check import check_file  # noqa: PLC0415 - the daemon does without it
+        from grabberd.library.jobs.calibration_frame import check_file  # noqa: PLC0415 - the daemon does without it
 
         path = context.captures / f"{self.subject}{SUFFIX}"
         self._wait_until_sealed(path, portion(progress, 0.0, _CAPTURED))

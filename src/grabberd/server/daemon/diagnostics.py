@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 from grabberd import __version__
 from grabberd.clock import SystemClock, iso_utc
-from grabberd.config.secrets import without_secrets
-from grabberd.documents.named_types import JsonObject
+from grabberd.config.section import without_secrets
+from grabberd.documents.document import JsonObject
 from grabberd.instrument.acquisition import GRABBERS, discover
 from grabberd.server.daemon.journal import last_lines
 from grabberd.server.daemon.journal import without_secrets as text_without_secrets

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from grabberd import __version__
 from grabberd.archive.access import Access
-from grabberd.archive.calibrations.calibration_catalog import CalibrationCatalog
-from grabberd.archive.calibrations.calibration_documents import Document
+from grabberd.archive.calibrations.calibration_catalog import CalibrationCatalog, Document
 from grabberd.archive.capture.captures_folder import CapturesFolder
 from grabberd.archive.catalogue.annotations import CaptureAnnotations
 from grabberd.archive.catalogue.archive import Archive
@@ -16,16 +15,14 @@ from grabberd.archive.catalogue.disk_guard import GB, DiskGuard
 from grabberd.archive.catalogue.retention import Policy, Retention
 from grabberd.archive.catalogue.scrub import Scrub
 from grabberd.archive.catalogue.width_courses import WidthCourses
-from grabberd.archive.state.annotation_store import AnnotationStore
 from grabberd.archive.state.calibration_store import CalibrationRecord
-from grabberd.archive.state.idempotency_store import IdempotencyStore
 from grabberd.archive.state.job_store import JobStore
 from grabberd.archive.state.state_backups import CAPTURES_FOLDER, STATE
+from grabberd.archive.state.state_database import AnnotationStore, IdempotencyStore, StateStore
 from grabberd.archive.state.state_keeper import StateKeeper
-from grabberd.archive.state.state_store import StateStore
 from grabberd.clock import SystemClock, UtcClock, iso_utc
 from grabberd.config import Config
-from grabberd.config.secrets import without_secrets
+from grabberd.config.section import without_secrets
 from grabberd.core.geometry import Calibration
 from grabberd.core.kernel import what_is_slower
 from grabberd.documents.devices import DeviceDocument
@@ -37,25 +34,23 @@ from grabberd.instrument.active_calibrations import ActiveCalibrations
 from grabberd.instrument.capture.capture_control import CaptureControl
 from grabberd.instrument.capture.device_captures import CurrentCaptures, of_device
 from grabberd.instrument.capture.recording import Recording
-from grabberd.instrument.capture.unsealed_captures import UnsealedCaptures
-from grabberd.instrument.capture_end import CaptureEnd
+from grabberd.instrument.capture_end import CaptureEnd, UnsealedCaptures
 from grabberd.instrument.channels.logger_setup import LoggerSetup
 from grabberd.instrument.channels.loggers import Loggers
+from grabberd.instrument.device.status_board import Liveness
 from grabberd.instrument.device.worker import FairLock
 from grabberd.instrument.instrument import Instrument
-from grabberd.instrument.live.device_document import device_document
 from grabberd.instrument.live.health import Surroundings
-from grabberd.instrument.liveness import Liveness
+from grabberd.instrument.live.state import device_document
 from grabberd.instrument.settings import Settings, configuration_document
 from grabberd.instrument.setup import DeviceSetup, configured_calibrations
-from grabberd.server.daemon.job_contexts import JobContexts
-from grabberd.server.daemon.kinds import KINDS
+from grabberd.server.daemon.jobs import KINDS, JobContexts
 from grabberd.server.daemon.service_part import ServiceParts
 from grabberd.server.daemon.upkeep import Upkeep
 from grabberd.server.mqtt.publisher_setup import create_publisher
 from grabberd.work.job_queue import JobQueue
+from grabberd.work.job_runner import JobRunner
 from grabberd.work.own_process import OwnProcesses
-from grabberd.work.runner import JobRunner
 
 if TYPE_CHECKING:  # an optional extra
     from grabberd.server.mqtt.publisher import Publisher

@@ -10,7 +10,7 @@ from contextlib import suppress
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.state_keeper import StateKeeper
 from grabberd.errors import StorageError
-from grabberd.instrument.capture.unsealed_captures import UnsealedCaptures
+from grabberd.instrument.capture_end import UnsealedCaptures
 from grabberd.instrument.channels.loggers import Loggers
 
 log = logging.getLogger(__name__)

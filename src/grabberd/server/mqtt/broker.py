@@ -15,7 +15,7 @@ from typing import Any
 import aiomqtt
 from paho.mqtt.reasoncodes import ReasonCode
 
-from grabberd.config.mqtt import MqttConfig, MqttTlsConfig
+from grabberd.config.daemon import MqttConfig, MqttTlsConfig
 from grabberd.errors import NotReady
 from grabberd.server.mqtt.messages import Message
 

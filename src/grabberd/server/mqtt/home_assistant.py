@@ -1,15 +1,17 @@
-"""Messages by which Home Assistant discovers the devices, so that it shows them without being configured.
+"""Retained messages by which Home Assistant discovers the devices, and shows them without being configured.
 
-One retained message for each entity, on PREFIX/COMPONENT/NODE/OBJECT/config. It names the topics that the
-daemon publishes anyway; its templates, which Home Assistant evaluates, pick a value from their messages.
+One for each entity, on PREFIX/COMPONENT/NODE/OBJECT/config. It names the topics that the daemon publishes
+anyway; its templates, which Home Assistant evaluates, pick a value from their messages. What was announced
+is kept, so that it can be removed when it is no longer wanted.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from typing import NamedTuple
 
 from grabberd import __version__
-from grabberd.documents.named_types import JsonObject
+from grabberd.archive.state.state_database import StateStore
+from grabberd.documents.document import JsonObject
 from grabberd.server.mqtt.messages import LAST_CAPTURE, ONLINE, STATE, Message, Topic, Topics
 
 _NO_NAME = re.compile(r"[^A-Za-z0-9-]")
@@ -133,3 +135,55 @@ def _attributes(keys: tuple[str, ...]) -> str:
 def _plain(name: str) -> str:
     """A name of letters, digits, hyphens and underscores; different names stay different."""
     return _NO_NAME.sub(lambda match: "".join(f"_{byte:02x}" for byte in match[0].encode()), name)
+
+
+ANNOUNCED = "mqtt_announced_topics"
+"""Key of the settings: topics on which the broker retains something only as long as it is wanted."""
+
+
+class Announcements:
+    """Compares what is to be announced with what was.
+
+    A retained message stays with the broker when nobody publishes it any longer. So the topics are kept, and
+    what is no longer wanted is removed by an empty message: the feature was turned off, or a device renamed.
+
+    Args:
+        store: Keeps the topics.
+        wanted: What is to be announced; nothing where that is turned off.
+        also: Topics that others publish on, for those alone who are told by the announcements.
+    """
+
+    def __init__(self, store: StateStore, wanted: Sequence[Message], also: Collection[str] = ()) -> None:
+        self._store = store
+        self._wanted = wanted
+        self._topics = [*(message.topic for message in wanted), *also]
+
+    @property
+    def any(self) -> bool:
+        """True if something is to be announced."""
+        return bool(self._wanted)
+
+    def due(self) -> Iterator[Message]:
+        """Yields everything to be announced, then an empty message for each topic to be removed.
+
+        Each is taken to have been published when the next one is asked for.
+
+        Raises:
+            StorageError: The state database cannot be used.
+        """
+        known: list[str] = self._store.get(ANNOUNCED) or []
+        if new := [topic for topic in self._topics if topic not in known]:
+            known += new  # kept before: what is published must be removable whatever happens next
+            self._keep(known)
+        yield from self._wanted
+        # In their sequence: what names a topic is removed before that topic's own message.
+        for topic in [topic for topic in known if topic not in self._topics]:
+            yield Message(topic, None, retained=True)
+            known.remove(topic)
+            self._keep(known)
+
+    def _keep(self, topics: Sequence[str]) -> None:
+        if topics:
+            self._store.put({ANNOUNCED: topics})
+        else:
+            self._store.remove(ANNOUNCED)

@@ -8,9 +8,8 @@ from urllib.parse import quote
 from grabberd.core.ledger import Outcome
 from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.devices import DeviceDocument
-from grabberd.documents.document import Document
+from grabberd.documents.document import Document, JsonObject
 from grabberd.documents.mqtt import CaptureSummary, DeviceStateMessage, LedgerSummary
-from grabberd.documents.named_types import JsonObject
 from grabberd.documents.state import StorageDocument
 from grabberd.extension import extensions, load
 

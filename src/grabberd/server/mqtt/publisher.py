@@ -16,8 +16,8 @@ from grabberd.clock import UtcClock, iso_utc
 from grabberd.documents.mqtt import OnlineMessage
 from grabberd.documents.state import MqttDocument, StateDocument
 from grabberd.errors import GrabberdError, NotReady, StorageError
-from grabberd.server.mqtt.announcements import Announcements
 from grabberd.server.mqtt.broker import Broker, Connection
+from grabberd.server.mqtt.home_assistant import Announcements
 from grabberd.server.mqtt.messages import (
     CAPTURE,
     LAST_CAPTURE,

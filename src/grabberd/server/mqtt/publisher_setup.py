@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from grabberd.archive.catalogue.archive import Archive
-from grabberd.archive.state.state_store import StateStore
+from grabberd.archive.state.state_database import StateStore
 from grabberd.clock import UtcClock
 from grabberd.config import Config
 from grabberd.documents.state import StateDocument
 from grabberd.errors import ConfigError, ExtraMissing, Problem
 
 if TYPE_CHECKING:
-    from grabberd.server.mqtt.announcements import Announcements
+    from grabberd.server.mqtt.home_assistant import Announcements
     from grabberd.server.mqtt.messages import Topics
     from grabberd.server.mqtt.publisher import Publisher
 
@@ -53,7 +53,7 @@ def create_publisher(
     """
     if config.mqtt is None:
         return None
-    from grabberd.archive.state.outbox import Outbox  # noqa: PLC0415
+    from grabberd.archive.state.state_database import Outbox  # noqa: PLC0415
     from grabberd.server.mqtt.broker import Broker, tls_context  # noqa: PLC0415 - an optional extra
     from grabberd.server.mqtt.messages import Topics  # noqa: PLC0415
     from grabberd.server.mqtt.publisher import Publisher  # noqa: PLC0415
@@ -71,8 +71,10 @@ def create_publisher(
 
 def _announcements(config: Config, topics: "Topics", store: StateStore) -> "Announcements":
     """Prepares what Home Assistant needs to discover the devices; nothing unless it is to."""
-    from grabberd.server.mqtt.announcements import Announcements  # noqa: PLC0415 - an optional extra
-    from grabberd.server.mqtt.home_assistant import discovery  # noqa: PLC0415
+    from grabberd.server.mqtt.home_assistant import (  # noqa: PLC0415
+        Announcements,
+        discovery,
+    )
     from grabberd.server.mqtt.messages import LAST_CAPTURE  # noqa: PLC0415
 
     if config.mqtt is None or not config.mqtt.home_assistant:

@@ -5,9 +5,9 @@ import logging
 from grabberd.archive import CaptureReader
 from grabberd.archive.capture.schema import SUFFIX
 from grabberd.archive.catalogue.archive import Archive
-from grabberd.archive.state.outbox import Outbox
+from grabberd.archive.state.state_database import Outbox
 from grabberd.core.field import PAL_HZ
-from grabberd.documents.named_types import JsonObject
+from grabberd.documents.document import JsonObject
 from grabberd.errors import CaptureFileError, NotFound
 from grabberd.server.mqtt.messages import capture_summary
 

@@ -5,8 +5,7 @@ This room does not know what the daemon does.
 `types/` holds the types that the page's modules are checked against; they are neither served nor packaged.
 """
 
-from grabberd.server.web.files import Files, StaticFile
-from grabberd.server.web.page import POLICY, language_of, render
+from grabberd.server.web.page import POLICY, Files, StaticFile, language_of, render
 from grabberd.server.web.site import Site
 
 __all__ = ["POLICY", "Files", "Site", "StaticFile", "language_of", "render"]

@@ -1,12 +1,182 @@
-"""The page's HTML document, with the data of its first view inside."""
+"""The operator's page: its static files, and its HTML document with the data of its first view inside.
 
+Each file has its ETag and is compressed once; all are under one version.
+"""
+
+import gzip
+import hashlib
 import json
-from collections.abc import Mapping
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from string import Template
 from typing import Any
 
-from grabberd.server.web.files import LANGUAGES, Edition
+STATIC = Path(__file__).parent / "static"
+LANGUAGES = ("en", "nb")
+STYLES = "page.css"
+JOINED = ("css/", "texts/")
+FIRST_TEXTS = ("captures", "causes", "core", "jobs", "lights", "live", "operate", "plots", "signin")
+"""Catalogues that the first view needs. The others are twice as large, and are fetched after it."""
+LAYERS = "css/base.css"
+"""Declares the order of the cascade layers, so it comes before every sheet that uses one."""
+MEDIA_TYPES = {
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".json": "application/json",
+    ".svg": "image/svg+xml",
+    ".txt": "text/plain; charset=utf-8",
+}
+OTHER = "application/octet-stream"
+COMMENTS = re.compile(rb"^[ \t]*(?://.*$|/\*[\s\S]*?\*/)", re.MULTILINE)
+"""Comments that begin a line."""
+
+
+@dataclass(frozen=True)
+class StaticFile:
+    """A file, or several joined into one.
+
+    Attributes:
+        media_type: Value of the Content-Type header.
+        content: Bytes of the file.
+    """
+
+    media_type: str
+    content: bytes
+
+    @cached_property
+    def compressed(self) -> bytes:
+        """The content by gzip, at the highest level; the same bytes every time."""
+        return gzip.compress(self.content, 9, mtime=0)  # a time stamp inside would differ after each restart
+
+    @cached_property
+    def etag(self) -> str:
+        """Strong entity tag, a digest of the content."""
+        return f'"{hashlib.sha256(self.content).hexdigest()[:32]}"'
+
+
+@dataclass(frozen=True)
+class Edition:
+    """All files as they were at one moment.
+
+    Attributes:
+        version: Digest of all files; it is part of their addresses, so that browsers may keep them for ever.
+        files: Files by their path below `static/`.
+    """
+
+    version: str
+    files: Mapping[str, StaticFile]
+
+
+class Files:
+    """The files of a folder, read again when one of them has changed, as after an upgrade."""
+
+    def __init__(self, folder: Path = STATIC) -> None:
+        self._folder = folder
+        self._stamp: tuple[tuple[str, int, int], ...] = ()
+        self._edition = Edition("", {})
+
+    @property
+    def is_read(self) -> bool:
+        """True if the folder has been read."""
+        return bool(self._stamp)
+
+    @property
+    def edition(self) -> Edition:
+        """All files as they were when last read."""
+        return self._edition if self.is_read else self.newest()
+
+    def newest(self) -> Edition:
+        """All files as they are now."""
+        stamp = tuple(_stamp(str(self._folder)))
+        if stamp != self._stamp:
+            self._edition, self._stamp = _edition(self._folder), stamp
+        return self._edition
+
+
+def _paths(folder: Path) -> list[Path]:
+    found = (path for path in folder.rglob("*") if path.is_file() and not path.name.startswith("."))
+    return sorted(found)
+
+
+def _stamp(folder: str) -> Iterator[tuple[str, int, int]]:
+    # Not by Path: it is looked at before every visit, and a Path for each of 250 files takes 10 ms.
+    with os.scandir(folder) as entries:
+        for entry in sorted(entries, key=lambda one: one.name):
+            if entry.is_dir():
+                yield from _stamp(entry.path)
+            elif not entry.name.startswith("."):
+                stat = entry.stat()
+                yield entry.path, stat.st_mtime_ns, stat.st_size
+
+
+def _edition(folder: Path) -> Edition:
+    names = [path.relative_to(folder).as_posix() for path in _paths(folder)]
+    read = {name: _file(folder, name) for name in names}
+    # What is served joined is not served in its parts, too.
+    whole = {name: file for name, file in read.items() if not name.startswith(JOINED)}
+    files = whole | {STYLES: _styles(read)} | _all_texts(read)
+    return Edition(_version(files), files)
+
+
+def _file(folder: Path, name: str) -> StaticFile:
+    path = folder / name
+    content = path.read_bytes()
+    # A third of a compressed module is comments, of no use to a tablet. Libraries keep their licences.
+    served = _without_comments(content) if name.startswith(("js/", "css/")) else content
+    return StaticFile(MEDIA_TYPES.get(path.suffix, OTHER), served)
+
+
+def _without_comments(module: bytes) -> bytes:
+    """A module with empty lines in place of its comments: what a browser says of line 40 is about line 40."""
+    return COMMENTS.sub(lambda comment: b"\n" * comment[0].count(b"\n"), module)
+
+
+def _version(files: Mapping[str, StaticFile]) -> str:
+    digest = hashlib.sha256()
+    for name in sorted(files):
+        digest.update(f"{name} {files[name].etag}\n".encode())
+    return digest.hexdigest()[:16]
+
+
+def _styles(files: Mapping[str, StaticFile]) -> StaticFile:
+    """All style sheets in one, in the order of their names; those of vendored libraries first."""
+    own = sorted(_below(files, "css/", ".css"), key=lambda name: (name != LAYERS, name))
+    names = [*_below(files, "vendor/", ".css"), *own]
+    return StaticFile(MEDIA_TYPES[".css"], b"\n".join(files[name].content for name in names))
+
+
+def _all_texts(files: Mapping[str, StaticFile]) -> dict[str, StaticFile]:
+    """Two documents a language: the first view's catalogues, and the others."""
+    documents: dict[str, StaticFile] = {}
+    for language in LANGUAGES:
+        catalogues = _catalogues(files, language)
+        first = {name: catalogues.pop(name) for name in FIRST_TEXTS if name in catalogues}
+        documents |= {
+            f"texts/{language}.json": _json(first),
+            f"texts/{language}.rest.json": _json(catalogues),
+        }
+    return documents
+
+
+def _catalogues(files: Mapping[str, StaticFile], language: str) -> dict[str, Any]:
+    """All text catalogues of a language: their names first, then keys."""
+    folder = f"texts/{language}/"
+    names = _below(files, folder, ".json")
+    return {name[len(folder) : -len(".json")]: json.loads(files[name].content) for name in names}
+
+
+def _json(document: Mapping[str, Any]) -> StaticFile:
+    text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
+    return StaticFile(MEDIA_TYPES[".json"], text.encode())
+
+
+def _below(names: Iterable[str], folder: str, ending: str) -> list[str]:
+    return sorted(name for name in names if name.startswith(folder) and name.endswith(ending))
+
 
 PAGE = Path(__file__).parent / "page.html"
 POLICY = (

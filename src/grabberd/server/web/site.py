@@ -8,7 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
-from grabberd.server.web.files import MEDIA_TYPES, OTHER, StaticFile
+from grabberd.server.web.page import MEDIA_TYPES, OTHER, StaticFile
 
 SITE = Path(__file__).parent / "site"
 INDEX = "index.html"

@@ -17,7 +17,7 @@ from scipy.linalg import LinAlgError, blas, cho_factor, cho_solve, lapack
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Joint
 from grabberd_liner.analysis.load.load_prior import MPA_PER_KPA, Difference
-from grabberd_liner.analysis.load.mounted.sights import Sights
+from grabberd_liner.analysis.load.targets import Sights
 from grabberd_liner.analysis.load.wall_model import Linearised, State, WallModel
 from grabberd_liner.analysis.wall.splines import Basis
 
@@ -62,8 +62,7 @@ class _Parts(NamedTuple):
         """The whole covariance under a pressure difference."""
         factors = model.variances(difference)
         load, gauge = (factors[part][0] for part in (model.of_load, model.of_difference))
-        whole: Array = load * self.load + gauge * self.difference + self.rest
-        return whole
+        return load * self.load + gauge * self.difference + self.rest
 
 
 class Followers(NamedTuple):
@@ -157,8 +156,7 @@ class Posterior:
     @property
     def change(self) -> Array:
         """(P,) parameters' change from the linearised state."""
-        change: Array = self.parameters - self.linear.state.parameters
-        return change
+        return self.parameters - self.linear.state.parameters
 
     @cached_property
     def unknowns(self) -> Array:
@@ -183,8 +181,7 @@ class Posterior:
     def places_mm(self) -> Array:
         """(T, 3) targets."""
         moved = self.linear.by_parameters @ self.change
-        places: Array = self.linear.places_mm + moved.reshape(-1, 3)
-        return places
+        return self.linear.places_mm + moved.reshape(-1, 3)
 
     def places_covariance(self, shared_mm2: Array) -> Array:
         """(3 T, 3 T) of the targets' places, the model's error and the part shared by all states included."""
@@ -285,8 +282,7 @@ class Posterior:
         prior = followers.variance.sum(self.model, self.difference)
         # Rounding must not leave what is very well known with no σ at all.
         left = np.maximum(prior - (whitened * whitened).sum(axis=0), 1e-9 * prior)
-        sigma: Array = np.sqrt(left)
-        return sigma
+        return np.sqrt(left)
 
     def traction_kpa(self, basis: Basis, along: bool) -> tuple[Array, Array]:
         """Friction on the inner face (N,), round the wall or along it, and its covariance (N, N) in kPa²."""
@@ -308,14 +304,12 @@ class Posterior:
     def _left(self, prior: Array, seen: Array) -> Array:
         """(N, N) posterior covariance, from the prior one and that with the sights (N, M)."""
         whitened = self._whitened(seen)
-        covariance: Array = prior - whitened.T @ whitened
-        return covariance
+        return prior - whitened.T @ whitened
 
     def _whitened(self, seen: Array) -> Array:
         """(M, N) what the sights know of quantities with prior covariance (N, M) with them."""
         # BLAS itself: it solves in place, and scipy's own would look for what is not finite.
-        whitened: Array = blas.dtrsm(1.0, self._factor[0], seen.T, lower=True, overwrite_b=True)
-        return whitened
+        return blas.dtrsm(1.0, self._factor[0], seen.T, lower=True, overwrite_b=True)
 
 
 @lru_cache(maxsize=4)

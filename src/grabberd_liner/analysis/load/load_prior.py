@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd_liner.analysis.wall.cuts import cut_points
+from grabberd_liner.analysis.wall.half_tube import cut_points
 from grabberd_liner.analysis.wall.material import Material
 from grabberd_liner.analysis.wall.splines import SplineGrid
 
@@ -74,8 +74,7 @@ class LoadPrior:
         """Standard deviation of the contact pressure for a g with a standard deviation of its own."""
         pressures, _ = self.contact_mpa(g_mpa[..., np.newaxis] + sigma_mpa[..., np.newaxis] * _NORMAL)
         mean = pressures @ _SHARES
-        spread: Array = np.sqrt(((pressures - mean[..., np.newaxis]) ** 2) @ _SHARES)
-        return spread
+        return np.sqrt(((pressures - mean[..., np.newaxis]) ** 2) @ _SHARES)
 
     def model_mm(self, difference_kpa: float) -> float:
         """Standard deviation of the model's own error in a target's place."""
@@ -148,8 +147,7 @@ class TubePrior:
         sigma = np.array([self.young, self.thickness, self.pretension])
         upper = np.zeros((3, 3))
         upper[np.triu_indices(3, 1)] = self.correlations
-        covariance: Array = np.outer(sigma, sigma) * (np.eye(3) + upper + upper.T)
-        return covariance
+        return np.outer(sigma, sigma) * (np.eye(3) + upper + upper.T)
 
 
 class Difference(NamedTuple):
@@ -161,5 +159,4 @@ class Difference(NamedTuple):
 
 def _correlation(at_mm: Array, length_mm: float) -> Array:
     distance = (at_mm[:, np.newaxis] - at_mm) / length_mm
-    correlation: Array = np.exp(-0.5 * distance**2)
-    return correlation
+    return np.exp(-0.5 * distance**2)

@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from grabberd_liner.analysis.load.load_prior import MPA_PER_KPA, Difference, LoadPrior, TubePrior
-from grabberd_liner.analysis.load.mounted.target_places import TargetPlaces, Targets
-from grabberd_liner.analysis.wall.block_band import Factors
-from grabberd_liner.analysis.wall.cuts import cut_points
-from grabberd_liner.analysis.wall.forces import Forces
-from grabberd_liner.analysis.wall.half_tube import HalfTube, MountedTube, Tangent
+from grabberd_liner.analysis.load.targets import TargetPlaces, Targets
+from grabberd_liner.analysis.wall.block_band import Factors, Forces
+from grabberd_liner.analysis.wall.half_tube import HalfTube, MountedTube, Tangent, cut_points
 from grabberd_liner.analysis.wall.shell import Load, Work
 from grabberd_liner.analysis.wall.splines import Basis
 

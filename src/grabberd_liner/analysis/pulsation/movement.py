@@ -51,8 +51,7 @@ class Movement(NamedTuple):
         step_s = float(np.median(np.diff(self.time_s)))
         moments = (time_s - step_s, time_s, time_s + step_s)
         before, now, after = (np.interp(at_s, self.time_s, self.value_mm) for at_s in moments)
-        speed: Array = np.maximum(np.abs(now - before), np.abs(after - now)) / step_s
-        return speed
+        return np.maximum(np.abs(now - before), np.abs(after - now)) / step_s
 
 
 class Tracks(NamedTuple):
@@ -152,8 +151,7 @@ def _mean_and_direction(xyz: Array) -> tuple[Array, Array]:
 
 def _amount(filled: Array, seen: NDArray[np.bool_], direction: Array) -> Array:
     share = seen @ (direction**2).sum(axis=1)
-    amount: Array = np.einsum("fnx,nx->f", filled, direction) / np.maximum(share, 1e-30)
-    return amount
+    return np.einsum("fnx,nx->f", filled, direction) / np.maximum(share, 1e-30)
 
 
 def _along(moved: Array, covariance: Array, direction: Array) -> tuple[Array, Array]:

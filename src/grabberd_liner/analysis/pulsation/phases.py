@@ -94,8 +94,7 @@ def _unseen_variance_s2(pulsation: Pulsation, phase: Array, parts: Array) -> Arr
         [_straight(pulsation, float(one), *gap) for one, gap in zip(phase, gaps, strict=True)]
     )
     bent_s = _BENT * (phase - straight) * pulsation.period_s
-    variance: Array = np.minimum(np.hypot(share * gap_s, bent_s), _ANYWHERE * gap_s) ** 2
-    return variance
+    return np.minimum(np.hypot(share * gap_s, bent_s), _ANYWHERE * gap_s) ** 2
 
 
 def _straight(pulsation: Pulsation, phase: float, first: float, last: float) -> float:
@@ -175,8 +174,7 @@ def edges(time_s: Array, kpa: Array, low_kpa: float, high_kpa: float) -> Edges:
 def _crossed(time_s: Array, kpa: Array, before: NDArray[np.intp], level: Array) -> Array:
     step = kpa[before + 1] - kpa[before]
     share = np.clip((level - kpa[before]) / np.where(step == 0, 1.0, step), 0.0, 1.0)
-    crossed: Array = time_s[before] + share * (time_s[before + 1] - time_s[before])
-    return crossed
+    return time_s[before] + share * (time_s[before + 1] - time_s[before])
 
 
 def smoothed(log: VacuumLog) -> Array:

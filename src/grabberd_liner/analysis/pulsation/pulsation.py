@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate
-from grabberd_liner.analysis.pulsation.cycle_fit import Fit, adjust, harmonics, placed, sharpened
-from grabberd_liner.analysis.pulsation.cycle_search import search
+from grabberd_liner.analysis.pulsation.cycle_fit import Fit, adjust, harmonics, placed, search, sharpened
 from grabberd_liner.analysis.pulsation.movement import Movement
 from grabberd_liner.analysis.pulsation.waveform import Waveform, rotated
 
@@ -130,8 +129,7 @@ class Pulsation:
 
     def speed_mm_per_s(self, phase: Array) -> Array:
         """(P,) of the target that moves most, at phases of the mean cycle."""
-        speed: Array = np.abs(self.waveform.slope(phase)) / self.period_s
-        return speed
+        return np.abs(self.waveform.slope(phase)) / self.period_s
 
     @property
     def cycles(self) -> float:

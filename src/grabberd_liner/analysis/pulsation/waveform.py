@@ -67,13 +67,11 @@ class Waveform(NamedTuple):
 
     def value(self, phase: Array) -> Array:
         """(...,) at phases (...,) in cycles."""
-        values: Array = basis(phase, self.harmonics) @ self.coefficients
-        return values
+        return basis(phase, self.harmonics) @ self.coefficients
 
     def slope(self, phase: Array) -> Array:
         """(...,) its derivative, per cycle."""
-        slopes: Array = basis_slope(phase, self.harmonics) @ self.coefficients
-        return slopes
+        return basis_slope(phase, self.harmonics) @ self.coefficients
 
     def sigma(self, phase: Array) -> Array:
         """(...,) σ of its value."""

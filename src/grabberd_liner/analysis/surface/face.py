@@ -1,13 +1,17 @@
-"""Outer face of the wall as areas, sections and volumes need it, and where data support it."""
+"""Outer face of the wall as sections and volumes need it, where data support it, and the area that the
+targets cover.
+"""
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.gauss import gauss_rule
 from grabberd_liner.analysis.grid import Grid
-from grabberd_liner.analysis.surface.modes import Domain
+from grabberd_liner.analysis.surface.jets import index
+from grabberd_liner.analysis.surface.smoothing import Domain
 
 Array = NDArray[np.float64]
 
@@ -66,5 +70,54 @@ def is_within(domain: Domain, supported: NDArray[np.bool_], u_mm: Array, v_mm: A
     near_row = np.clip(np.round(row), 0, domain.rows - 1).astype(np.intp)
     near_column = np.clip(np.round(column), 0, domain.columns - 1).astype(np.intp)
     near = (np.abs(row - near_row) <= _REACH) & (np.abs(column - near_column) <= _REACH)
-    within: NDArray[np.bool_] = near & supported[near_row, near_column]
-    return within
+    return near & supported[near_row, near_column]
+
+
+# Gauss' rule with two nodes is exact for cubics; half a cell of the wall is hardly more curved than that.
+_NODES = 2
+
+
+class Area(NamedTuple):
+    """The wall's outer face between its outermost targets.
+
+    Attributes:
+        area_mm2: area supported by data, with σ from the points' noise and the smoothing.
+        covered: share of the target grid supported by data; the rest is left out.
+    """
+
+    area_mm2: Estimate
+    covered: float
+
+
+def surface_area(surface: Face) -> Area:
+    """The area, by Gauss' rule in every half cell of the target grid."""
+    domain = surface.domain
+    u_mm, u_share = _nodes(domain.u_mm, domain.u_pitch_mm, domain.rows)
+    v_mm, v_share = _nodes(domain.v_mm, domain.v_pitch_mm, domain.columns)
+    u, v = np.repeat(u_mm, len(v_mm)), np.tile(v_mm, len(u_mm))
+    share = np.multiply.outer(u_share, v_share).ravel()
+    kept = np.where(surface.within(u, v), share, 0.0)
+    jets = surface.tangents(u, v)
+    slopes = kept[:, np.newaxis, np.newaxis] * _slopes(jets)
+    variance = surface.covariance(slopes[np.newaxis], u, v)[0, 0]
+    value = (kept * np.linalg.norm(_normal(jets), axis=1)).sum()
+    return Area(Estimate(np.asarray(value), np.sqrt(variance)), float(kept.sum() / share.sum()))
+
+
+def _nodes(start: float, pitch: float, knots: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    node, weight = gauss_rule(_NODES)
+    half = pitch / 2
+    starts = start + half * np.arange(2 * (knots - 1))
+    return (starts[:, np.newaxis] + half * (node + 1) / 2).ravel(), np.tile(half / 2 * weight, len(starts))
+
+
+def _normal(jets: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.cross(jets[:, index(1, 0)], jets[:, index(0, 1)])
+
+
+def _slopes(jets: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, 3, 3) derivatives of |X_u × X_v| by X, X_u, X_v."""
+    normal = _normal(jets)
+    unit = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    along, across = jets[:, index(1, 0)], jets[:, index(0, 1)]
+    return np.stack([np.zeros_like(unit), np.cross(across, unit), np.cross(unit, along)], axis=1)

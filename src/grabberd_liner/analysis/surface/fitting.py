@@ -1,4 +1,6 @@
-"""Fit of a surface to a field's points."""
+"""Fit of a surface to a field's points: screening for impossible positions (ids that jumped, crossed
+targets, a folded wall), then linear least squares on the modes of the prior.
+"""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -6,17 +8,194 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dpotrf, dtrtri
 
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.grid import Grid, NominalShape
 from grabberd_liner.analysis.surface.face import supported_places
-from grabberd_liner.analysis.surface.modes import FREE, Domain, Modes, modes
-from grabberd_liner.analysis.surface.nominal_shape import NominalShape
-from grabberd_liner.analysis.surface.posterior import Posterior, fit_modes
-from grabberd_liner.analysis.surface.screening import screen
-from grabberd_liner.analysis.surface.smoothing import Criterion, Departures, Smoothing, choose
+from grabberd_liner.analysis.surface.smoothing import (
+    FREE,
+    Criterion,
+    Departures,
+    Domain,
+    Modes,
+    Smoothing,
+    choose,
+    modes,
+)
 from grabberd_liner.analysis.surface.surface import Surface
+
+
+class Posterior(NamedTuple):
+    """The posterior of the modes' coefficients.
+
+    Attributes:
+        coefficients: (D, R), at unit amplitude; `factor`: (D, R, D·R) square root of their covariance.
+        outlying: (N,) squared distance of each point from its prediction by all others, in units of its
+            covariance: χ² with D degrees of freedom.
+        misfit: weighted squared residuals and roughness over their expectation, which is 1.
+    """
+
+    coefficients: NDArray[np.float64]
+    factor: NDArray[np.float64]
+    outlying: NDArray[np.float64]
+    misfit: float
+
+
+def fit_modes(
+    modes: Modes,
+    smoothing: Smoothing,
+    u_mm: NDArray[np.float64],
+    v_mm: NDArray[np.float64],
+    departure_mm: NDArray[np.float64],
+    covariance_mm2: NDArray[np.float64],
+) -> Posterior:
+    """Fit the modes of the departure to N points.
+
+    Args:
+        modes: R modes, for the smoothing's lengths.
+        smoothing: amplitudes of the D directions.
+        u_mm: (N,) material coordinates.
+        v_mm: (N,) material coordinates.
+        departure_mm: (N, D) departures from the nominal shape.
+        covariance_mm2: (N, D, D) noise.
+    """
+    places = modes.jets(u_mm, v_mm, highest=0)[:, 0]
+    weight = np.linalg.inv(covariance_mm2 * smoothing.noise_factor**2).astype(np.float64, copy=False)
+    scale = _scale(modes, smoothing)
+    normal = _normal(places, weight, scale)
+    right = scale * (places.T @ np.einsum("nab,nb->na", weight, departure_mm)).T
+    size = right.size
+    # LAPACK's Cholesky and triangular inverse: the inverse factor is needed in any case, as the root of the
+    # covariance, and solves the equations on the way.
+    lower = dpotrf(normal.reshape(size, size), lower=1, overwrite_a=1)[0]
+    inverse = dtrtri(lower, lower=1)[0]
+    factor = np.tril(inverse).T
+    solved = (factor @ (factor.T @ right.ravel())).reshape(right.shape)
+    factor = factor.reshape(*right.shape, size) * scale[:, :, np.newaxis]
+    coefficients = scale * solved
+    residual = departure_mm - places @ coefficients.T
+    outlying = _outlying(places, factor, weight, residual)
+    squares = float(np.einsum("na,nab,nb->", residual, weight, residual) + (solved[:, FREE:] ** 2).sum())
+    return Posterior(coefficients, factor, outlying, squares / (residual.size - FREE * residual.shape[1]))
+
+
+def _scale(modes: Modes, smoothing: Smoothing) -> NDArray[np.float64]:
+    """(D, R): each direction's amplitude; 1 for the free modes."""
+    scale = np.repeat(np.array(smoothing.amplitude_mm)[:, np.newaxis], modes.size, axis=1)
+    scale[:, :FREE] = 1.0
+    return scale
+
+
+def _normal(
+    places: NDArray[np.float64], weight: NDArray[np.float64], scale: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(D, R, D, R) matrix of the normal equations, including the prior's unit weights."""
+    directions, size = scale.shape
+    normal = np.empty((directions, size, directions, size))
+    for a in range(directions):
+        for b in range(a + 1):
+            block = (places * weight[:, a, b, np.newaxis]).T @ places
+            block *= np.multiply.outer(scale[a], scale[b])
+            normal[a, :, b] = block
+            normal[b, :, a] = block.T
+        normal[a, np.arange(size), a, np.arange(size)] += 1.0
+    return normal
+
+
+def _outlying(
+    places: NDArray[np.float64],
+    factor: NDArray[np.float64],
+    weight: NDArray[np.float64],
+    residual: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Leave-one-out χ² of every point, in closed form instead of N fits."""
+    root = np.einsum("nr,ark->nak", places, factor, optimize=True)
+    known = root @ root.transpose(0, 2, 1)
+    kept = weight - weight @ known @ weight
+    pull = np.einsum("nab,nb->na", weight, residual)
+    return np.einsum("na,na->n", pull, np.linalg.solve(kept, pull[..., np.newaxis])[..., 0])
+
+
+_SHORTEST, _LONGEST = 0.7, 1.35
+"""Fibres stretch by some ten per cent; when an id jumps to a neighbour, distances double or vanish."""
+
+# Neighbouring normals more than a right angle apart.
+_STEEPEST = 0.0
+
+
+class Screening(NamedTuple):
+    """Result of comparing points with their neighbours.
+
+    Attributes:
+        kept: (N,) True for points at possible distances from their neighbours.
+        problems: one sentence for each kind of problem, with the targets.
+    """
+
+    kept: NDArray[np.bool_]
+    problems: tuple[str, ...]
+
+
+def screen(grid: Grid, place: NDArray[np.intp], xyz_mm: NDArray[np.float64]) -> Screening:
+    """Leaves out points at impossible distances from their neighbours, the worst first; reports folds.
+
+    Args:
+        grid: the target grid.
+        place: (N,) indices of the points in the grid.
+        xyz_mm: (N, 3) points, object's frame.
+    """
+    where = np.full((len(grid), 3), np.nan)
+    where[place] = xyz_mm
+    pairs = grid.pairs()
+    nominal_mm = _lengths(grid.nominal_mm, pairs)
+    left_out: list[int] = []
+    while (worst := _worst(where, pairs, nominal_mm)) is not None:
+        left_out.append(worst)
+        where[worst] = np.nan
+    kept = np.isfinite(where[place, 0])
+    return Screening(kept, (*_jumped(grid, left_out), *_folded(grid, where)))
+
+
+def _worst(
+    where: NDArray[np.float64], pairs: NDArray[np.intp], nominal_mm: NDArray[np.float64]
+) -> int | None:
+    """The target with most impossible distances, by their size if several have as many; None without any."""
+    ratio = _lengths(where, pairs) / nominal_mm
+    wrong = (ratio < _SHORTEST) | (ratio > _LONGEST)
+    if not wrong.any():
+        return None
+    # The number of wrong distances decides; their size, scaled far below one, only breaks ties.
+    at_odds = np.where(wrong, 1 + np.minimum(np.abs(np.log(np.maximum(ratio, 1e-3))), 100) / 1e3, 0.0)
+    score = np.bincount(pairs.ravel(), np.repeat(at_odds, 2), len(where))
+    return int(np.argmax(score))
+
+
+def _lengths(xyz: NDArray[np.float64], pairs: NDArray[np.intp]) -> NDArray[np.float64]:
+    return np.linalg.norm(xyz[pairs[:, 1]] - xyz[pairs[:, 0]], axis=1)
+
+
+def _jumped(grid: Grid, left_out: list[int]) -> tuple[str, ...]:
+    if not left_out:
+        return ()
+    names = ", ".join(str(grid.target[index]) for index in sorted(left_out))
+    return (
+        f"left out, too far from or too near to their neighbours (ids jumped or crossed): targets {names}",
+    )
+
+
+def _folded(grid: Grid, where: NDArray[np.float64]) -> tuple[str, ...]:
+    """Neighbouring triangles whose outsides face each other: the wall would be folded between them."""
+    corner = where[grid.triangles]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    adjoining = grid.adjoining_triangles()
+    facing = (normal[adjoining[:, 0]] * normal[adjoining[:, 1]]).sum(axis=1)
+    folded = adjoining[facing < _STEEPEST]
+    if not len(folded):
+        return ()
+    names = ", ".join(map(str, grid.target[np.unique(grid.triangles[folded])]))
+    return (f"the wall is folded, or targets have crossed, among targets {names}",)
+
 
 OUTLYING = 60.0
 """Limit on χ² of three degrees of freedom that chance does not reach in ten thousand captures."""

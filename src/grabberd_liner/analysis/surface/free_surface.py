@@ -12,12 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.grid import Grid, NominalShape
+from grabberd_liner.analysis.surface.fitting import Posterior, fit_modes
 from grabberd_liner.analysis.surface.jets import ORDERS, Jets, index
-from grabberd_liner.analysis.surface.modes import FREE, Domain, Modes, modes
-from grabberd_liner.analysis.surface.nominal_shape import NominalShape
-from grabberd_liner.analysis.surface.posterior import Posterior, fit_modes
-from grabberd_liner.analysis.surface.smoothing import Departures, Smoothing, choose
+from grabberd_liner.analysis.surface.smoothing import (
+    FREE,
+    Departures,
+    Domain,
+    Modes,
+    Smoothing,
+    choose,
+    modes,
+)
 from grabberd_liner.analysis.surface.surface import Spread, Surface
 
 _OUTLYING = 40.0
@@ -182,8 +188,7 @@ def _across(
     """(N, 1) variance of the departure: noise across the surface, projected on the direction of departure."""
     slope = (normal * away).sum(axis=1)
     across = np.einsum("na,nab,nb->n", normal, covariance, normal)
-    variance: NDArray[np.float64] = (across / slope**2)[:, np.newaxis]
-    return variance
+    return (across / slope**2)[:, np.newaxis]
 
 
 def _without_outliers(
@@ -211,8 +216,7 @@ def _supported(
     seen[cell[0][kept], cell[1][kept]] = True
     around = np.pad(seen, 1, constant_values=True)
     alone = around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:]
-    supported: NDArray[np.bool_] = seen | alone
-    return supported
+    return seen | alone
 
 
 def _named(kept: NDArray[np.bool_]) -> tuple[str, ...]:

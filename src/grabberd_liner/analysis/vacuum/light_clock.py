@@ -1,14 +1,11 @@
-"""Offset and drift of a logger's clock from the camera's, from a light that both have seen.
+"""Offset and drift of a logger's clock from the camera's, from a light that both have seen: first the one
+offset at which both tell the same story, then their relation by every switching.
 
-A light in the camera's view goes on and off by a pattern that never repeats within the capture; the logger
-records its state beside the vacuum, each on its own clock. Of every switching the camera knows only between
-which two fields it was, the logger only between which two readings. So each one bounds the offset from both
-sides, by no more than a field and a reading apart, and because the pattern does not keep step with the
-fields, the bounds of many lie close together where all of them hold.
-
-A field is exposed for a while and counts as lit from some share of it on, which delays switching on and off
-in opposite ways; so does a logger's input. That asymmetry is an unknown beside offset and drift, and so is
-how far fields' times scatter.
+Of every switching the camera knows only between which two fields it was, the logger only between which two
+readings: each one bounds the offset from both sides. Because the pattern never repeats and does not keep
+step with the fields, the bounds of many lie close together where all hold. A field counts as lit from some
+share of its exposure on, which delays switching on and off in opposite ways; so does a logger's input. That
+asymmetry is an unknown beside offset and drift, and so is how far fields' times scatter.
 """
 
 from typing import NamedTuple
@@ -18,9 +15,101 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis.vacuum.light_signal import LightSignal, coarse_offset
 
 Array = NDArray[np.float64]
+
+_STEP_S = 5e-3
+"""Grid of the search over all offsets: several steps to each bit of the pattern."""
+_LEAST_AGREEMENT = 0.9
+_LEAST_LEAD = 0.08
+"""Agreement that the right offset has before every other one: of a pattern of chance, others have a half."""
+_LEAST_COVERED = 0.6
+"""Share of the capture that the logger must cover at an offset that is considered."""
+
+
+class LightSignal(NamedTuple):
+    """A light's state over time, as the camera's fields or a logger's readings tell it.
+
+    Attributes:
+        time_s: (K,) ascending; `lit`: (K,) True where it is on.
+    """
+
+    time_s: Array
+    lit: NDArray[np.bool_]
+
+
+def coarse_offset(camera: LightSignal, logger: LightSignal) -> tuple[float, float]:
+    """The only offset at which both tell the same story, to some milliseconds, and how well they agree.
+
+    Raises:
+        AnalysisError: There is none, or more than one.
+    """
+    grid = _on_grid(camera)
+    agreement = _agreement(grid, _on_grid(logger))
+    best = int(np.argmax(agreement))
+    lead = _lead(agreement, best)
+    if agreement[best] < _LEAST_AGREEMENT:
+        raise AnalysisError(
+            f"at no offset do camera and logger agree on the light: at best in {agreement[best]:.0%} of the"
+            " fields",
+            "give the log of this capture's own time, and look whether the light in the picture is the one"
+            " that the logger records",
+        )
+    if lead < _LEAST_LEAD:
+        raise AnalysisError(
+            "several offsets between camera and logger explain the light about equally well",
+            "drive the light by a pattern that does not repeat, or record for longer",
+        )
+    shift = best - (len(grid) - 1)
+    offset_s = camera.time_s[0] - logger.time_s[0] - shift * _STEP_S
+    return float(offset_s), float(agreement[best])
+
+
+def agreement_at_best(camera: LightSignal, logger: LightSignal) -> float:
+    """Share of the time in which both agree at the best of all offsets; half of it is chance."""
+    return float(_agreement(_on_grid(camera), _on_grid(logger)).max(initial=0.0))
+
+
+def _on_grid(signal: LightSignal) -> Array:
+    """States as ± 1 at equal steps from the first time on; 0 in gaps."""
+    count = int((signal.time_s[-1] - signal.time_s[0]) / _STEP_S) + 1
+    at_s = signal.time_s[0] + np.arange(count) * _STEP_S
+    following = np.clip(np.searchsorted(signal.time_s, at_s), 1, len(signal.time_s) - 1)
+    sooner = at_s - signal.time_s[following - 1] <= signal.time_s[following] - at_s
+    nearest = np.where(sooner, following - 1, following)
+    gap_s = max(_STEP_S, 1.5 * float(np.median(np.diff(signal.time_s))))
+    known = np.abs(signal.time_s[nearest] - at_s) <= gap_s
+    return np.where(known, np.where(signal.lit[nearest], 1.0, -1.0), 0.0)
+
+
+def _agreement(camera: Array, logger: Array) -> Array:
+    """(N,) share of the common time in which both agree, when the camera begins at each step of the logger.
+
+    0 where they have too little time in common.
+    """
+    common = _correlated(np.abs(camera), np.abs(logger))
+    least = _LEAST_COVERED * min(np.abs(camera).sum(), np.abs(logger).sum())
+    share = (_correlated(camera, logger) / np.maximum(common, 1.0) + 1) / 2
+    return np.where(common >= least, share, 0.0)
+
+
+def _correlated(first: Array, second: Array) -> Array:
+    """(N,) sums of products of `first` and `second`, from its last step over the other's first one on."""
+    size = 1 << (len(first) + len(second) - 2).bit_length()
+    product: Array = np.fft.irfft(np.fft.rfft(second, size) * np.conj(np.fft.rfft(first, size)), size)
+    return np.concatenate([product[size - (len(first) - 1) :], product[: len(second)]])
+
+
+def _lead(agreement: Array, best: int) -> float:
+    """Lead of the best offset over the best one beyond its own peak."""
+    left, right = best, best
+    while left > 0 and agreement[left - 1] <= agreement[left]:
+        left -= 1
+    while right < len(agreement) - 1 and agreement[right + 1] <= agreement[right]:
+        right += 1
+    others = np.concatenate([agreement[:left], agreement[right + 1 :]])
+    return float(agreement[best] - others.max(initial=0.0))
+
 
 LEAST_EDGES = 12
 """Switchings in each direction together, below which the offset is not determined to a millisecond."""
@@ -238,13 +327,11 @@ def _log_density(bounds: _Bounds, given_s: tuple[float, float, float], at: Array
 def _trapezoid(x: Array, first: float, second: float, scatter: float) -> Array:
     """(G,) density at x of the sum of numbers that are uniform up to `first` and `second`, and a normal."""
     if second < scatter / 10:  # the difference quotients below would cancel
-        blurred: Array = (ndtr((x - second / 2) / scatter) - ndtr((x - first - second / 2) / scatter)) / first
-        return blurred
+        return (ndtr((x - second / 2) / scatter) - ndtr((x - first - second / 2) / scatter)) / first
 
     def integral(y: Array) -> Array:
         z = y / scatter
-        grown: Array = scatter * (z * ndtr(z) + np.exp(-0.5 * z * z) / np.sqrt(2 * np.pi))
-        return grown
+        return scatter * (z * ndtr(z) + np.exp(-0.5 * z * z) / np.sqrt(2 * np.pi))
 
     high = integral(x) - integral(x - second) - integral(x - first) + integral(x - first - second)
     return np.maximum(high, 0.0) / (first * second)

@@ -1,4 +1,5 @@
-"""The vacuum on both sides of the wall at the fields' times: a constant, a pulsator's settings, or a log.
+"""The vacuum on both sides of the wall at the fields' times: a constant, a pulsator's settings, a log, or a
+channel that was recorded with the capture itself, on the clock of its fields.
 
 Vacuum is in kPa below atmosphere. Each source has a method `at(time_s)` that returns it with σ, at times of
 the camera's clock.
@@ -110,8 +111,7 @@ class PulsatorWave:
         corners = [-rise, self.a_s + rise, closes - fall, closes + self.c_s + fall, self.period_s - rise]
         since = np.mod(time_s - self.start_s, self.period_s)
         again = self.period_s + self.a_s + rise
-        kpa: Array = np.interp(since, [*corners, again], [0.0, full, full, 0.0, 0.0, full])
-        return kpa
+        return np.interp(since, [*corners, again], [0.0, full, full, 0.0, 0.0, full])
 
     def at(self, time_s: Array) -> Estimate:
         """(F,) the trapezoid, with σ from the vacuum's σ and, on the slopes, that of the start."""
@@ -185,5 +185,52 @@ class LoggedVacuum:
 
 def _slope(function: Callable[[Array], Array], time_s: Array, reach_s: float) -> Array:
     """(F,) mean slope within ± `reach_s`, per s."""
-    slope: Array = (function(time_s + reach_s) - function(time_s - reach_s)) / (2 * reach_s)
-    return slope
+    return (function(time_s + reach_s) - function(time_s - reach_s)) / (2 * reach_s)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChannelCurve:
+    """K readings of one channel.
+
+    Attributes:
+        name: Quantity that it is of.
+        time_s: (K,) when each was taken, from the capture's first field on, ascending.
+        kpa: (K,) vacuum below atmosphere.
+        sigma_kpa: σ of its calibration, common to all readings.
+        time_sigma_s: σ of its clock against that of the fields.
+        delay_sigma_s: the part of it that is the same for all readings of its logger.
+        logger: name of that logger.
+        origin: Where it comes from, for people.
+        remark: What to know before relying on its times, or None.
+    """
+
+    name: str
+    time_s: NDArray[np.float64]
+    kpa: NDArray[np.float64]
+    sigma_kpa: float
+    time_sigma_s: float
+    origin: str
+    remark: str | None = None
+    delay_sigma_s: float = 0.0
+    logger: str = ""
+
+    def log(self) -> VacuumLog:
+        """The readings in the form of a log.
+
+        Raises:
+            InputError: There are too few, or they are not vacuum in kPa.
+        """
+        return VacuumLog(self.time_s, self.kpa, channel=self.name)
+
+    def source(self, offset_s: float, sigma_kpa: float) -> LoggedVacuum:
+        """The vacuum at the fields' times.
+
+        Args:
+            offset_s: The camera's time less that of the readings.
+            sigma_kpa: σ of the calibration.
+
+        Raises:
+            InputError: As `log`.
+        """
+        log = self.log()
+        return LoggedVacuum(log, log.pulsation_kpa, offset_s, 0.0, sigma_kpa)

@@ -1,4 +1,9 @@
-"""The wall's material, an input without silent defaults."""
+"""The wall's material, an input without silent defaults: its values, the tension by its law, and its
+document, one material for the whole liner or one for each zone of rows.
+
+The state before mounting → (pre-tension, `Wall.along` and `Wall.across`) → the reference state, mounted →
+(measured) → the present one: the stretches compose, and the law sees them all at once.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -7,7 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.geometry import Reading
 from grabberd.errors import AnalysisError, InputError
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.wall.strain import determinant, inverse, trace
 
 Array = NDArray[np.float64]
 
@@ -204,8 +212,7 @@ def _zone_of(zones: Sequence[Zone], u_mm: Array) -> NDArray[np.intp]:
     _check(u_mm, inside.sum(axis=0) == 0, "no zone of the material")
     interior = np.array([(zone.first_u_mm < u_mm) & (u_mm < zone.last_u_mm) for zone in zones])
     _check(u_mm, interior.reshape(inside.shape).sum(axis=0) > 1, "more than one zone of the material")
-    chosen: NDArray[np.intp] = inside.argmax(axis=0)
-    return chosen
+    return inside.argmax(axis=0)
 
 
 def _check(u_mm: Array, wrong: NDArray[np.bool_], where: str) -> None:
@@ -247,3 +254,121 @@ def neo_hookean_stretch(load: float) -> float:
         last = stretch
         stretch -= (stretch**3 - load * stretch - 1) / (3 * stretch**2 - load)
     return last
+
+
+_UNIT = np.eye(2)
+
+
+def mixed_tension(first: Array, reference_first: Array, wall: Wall) -> Array:
+    """(..., 2, 2) T^α_β in N/mm."""
+    squared = total_stretch_squared(reference_first, wall) @ first
+    neo, linear = _neo_hookean(squared, wall), _linear(squared, wall)
+    return np.where(wall.neo_hookean[..., None, None], neo, linear)
+
+
+def total_stretch_squared(reference_first: Array, wall: Wall) -> Array:
+    """(..., 2, 2) contravariant components of B = F Fᵀ, from before mounting to the present state.
+
+    The pre-tension acts along the rows' coordinate u.
+    """
+    along = np.zeros_like(reference_first)
+    along[..., 0, 0] = 1 / reference_first[..., 0, 0]
+    across = inverse(reference_first) - along
+    return _tensor(wall.along) ** 2 * along + _tensor(wall.across) ** 2 * across
+
+
+def _neo_hookean(squared: Array, wall: Wall) -> Array:
+    """µ t λ3 (B − λ3² 1), with µ = E/3, t and the thickness stretch before B from the mounted wall."""
+    total = determinant(squared)
+    measured = np.sqrt(total) / (wall.along * wall.across)
+    scale = wall.E_mpa / 3 * wall.wall_mm / measured
+    return _tensor(scale) * (squared - _tensor(1 / total) * _UNIT)
+
+
+def _linear(squared: Array, wall: Wall) -> Array:
+    """E t / (1 − ν²) [(1 − ν) ε + ν tr ε 1] with ε = V − 1, V² = B; V by Cayley and Hamilton."""
+    root = np.sqrt(determinant(squared))
+    stretch = (squared + _tensor(root) * _UNIT) / _tensor(np.sqrt(trace(squared) + 2 * root))
+    strain = stretch - _UNIT
+    own, even = _tensor(1 - wall.poisson), _tensor(wall.poisson * trace(strain))
+    scale = wall.E_mpa * wall.wall_mm / (1 - wall.poisson**2)
+    return _tensor(scale) * (own * strain + even * _UNIT)
+
+
+def _tensor(scalar: Array) -> Array:
+    return np.asarray(scalar)[..., None, None]
+
+
+_KEYS = tuple(field.name for field in fields(Material))
+_ZONE_KEYS = ("rows", *_KEYS)
+_OPTIONAL_KEYS = tuple(
+    name for name in _KEYS if any(part in name for part in ("sigma", "end", "correlation"))
+)
+_DOCUMENT_HINT = "give the values of the very liner in the teatcup; none of them is assumed"
+
+
+class Part(NamedTuple):
+    """A material as a document gives it, for the first to the last of its rows; None: for all of them."""
+
+    rows: tuple[int, int] | None
+    material: Material
+
+
+def read_zones(document: Mapping[str, object], grid: Grid) -> tuple[Zone, ...]:
+    """The zones of a document on the grid of an object model, as `read_parts` takes it.
+
+    Raises:
+        InputError: See `read_parts`.
+    """
+    whole = 0, int(grid.row.max())
+    return tuple(Zone.of_rows(*(rows or whole), grid.u_pitch_mm, one) for rows, one in read_parts(document))
+
+
+def read_parts(document: Mapping[str, object]) -> tuple[Part, ...]:
+    """The materials of a document: the keys of `Material`, or `zones`, a list with the same keys and `rows`.
+
+    Args:
+        document: {E_mpa: …, wall_mm: …, …}, or {zones: [{rows: [first, last], E_mpa: …, …}, …]}, rows counted
+            from 0 as in the grid, both included.
+
+    Raises:
+        InputError: a key is missing, unknown or of a wrong type (all are named), or values are impossible.
+    """
+    reading = Reading("the wall's material")
+    if "zones" not in document:
+        material = _material(reading, document, "", _KEYS)
+        reading.finish(_DOCUMENT_HINT)
+        return (Part(None, Material(**material)),)  # type: ignore[arg-type]
+    reading.keys("", document, ("zones",))
+    entries = _entries(reading, document["zones"])
+    found = [_zone(reading, entry, f"zones[{at}].") for at, entry in enumerate(entries)]
+    reading.finish(_DOCUMENT_HINT)
+    return tuple(Part((first, last), Material(**material)) for first, last, material in found)  # type: ignore[arg-type]
+
+
+def _entries(reading: Reading, zones: object) -> list[Mapping[str, object]]:
+    if isinstance(zones, str) or not isinstance(zones, Sequence) or not zones:
+        reading.refuse("zones", zones, "a list of zones")
+        return []
+    wrong = [zone for zone in zones if not isinstance(zone, Mapping)]
+    for zone in wrong:
+        reading.refuse("zones", zone, f"a mapping of {', '.join(_ZONE_KEYS)}")
+    return [] if wrong else list(zones)
+
+
+def _zone(reading: Reading, entry: Mapping[str, object], where: str) -> tuple[int, int, dict[str, object]]:
+    first, last = reading.numbers(entry.get("rows"), where + "rows", (2,))
+    if not (0 <= first <= last and float(first).is_integer() and float(last).is_integer()):
+        reading.refuse(where + "rows", entry.get("rows"), "first and last row, counted from 0")
+    return int(first), int(last), _material(reading, entry, where, _ZONE_KEYS)
+
+
+def _material(
+    reading: Reading, entry: Mapping[str, object], where: str, known: Sequence[str]
+) -> dict[str, object]:
+    reading.keys(where, entry, known)
+    values: dict[str, object] = {"law": reading.text(entry, "law", where)}
+    for name in _KEYS:
+        if name != "law" and not (name in _OPTIONAL_KEYS and name not in entry):
+            values[name] = reading.number(entry, name, where)
+    return values

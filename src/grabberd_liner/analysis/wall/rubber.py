@@ -125,8 +125,7 @@ class RubberWall:
     def energy(self, forms: Forms) -> Array:
         """(N,) energy per unstressed area, N/mm."""
         layers = _Layers.of(self._rest, Invariants.of(forms))
-        energy: Array = self.shear_mpa / 2 * (self._rest.weights * layers.strain()).sum(axis=0)
-        return energy
+        return self.shear_mpa / 2 * (self._rest.weights * layers.strain()).sum(axis=0)
 
     def resultants(self, forms: Forms) -> Array:
         """(6, N) derivatives of the energy by a11, a22, a12, b11, b22, b12."""
@@ -134,8 +133,7 @@ class RubberWall:
         by_p, by_q, *by_invariants = (rest.weights * slope for slope in _Layers.of(rest, now).slopes())
         through_inverse = [(slope * rest.inverse).sum(axis=1) for slope in (by_p, by_q)]
         through_invariants = now.chained(*(slope.sum(axis=0) for slope in by_invariants))
-        resultants: Array = self.shear_mpa / 2 * (np.concatenate(through_inverse) + through_invariants)
-        return resultants
+        return self.shear_mpa / 2 * (np.concatenate(through_inverse) + through_invariants)
 
     def stiffness(self, forms: Forms) -> Array:
         """(6, 6, N) second derivatives of the energy, by complex steps of the first."""
@@ -223,8 +221,7 @@ class _Layers:
     def strain(self) -> Array:
         """(L, N) I₁ − 3, the sum of the squared principal stretches less three."""
         flat, bent = self.now.metric_shares(self.z)
-        strain: Array = self.p * flat + self.q * bent + self.thinning - 3
-        return strain
+        return self.p * flat + self.q * bent + self.thinning - 3
 
     def slopes(self) -> tuple[Array, ...]:
         """Derivatives (L, N) of that strain by P, Q, H, K and det a; depths follow the last three."""
@@ -250,8 +247,7 @@ def complex_step(function: Callable[[Any], Any], at: Array) -> Array:
         at: real arguments.
     """
     steps = 1j * _STEP * np.eye(len(at))[:, :, np.newaxis]
-    slopes: Array = np.stack([function(at + step).imag / _STEP for step in steps], axis=1)
-    return slopes
+    return np.stack([function(at + step).imag / _STEP for step in steps], axis=1)
 
 
 def _depth(volume: Array, now: Invariants) -> Array:
@@ -270,8 +266,7 @@ def _depth_slopes(depth: Array, volume: Array, now: Invariants) -> tuple[Array, 
 
 
 def _determinant(form: Array) -> Array:
-    determinant: Array = form[0] * form[1] - form[2] ** 2
-    return determinant
+    return form[0] * form[1] - form[2] ** 2
 
 
 def _cofactors(form: Array) -> Array:

@@ -79,8 +79,7 @@ class Geometry:
 
     def director(self) -> Array:
         """(N, 3) unit normal of the sheared wall, to first order in the shear."""
-        tilted: Array = self.normal + np.einsum("an,ani->ni", self.slope, self.dual)
-        return tilted
+        return self.normal + np.einsum("an,ani->ni", self.slope, self.dual)
 
     def forms_by_values(self) -> Array:
         """(6, N, 5, 4) derivatives of the forms by the five derivatives of x, y, z, s."""
@@ -96,8 +95,7 @@ class Geometry:
 
     def normal_by_tangents(self) -> Array:
         """(N, 3, 2, 3) derivatives of the normal by the tangents."""
-        turned: Array = -np.einsum("lni,nj->nilj", self.dual, self.normal)
-        return turned
+        return -np.einsum("lni,nj->nilj", self.dual, self.normal)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,8 +132,7 @@ class Work(NamedTuple):
     def unbalanced(self, load: Load) -> Array:
         """(N, 6, 4) work of a load less that of the stress."""
         loaded = self.units.reshape(-1, _SIZE, UNIT_LOADS) @ load.by_units()[..., np.newaxis]
-        unbalanced: Array = loaded.reshape(self.resistance.shape) - self.resistance
-        return unbalanced
+        return loaded.reshape(self.resistance.shape) - self.resistance
 
 
 class Shell:
@@ -317,5 +314,4 @@ def _cross(one: Array, other: Array) -> Array:
 
 
 def _dot(one: Array, other: Array) -> Array:
-    product: Array = np.einsum("...i,...i->...", one, other)
-    return product
+    return np.einsum("...i,...i->...", one, other)

@@ -53,8 +53,7 @@ class SplineAxis:
     def greville(self) -> Array:
         """(count,) positions of the control points."""
         shifted = np.stack([self.knots[1 + i : 1 + i + self.count] for i in range(DEGREE)])
-        positions: Array = shifted.mean(axis=0)
-        return positions
+        return shifted.mean(axis=0)
 
     def gauss(self, points: int) -> tuple[Array, Array]:
         """(Q,) positions and weights of the quadrature with that many points per interval."""
@@ -68,16 +67,14 @@ class SplineAxis:
         """(N,) index of the first of the four control points that matter at each position."""
         step = self.knots[DEGREE + 1] - self.knots[DEGREE]
         interval = np.floor((at - self.knots[0]) / step)
-        first: Indices = np.clip(interval, 0, self.count - DEGREE - 1).astype(np.intp)
-        return first
+        return np.clip(interval, 0, self.count - DEGREE - 1).astype(np.intp)
 
     def local(self, at: Array) -> Array:
         """(3, N, 4) values, first and second derivatives of the four splines at each position."""
         first = self.first(at)
         offset = at - self.knots[first + DEGREE]
         powers = np.stack([np.ones_like(offset), offset, offset**2, offset**3])
-        local: Array = np.einsum("pn,npds->dns", powers, _pieces(self.knots.tobytes())[first])
-        return local
+        return np.einsum("pn,npds->dns", powers, _pieces(self.knots.tobytes())[first])
 
 
 @lru_cache(maxsize=16)
@@ -111,18 +108,15 @@ class Basis:
 
     def of(self, control: Array, derivative: int = 0) -> Array:
         """(N, …) value or derivative of a field with control values (K,) or (K, M)."""
-        at: Array = self.matrices[derivative] @ control
-        return at
+        return self.matrices[derivative] @ control
 
     def derivatives(self, control: Array) -> Array:
         """(5, N, M) the derivatives of fields with control values (K, M)."""
-        values: Array = (self._derivatives @ control).reshape(len(DERIVATIVES) - 1, len(self.members), -1)
-        return values
+        return (self._derivatives @ control).reshape(len(DERIVATIVES) - 1, len(self.members), -1)
 
     @cached_property
     def _derivatives(self) -> sparse.csr_matrix:
-        stacked: sparse.csr_matrix = sparse.vstack(self.matrices[1:], format="csr")
-        return stacked
+        return sparse.vstack(self.matrices[1:], format="csr")
 
     def by_control(self, by_values: Array) -> sparse.csr_matrix:
         """(N Q, 4 K) derivatives of Q quantities at each point by control values.

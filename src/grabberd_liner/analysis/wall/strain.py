@@ -1,8 +1,11 @@
-"""Strain of the material between two states of the wall; rigid motion causes none.
+"""Fundamental forms of the wall's outer face and of its middle surface, from jets, and the strain between
+two states.
 
-The targets sit on the outer face, the membrane is the middle surface: bending alone strains the outer face by
-as much as the effect sought (10 % for a liner of R 12.5 mm and wall 2.5 mm that is pressed flat). So tension
-is computed from the strain of the middle surface.
+Tensors are (..., 2, 2) components in the material coordinates (u, v), in mm. The normal points outward, out
+of the liner, and a curvature is positive if its centre lies inside: a cylinder of outer radius R has 1/R on
+its outer face and 1/(R − h) at the depth h. Bending alone strains the outer face, where the targets sit, by
+as much as the effect sought (10 % if a liner of R 12.5 mm and wall 2.5 mm is pressed flat), so tension comes
+from the middle surface. Strain of triangles and edges between targets needs no model.
 """
 
 from typing import NamedTuple
@@ -10,10 +13,136 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd_liner.analysis.surface.jets import Jets
-from grabberd_liner.analysis.wall.forms import Principal, inverse, outer_forms, symmetric_eigen
+from grabberd.core.reconstruction import Points
+from grabberd.errors import AnalysisError
+from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.surface.jets import Jets, index
 
 Array = NDArray[np.float64]
+
+
+class Forms(NamedTuple):
+    """First and second fundamental form of a surface at some places.
+
+    Attributes:
+        tangents: (..., 2, 3) ∂X/∂u and ∂X/∂v, in the object's frame.
+        normal: (..., 3) unit normal, outward, in the object's frame.
+        first: (..., 2, 2) covariant components.
+        second_per_mm: (..., 2, 2) covariant components, 1/mm.
+    """
+
+    tangents: Array
+    normal: Array
+    first: Array
+    second_per_mm: Array
+
+
+class Principal(NamedTuple):
+    """Principal values and directions of a symmetric tensor of a surface.
+
+    Attributes:
+        values: (..., 2) the greater one first, in the tensor's unit.
+        directions: (..., 2, 3) unit vectors in the object's frame; where both values are equal, any pair.
+    """
+
+    values: Array
+    directions: Array
+
+
+def outer_forms(jets: Jets, outward: float = 1.0) -> Forms:
+    """The forms of the face that the jets belong to.
+
+    Args:
+        jets: (..., 15, 3).
+        outward: 1.0 where X_u × X_v points outward, −1.0 where inward (`Grid.outward`).
+    """
+    tangents = jets[..., [index(1, 0), index(0, 1)], :]
+    normal = outward * np.cross(tangents[..., 0, :], tangents[..., 1, :])
+    normal = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+    seconds = jets[..., [index(2, 0), index(1, 1), index(1, 1), index(0, 2)], :]
+    second = -(seconds @ normal[..., None])[..., 0]
+    first = tangents @ np.swapaxes(tangents, -1, -2)
+    return Forms(tangents, normal, first, second.reshape(first.shape))
+
+
+def middle_forms(jets: Jets, depth_mm: float | Array, outward: float = 1.0) -> Forms:
+    """The forms of the parallel surface at a depth below the face: I − 2h II + h² III and II − h III.
+
+    Exact: a parallel surface shares the face's normals, so nothing has to be fitted again.
+
+    Args:
+        jets: (..., 15, 3) of the outer (target) face.
+        depth_mm: (...) from the face inward; half the wall and the target's thickness for the middle surface.
+        outward: as in `outer_forms`.
+    """
+    outer = outer_forms(jets, outward)
+    depth = np.asarray(depth_mm, np.float64)[..., None, None]
+    curvature = mixed(outer.first, outer.second_per_mm)
+    third = outer.second_per_mm @ curvature
+    return Forms(
+        tangents=outer.tangents - depth * np.swapaxes(curvature, -1, -2) @ outer.tangents,
+        normal=outer.normal,
+        first=outer.first - 2 * depth * outer.second_per_mm + depth**2 * third,
+        second_per_mm=outer.second_per_mm - depth * third,
+    )
+
+
+def inverse(tensor: Array) -> Array:
+    """The inverses of 2 × 2 matrices (..., 2, 2)."""
+    a, b, c, d = (tensor[..., i, j] for i in (0, 1) for j in (0, 1))
+    adjugate = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2)
+    return adjugate / determinant(tensor)[..., None, None]
+
+
+def determinant(tensor: Array) -> Array:
+    """(...) the determinants of 2 × 2 matrices (..., 2, 2)."""
+    return tensor[..., 0, 0] * tensor[..., 1, 1] - tensor[..., 0, 1] * tensor[..., 1, 0]
+
+
+def trace(tensor: Array) -> Array:
+    """(...) the traces of 2 × 2 matrices (..., 2, 2)."""
+    return tensor[..., 0, 0] + tensor[..., 1, 1]
+
+
+def mixed(first: Array, covariant: Array) -> Array:
+    """(..., 2, 2) the mixed components g^αγ B_γβ of a tensor."""
+    return inverse(first) @ covariant
+
+
+def principal(forms: Forms, mixed_components: Array) -> Principal:
+    """Principal values and directions of a symmetric tensor given by its mixed components (..., 2, 2)."""
+    along = forms.tangents[..., 0, :] / np.sqrt(forms.first[..., 0, 0])[..., None]
+    frame = np.stack([along, np.cross(forms.normal, along)], axis=-2)
+    to_frame = forms.tangents @ np.swapaxes(frame, -1, -2)
+    tensor = inverse(to_frame) @ np.swapaxes(mixed_components, -1, -2) @ to_frame
+    values, angle = symmetric_eigen(tensor)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    rotation = np.stack([np.stack([cosine, sine], axis=-1), np.stack([-sine, cosine], axis=-1)], axis=-2)
+    return Principal(values, rotation @ frame)
+
+
+def principal_values(mixed_components: Array) -> Array:
+    """(..., 2) the principal values alone, the greater first: many times faster than with directions."""
+    middle = trace(mixed_components) / 2
+    half = (mixed_components[..., 0, 0] - mixed_components[..., 1, 1]) / 2
+    square = half**2 + mixed_components[..., 0, 1] * mixed_components[..., 1, 0]
+    radius = np.sqrt(np.maximum(square, 0.0))
+    return np.stack([middle + radius, middle - radius], axis=-1)
+
+
+def symmetric_eigen(tensor: Array) -> tuple[Array, Array]:
+    """Eigenvalues (..., 2) of symmetric 2 × 2 matrices, the greater first, and the angle of its axis."""
+    middle = trace(tensor) / 2
+    half = (tensor[..., 0, 0] - tensor[..., 1, 1]) / 2
+    off = (tensor[..., 0, 1] + tensor[..., 1, 0]) / 2
+    radius = np.hypot(half, off)
+    return np.stack([middle + radius, middle - radius], axis=-1), np.arctan2(off, half) / 2
+
+
+def curvature_per_m(forms: Forms) -> Principal:
+    """Principal curvatures κ1 ≥ κ2 in 1/m, positive with the centre inside, and their directions."""
+    return principal(forms, 1e3 * mixed(forms.first, forms.second_per_mm))
 
 
 class Strain(NamedTuple):
@@ -33,8 +162,7 @@ class Strain(NamedTuple):
     @property
     def thickness(self) -> Array:
         """(...) stretch λ3 = 1 / (λ1 λ2) of the thickness, of a wall that keeps its volume."""
-        result: Array = 1 / self.stretch.values.prod(axis=-1)
-        return result
+        return 1 / self.stretch.values.prod(axis=-1)
 
 
 def strain(tangents: Array, reference_tangents: Array) -> Strain:
@@ -62,3 +190,131 @@ def _basis(metric: Array) -> Array:
     across = np.sqrt(metric[..., 1, 1] - skew**2)
     zero = np.zeros_like(along)
     return inverse(np.stack([np.stack([along, zero], axis=-1), np.stack([skew, across], axis=-1)], axis=-2))
+
+
+class Places(NamedTuple):
+    """Positions of the N targets of a grid in one state.
+
+    Attributes:
+        xyz_mm: (N, 3), NaN where a target was not measured.
+        covariance_mm2: (N, 3, 3) of each, independent of the others; 0 for given, not measured positions.
+    """
+
+    xyz_mm: Array
+    covariance_mm2: Array
+
+
+class TriangleStrain(NamedTuple):
+    """Strain of K triangles of targets.
+
+    Attributes:
+        triangle: (K,) indices of `Grid.triangles`; those with a target missing in either state are left out.
+        strain: E, principal stretches and directions.
+        stretch: (K, 2) principal stretches with σ.
+        thickness: (K,) 1 / (λ1 λ2) with σ.
+    """
+
+    triangle: NDArray[np.intp]
+    strain: Strain
+    stretch: Estimate
+    thickness: Estimate
+
+
+class EdgeStrain(NamedTuple):
+    """Strain of K edges, the sides between targets next to each other on the grid.
+
+    Attributes:
+        edge: (K, 2) indices of the targets; those missing in either state are left out.
+        stretch: (K,) length relative to that in the reference state, with σ.
+    """
+
+    edge: NDArray[np.intp]
+    stretch: Estimate
+
+
+def outer_places(grid: Grid, points: Points) -> Places:
+    """The targets of a field as measured."""
+    where = grid.indices(points.target)
+    xyz, covariance = np.full((len(grid), 3), np.nan), np.zeros((len(grid), 3, 3))
+    xyz[where], covariance[where] = points.xyz_mm, points.covariance_mm2
+    return Places(xyz, covariance)
+
+
+def nominal_places(grid: Grid) -> Places:
+    """The targets of the object model."""
+    return Places(grid.nominal_mm, np.zeros((len(grid), 3, 3)))
+
+
+def triangle_strain(grid: Grid, places: Places, reference: Places) -> TriangleStrain:
+    """The strain of the triangles: F = [s1 s2][d1 d2]⁻¹, E = (FᵀF − 1)/2.
+
+    Raises:
+        AnalysisError: no triangle is whole in both.
+    """
+    chosen = _whole(grid.triangles, places, reference)
+    corners = grid.triangles[chosen]
+    now, then = _sides(places.xyz_mm[corners]), _sides(reference.xyz_mm[corners])
+    result = strain(now, then)
+    stretches, shares = result.stretch.values, result.components
+    # A unit vector along a principal direction is Σ c d of the sides d before, and λ n = Σ c s of those now.
+    own = shares[..., np.newaxis] * result.stretch.directions[:, :, np.newaxis]
+    other = -(stretches[..., np.newaxis] * shares)[..., np.newaxis] * (shares @ then)[:, :, np.newaxis]
+    variance = _variance(own, stretches, places.covariance_mm2[corners])
+    variance = variance + _variance(other, stretches, reference.covariance_mm2[corners])
+    sigma = np.sqrt(variance)
+    return TriangleStrain(
+        chosen, result, Estimate(stretches, sigma[:, :2]), Estimate(result.thickness, sigma[:, 2])
+    )
+
+
+def edge_strain(grid: Grid, places: Places, reference: Places) -> EdgeStrain:
+    """The stretch of the edges.
+
+    Raises:
+        AnalysisError: no edge is whole in both.
+    """
+    pairs = grid.pairs()
+    edges = pairs[_whole(pairs, places, reference)]
+    lengths, variances = zip(*(_length(state, edges) for state in (places, reference)), strict=True)
+    stretch = lengths[0] / lengths[1]
+    sigma = stretch * np.sqrt(variances[0] / lengths[0] ** 2 + variances[1] / lengths[1] ** 2)
+    return EdgeStrain(edges, Estimate(stretch, sigma))
+
+
+def _length(places: Places, edges: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Lengths and their variances."""
+    side = places.xyz_mm[edges[:, 1]] - places.xyz_mm[edges[:, 0]]
+    length = np.linalg.norm(side, axis=1)
+    unit = side / length[:, None]
+    ends = places.covariance_mm2[edges].sum(axis=1)
+    return length, ((ends @ unit[..., np.newaxis])[..., 0] * unit).sum(axis=1)
+
+
+def _whole(parts: NDArray[np.intp], places: Places, reference: Places) -> NDArray[np.intp]:
+    there = np.isfinite(np.linalg.norm(places.xyz_mm + reference.xyz_mm, axis=1))
+    whole = np.flatnonzero(there[parts].all(axis=1))
+    if not len(whole):
+        raise AnalysisError(
+            f"field and reference state share {there.sum()} targets, none of them next to each other",
+            "choose a reference in which the targets of the field were measured too",
+        )
+    return whole
+
+
+def _sides(corners: Array) -> Array:
+    return corners[..., 1:, :] - corners[..., :1, :]
+
+
+def _variance(by_sides: Array, stretches: Array, covariance_mm2: Array) -> Array:
+    """(K, 3) variances of both stretches and of the thickness.
+
+    Args:
+        by_sides: (K, 2, 2, 3) derivatives of the stretches (K, 2) by the sides.
+        stretches: (K, 2) themselves.
+        covariance_mm2: (K, 3, 3, 3) of each corner.
+    """
+    thinned = -(by_sides / stretches[..., np.newaxis, np.newaxis]).sum(axis=1, keepdims=True)
+    slopes = np.concatenate([by_sides, thinned / stretches.prod(axis=1)[:, None, None, None]], axis=1)
+    by_corners = np.concatenate([-slopes.sum(axis=2, keepdims=True), slopes], axis=2)
+    apart = by_corners.transpose(0, 2, 1, 3)  # [triangle, corner, quantity, axis]
+    return ((apart @ covariance_mm2) * apart).sum(axis=(1, 3))

@@ -34,16 +34,14 @@ from grabberd_liner.analysis import (
     variation,
     wall_phases,
 )
-from grabberd_liner.analysis.surface.nominal_shape import NominalShape
+from grabberd_liner.analysis.grid import NominalShape
 from grabberd_liner.chain.analysis.empty_liner import EmptyLiner, empty_liner
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.inputs import AnalysisInputs, Reference
 from grabberd_liner.chain.analysis.problems import Problems
-from grabberd_liner.chain.analysis.question import Question
-from grabberd_liner.chain.analysis.smoothings import Smoothings
 from grabberd_liner.chain.analysis.vacuum_inputs import Vacuum, needs_pulsation, read_vacuum
-from grabberd_liner.chain.analysis.wall_series import WallSeries
-from grabberd_liner.chain.analysis.wall_state import WallState
+from grabberd_liner.chain.analysis.wall_series import Smoothings, WallSeries
+from grabberd_liner.chain.analysis.wall_state import Question, WallState
 from grabberd_liner.chain.light_clock import FoundLight
 
 Array = NDArray[np.float64]

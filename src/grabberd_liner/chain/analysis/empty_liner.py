@@ -22,8 +22,8 @@ from grabberd_liner.analysis import (
     collapse,
     liner_values,
 )
-from grabberd_liner.analysis.load.ramp.ramp_quantities import COLLAPSE, VALUES
-from grabberd_liner.analysis.quantity import Finding
+from grabberd_liner.analysis.estimate import Finding
+from grabberd_liner.analysis.load.empty_ramp import COLLAPSE, VALUES
 from grabberd_liner.chain.analysis.inputs import CHANNEL, AnalysisInputs, missing
 from grabberd_liner.chain.analysis.vacuum_inputs import channel_sigma_kpa, recorded_channel
 

@@ -30,7 +30,7 @@ import numpy as np
 from grabberd.core.geometry import Reading
 from grabberd.errors import InputError
 from grabberd_liner.analysis import UNSEEN, Estimate, Grid, Plane, Zone, read_zones, symmetry_plane
-from grabberd_liner.analysis.vacuum.channel_curve import ChannelCurve
+from grabberd_liner.analysis.vacuum.vacuum import ChannelCurve
 
 KEYS = (
     "reference",

@@ -7,16 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd_liner.analysis import Estimate, PhaseAverage
-from grabberd_liner.analysis.load.compression.liner_compression import QUANTITIES, liner_compression
-from grabberd_liner.analysis.load.ramp.ramp_quantities import ramp_quantities
+from grabberd_liner.analysis.estimate import Finding
+from grabberd_liner.analysis.load.empty_ramp import ramp_quantities
+from grabberd_liner.analysis.load.liner_compression import QUANTITIES, liner_compression
 from grabberd_liner.analysis.pulsation.pulsation_quantities import (
+    NO_CURVE,
     lag_quantities,
     movement_quantities,
+    pulsator_limits,
     vacuum_quantities,
     wall_quantities,
 )
-from grabberd_liner.analysis.pulsation.pulsator_limits import NO_CURVE, pulsator_limits
-from grabberd_liner.analysis.quantity import Finding
 from grabberd_liner.chain.analysis.analyse import Analysis
 
 _NO_CYCLE = "there is no mean cycle"

@@ -10,8 +10,13 @@ from numpy.typing import NDArray
 from grabberd.core.geometry import Reading
 from grabberd.errors import AnalysisError, InputError
 from grabberd_liner.analysis import ChamberVacuum, Phases, Pulsation, iso_phases
-from grabberd_liner.analysis.vacuum.channel_curve import ChannelCurve
-from grabberd_liner.analysis.vacuum.vacuum import ConstantVacuum, LoggedVacuum, PulsatorWave, VacuumSource
+from grabberd_liner.analysis.vacuum.vacuum import (
+    ChannelCurve,
+    ConstantVacuum,
+    LoggedVacuum,
+    PulsatorWave,
+    VacuumSource,
+)
 from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog, read_vacuum_log
 from grabberd_liner.analysis.vacuum.vacuum_offset import Offset, WallLag, find_offset
 from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHANNEL, missing
@@ -69,8 +74,7 @@ class Vacuum(NamedTuple):
         reach_s = max(self.time_sigma_s, _SLOPE_S)
         # Clipped to the fields' span, since a log need not reach beyond it.
         ahead, behind = (np.clip(time_s + way * reach_s, time_s.min(), time_s.max()) for way in (1, -1))
-        slope: Array = (source.at(ahead).value - source.at(behind).value) / np.maximum(ahead - behind, 1e-9)
-        return slope
+        return (source.at(ahead).value - source.at(behind).value) / np.maximum(ahead - behind, 1e-9)
 
 
 def read_vacuum(

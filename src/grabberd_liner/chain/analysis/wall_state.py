@@ -1,6 +1,9 @@
-"""State of the wall at one field or phase, computed from its points (paper 3.8)."""
+"""State of the wall at one field or phase, computed from its points (paper 3.8), and the question it
+answers: what an analysis asks of every field of a capture.
+"""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -14,28 +17,97 @@ from grabberd_liner.analysis import (
     Estimate,
     Face,
     Forms,
+    Grid,
+    Height,
     Jets,
     MiddleSurface,
+    Places,
+    Plane,
     PressureMap,
     Section,
     Smoothing,
     Surface,
+    Tube,
+    Zone,
+    edge_strain,
     fit_surface,
     middle_forms,
     outer_forms,
+    outer_places,
     propagate,
     sections,
     surface_area,
+    triangle_strain,
     volume_mm3,
     wall_at,
 )
-from grabberd_liner.analysis.wall.forms import mixed, principal_values
-from grabberd_liner.analysis.wall.material import VARIED, Wall, varied
-from grabberd_liner.analysis.wall.tension import mixed_tension
-from grabberd_liner.chain.analysis.question import Question
-from grabberd_liner.chain.analysis.target_strains import TargetStrains, target_strains
+from grabberd_liner.analysis.wall.material import VARIED, Wall, mixed_tension, varied
+from grabberd_liner.analysis.wall.strain import mixed, principal_values
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Question:
+    """Quantities to compute for every field of a capture.
+
+    Attributes:
+        grid: target grid of the object model; results are evaluated at its targets.
+        heights_mm: heights of the sections, x in the object's frame.
+        plane: origin of widths if the targets do not go all the way round.
+        reference: reference state of the strain: measured, or jets (N, 15, 3) taken as exact.
+        reference_places: targets in that state; None without one.
+        zones: the wall's material; empty if unknown.
+        over: base shape of surfaces whose targets differ from field to field; results are then evaluated at
+            positions fixed in space, the nominal ones, without reference and zones.
+    """
+
+    grid: Grid
+    heights_mm: tuple[float, ...] = ()
+    plane: Plane | None = None
+    reference: Surface | Jets | None = None
+    reference_places: Places | None = None
+    zones: tuple[Zone, ...] = ()
+    over: Tube | Height | None = None
+
+    @property
+    def places(self) -> tuple[Array, Array]:
+        """u_mm and v_mm of the targets, (N,) each."""
+        return self.over.material(self.grid.nominal_mm) if self.over else (self.grid.u_mm, self.grid.v_mm)
+
+    @property
+    def outward(self) -> float:
+        """1 if X_u × X_v points outward, −1 if inward; outward over a tube or a plane."""
+        return 1.0 if self.over else self.grid.outward
+
+
+class TargetStrains(NamedTuple):
+    """Stretches of triangles of neighbouring targets, and of the edges between two; no more is kept.
+
+    Attributes:
+        triangle: (K,) indices of `Grid.triangles`; `triangle_stretch`: (K, 2) principal ones.
+        edge: (E, 2) indices of the targets; `edge_stretch`: (E,).
+    """
+
+    triangle: NDArray[np.intp]
+    triangle_stretch: Estimate
+    edge: NDArray[np.intp]
+    edge_stretch: Estimate
+
+
+def target_strains(points: Points, question: Question) -> TargetStrains | None:
+    """The strains; None without a reference state, or if no target is seen in both states."""
+    if question.reference_places is None:
+        return None
+    grid, reference = question.grid, question.reference_places
+    places = outer_places(grid, points)
+    try:
+        triangles, edges = triangle_strain(grid, places, reference), edge_strain(grid, places, reference)
+    except AnalysisError:
+        return None
+    return TargetStrains(triangles.triangle, triangles.stretch, edges.edge, edges.stretch)
+
+
 OfJets = Callable[[Jets, Jets | None], Array]
 
 EQUILIBRIUM, SMOOTH = "equilibrium", "smooth"

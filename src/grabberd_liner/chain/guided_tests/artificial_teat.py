@@ -6,11 +6,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grabberd_liner.analysis.quantity import Finding, Quantity
-from grabberd_liner.analysis.study.observations import observations
-from grabberd_liner.analysis.study.trend import Line, straight_line
-from grabberd_liner.chain.guided_tests.check import Check, Question
-from grabberd_liner.chain.guided_tests.outcome import LINE, POINTS, Array, Curve, Evidence, Outcome, estimate
+from grabberd_liner.analysis.comparison import Line, straight_line
+from grabberd_liner.analysis.estimate import Finding, Quantity
+from grabberd_liner.analysis.mixed_model import observations
+from grabberd_liner.chain.guided_tests.outcome import (
+    LINE,
+    POINTS,
+    Array,
+    Check,
+    Curve,
+    Evidence,
+    Outcome,
+    Question,
+    estimate,
+)
 from grabberd_liner.chain.guided_tests.recipes import KNOWN_KPA, KNOWN_SIGMA_KPA
 
 _SLOPE, _OFFSET_KPA = 0.10, 0.5

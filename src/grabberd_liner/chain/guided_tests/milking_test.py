@@ -6,9 +6,21 @@ from collections.abc import Iterator
 import numpy as np
 
 from grabberd_liner.analysis.load.load_fit import MISFIT_ALARM
-from grabberd_liner.chain.guided_tests.check import FAILED, NOT_CERTAIN, NOT_CHECKED, PASSED, Check, Question
-from grabberd_liner.chain.guided_tests.findings import findings_of
-from grabberd_liner.chain.guided_tests.outcome import LINE, Curve, Evidence, Offer, Outcome, exact
+from grabberd_liner.chain.guided_tests.outcome import (
+    FAILED,
+    LINE,
+    NOT_CERTAIN,
+    NOT_CHECKED,
+    PASSED,
+    Check,
+    Curve,
+    Evidence,
+    Offer,
+    Outcome,
+    Question,
+    exact,
+    findings_of,
+)
 
 _LEAST_CYCLES = 5.0
 _LEAST_COLUMNS = 4

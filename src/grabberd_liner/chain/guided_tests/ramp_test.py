@@ -9,21 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd_liner.analysis import Estimate
+from grabberd_liner.analysis.load.empty_ramp import LAW_SIGMA
 from grabberd_liner.analysis.load.load_fit import MISFIT_ALARM
-from grabberd_liner.analysis.load.ramp.empty_ramp import LAW_SIGMA
-from grabberd_liner.chain.analysis.profile import Profile
-from grabberd_liner.chain.guided_tests.check import Check, Question
-from grabberd_liner.chain.guided_tests.findings import findings_of
+from grabberd_liner.chain.analysis.profile_inputs import Profile
 from grabberd_liner.chain.guided_tests.outcome import (
     LINE,
     MARK,
     Array,
+    Check,
     Curve,
     Evidence,
     Offer,
     Outcome,
+    Question,
     estimate,
     exact,
+    findings_of,
 )
 
 _OPEN_KPA = 2.0

@@ -1,18 +1,177 @@
-"""The study: each quantity by itself, over the captures that have it."""
+"""A study: the captures that it takes, its question, that is what is compared with what and over what, and
+each quantity by itself over the captures that have it.
+"""
 
 import math
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from datetime import datetime
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import InputError
-from grabberd_liner.analysis.study.comparison import Comparison, compare
-from grabberd_liner.analysis.study.observations import Levels, Observations, levels_of, observations
-from grabberd_liner.analysis.study.trend import Trend, trend
-from grabberd_liner.chain.study.studied import ALL, DATE, LeftOut, Meaning, Studied, natural
-from grabberd_liner.chain.study.study_question import StudyQuestion, placed
+from grabberd_liner.analysis.comparison import Comparison, Trend, compare, trend
+from grabberd_liner.analysis.mixed_model import Levels, Observations, levels_of, observations
+
+DEVICE, DATE, ID, VERDICT = "device", "date", "id", "verdict"
+"""Names of what a capture has beside its labels."""
+ALL = "all"
+"""The only group of a study without groups."""
+
+
+class Found(NamedTuple):
+    """A quantity in an analysis.
+
+    Attributes:
+        unit: "1" for a ratio.
+        value: in that unit; NaN if nothing was found.
+        sigma: one standard deviation; NaN if it is not known.
+        common: part of it that captures of the same liner share; None if the analysis does not tell.
+        reason: why nothing was found.
+    """
+
+    unit: str
+    value: float
+    sigma: float
+    common: float | None
+    reason: str
+
+
+NOTHING = Found("", math.nan, math.nan, None, "")
+
+
+class Meaning(NamedTuple):
+    """Title and definition of a quantity; empty if the analysis does not tell."""
+
+    title: str
+    definition: str
+
+
+class Studied(NamedTuple):
+    """A capture with its newest analysis.
+
+    Attributes:
+        id: of the capture.
+        captured_utc: its start.
+        device: name of its device; empty if that is not known.
+        verdict: complete or incomplete; empty if that is not known.
+        labels: those it has today, or those of its analysis.
+        liner: the liner it was analysed for: a version of its profile, its label, or its material; captures
+            of the same liner share the common part of σ. Empty if nothing tells.
+        analysis: number of the analysis, or the folder that it is in.
+        analysed_utc: when it was made.
+        found: the quantities by name, in their order.
+        meanings: of them, where they are known.
+    """
+
+    id: str
+    captured_utc: str
+    device: str
+    verdict: str
+    labels: Mapping[str, str]
+    liner: str
+    analysis: str
+    analysed_utc: str
+    found: Mapping[str, Found]
+    meanings: Mapping[str, Meaning]
+
+    def value_of(self, key: str) -> str:
+        """Value of a capture under a name: its device, day, id, verdict or a label; empty if it has none."""
+        known = {
+            DEVICE: self.device,
+            DATE: self.captured_utc[:10],
+            ID: self.id,
+            VERDICT: self.verdict,
+        }
+        return known[key] if key in known else self.labels.get(key, "")
+
+
+def unanalysed(
+    capture_id: str, captured_utc: str, device: str, verdict: str = "", *, labels: Mapping[str, str]
+) -> Studied:
+    """A capture before anything is known of its analysis."""
+    return Studied(capture_id, captured_utc, device, verdict, labels, "", "", "", {}, {})
+
+
+class LeftOut(NamedTuple):
+    """A capture that a study does without, or one of its quantities, and why."""
+
+    capture: str
+    quantity: str
+    reason: str
+
+
+def natural(names: Iterable[str]) -> list[str]:
+    """Names in the order in which people count: 2 before 10."""
+    return sorted(set(names), key=_parts)
+
+
+def _parts(name: str) -> list[tuple[int, int, str]]:
+    parts = re.split(r"(\d+)", name)
+    return [(0, int(part), part) if part.isdecimal() else (1, 0, part.casefold()) for part in parts if part]
+
+
+_DAY_S = 86_400.0
+_FARTHEST = 1e9
+"""Numbers of labels beyond are no milkings, days, or anything else that was counted or measured."""
+
+
+class StudyQuestion(NamedTuple):
+    """The question.
+
+    Attributes:
+        by: what makes groups: a label, device or date; None: all captures are one group.
+        within: what has several groups, so that they are compared within it.
+        unit: what counts as one independent replicate; None: a capture, or with `within` that in its group.
+        over: what the trend runs over: a label with numbers, or date; None: no trend.
+        quantities: names of the wanted ones; empty: all.
+    """
+
+    by: str | None = None
+    within: str | None = None
+    unit: str | None = None
+    over: str | None = None
+    quantities: Sequence[str] = ()
+
+    @property
+    def over_unit(self) -> str:
+        """Unit that a slope is per; empty without a trend."""
+        if self.over == DATE:
+            return "d"
+        return "milking" if self.over == "milkings" else self.over or ""
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """Names of what every capture needs to take part."""
+        return tuple(one for one in (self.by, self.within, self.unit) if one is not None and one != ID)
+
+    def place(self, capture: Studied) -> float:
+        """Place of a capture on the axis of the trend, days from 1970 on; NaN if nothing tells."""
+        if self.over is None:
+            return math.nan
+        if self.over == DATE:
+            return datetime.fromisoformat(capture.captured_utc).timestamp() / _DAY_S
+        try:
+            place = float(capture.value_of(self.over).replace(",", "."))
+        except ValueError:
+            return math.nan
+        return place if abs(place) < _FARTHEST else math.nan
+
+
+def placed(question: StudyQuestion, captures: Sequence[Studied]) -> tuple[list[Studied], list[LeftOut]]:
+    """The captures that take part, and those that lack what the question asks for."""
+    taken, left_out = [], []
+    for capture in captures:
+        lacking = [name for name in question.needed if not capture.value_of(name)]
+        if lacking:
+            reason = f"it has no {' and no '.join(lacking)}"
+            left_out.append(LeftOut(capture.id, "", reason))
+        else:
+            taken.append(capture)
+    return taken, left_out
+
 
 Array = NDArray[np.float64]
 _MILKING = "milking"

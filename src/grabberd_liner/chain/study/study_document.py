@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from grabberd_liner.analysis.study.comparison import Difference
-from grabberd_liner.analysis.study.contrast import Contrast
+from grabberd_liner.analysis.comparison import Difference
+from grabberd_liner.analysis.mixed_model import Contrast
 from grabberd_liner.chain.analysis.analysis_document import table_document
-from grabberd_liner.chain.study.studied import DATE
-from grabberd_liner.chain.study.study import QuantityStudy, Study
-from grabberd_liner.chain.study.tables import StudyTables
-from grabberd_liner.chain.study.verdicts import difference_verdict, slope_verdict, whole_verdict
+from grabberd_liner.chain.study.study import DATE, QuantityStudy, Study
+from grabberd_liner.chain.study.tables import StudyTables, difference_verdict, slope_verdict, whole_verdict
 
 SCHEMA = "grabberd/study/1"
 
@@ -75,7 +73,7 @@ def _over_label(study: Study) -> str:
 
 def _sigma(studied: QuantityStudy) -> Sequence[float]:
     shared = np.sum(np.square(studied.observed.shared), axis=1)
-    return np.sqrt(np.square(studied.observed.own) + shared).tolist()  # type: ignore[no-any-return]
+    return np.sqrt(np.square(studied.observed.own) + shared).tolist()
 
 
 def _difference(one: Difference) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from grabberd.reports.figures.drawing import FAINT, GREY, WIDTH_MM, Svg, drawn
-from grabberd.reports.numbers import fixed
+from grabberd.reports.notation import fixed
 from grabberd_liner.reports.columns import Array, Columns
 
 if TYPE_CHECKING:

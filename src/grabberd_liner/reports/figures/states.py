@@ -192,8 +192,7 @@ def _lit(corners: Array, values: Array, scale: Scale) -> Array:
     colours = np.tile(_BARE, (len(values), 1))
     known = np.isfinite(values)
     colours[known] = scale.painted(values[known])
-    lit: Array = np.clip(light[:, np.newaxis] * colours, 0, 1)
-    return lit
+    return np.clip(light[:, np.newaxis] * colours, 0, 1)
 
 
 def _maps(axes: "Axes", states: Sequence[State], column: str, scale: Scale) -> "ScalarMappable | None":

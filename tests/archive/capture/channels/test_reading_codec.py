@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grabberd.archive.capture.channels.reading_codec import (
+from grabberd.archive.capture.reading_groups import (
     MOST_READINGS,
     decode_times,
     decode_values,

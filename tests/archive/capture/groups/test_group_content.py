@@ -20,7 +20,7 @@ from archive.captures import (
     write,
 )
 from grabberd.archive import CaptureReader
-from grabberd.archive.capture.groups.picture_codec import MOST_FIELDS
+from grabberd.archive.capture.groups import MOST_FIELDS
 from grabberd.errors import CaptureFileError
 
 COUNT, A_COMMIT = 60, 7

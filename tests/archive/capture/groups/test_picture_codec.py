@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from archive.captures import packed
-from grabberd.archive.capture.groups.picture_codec import (
+from grabberd.archive.capture.groups import (
     LARGEST_GROUP,
     MOST_FIELDS,
     decode_pictures,

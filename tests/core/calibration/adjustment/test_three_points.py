@@ -1,6 +1,6 @@
 import numpy as np
 
-from grabberd.core.calibration.adjustment.three_points import poses_of_three
+from grabberd.core.calibration.adjustment.starting_values import poses_of_three
 from grabberd.core.geometry import rotation_matrix
 
 CASES = 500

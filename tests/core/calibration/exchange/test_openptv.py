@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grabberd.core.calibration.exchange.openptv import (
+from grabberd.core.calibration.exchange import (
     Sensor,
     matched,
     read_calibration_points,

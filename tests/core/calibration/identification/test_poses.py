@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.calibration.sights import FRAME, NOMINAL
-from grabberd.core.calibration.identification.poses import Poses, improved, mirrored, pixels
+from grabberd.core.calibration.identification.hypothesis_growth import Poses, improved, mirrored, pixels
 from grabberd.core.geometry import project
 
 HANDEDNESS = pytest.mark.parametrize("handedness", [1, -1])

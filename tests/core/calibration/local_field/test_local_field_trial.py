@@ -6,7 +6,7 @@ import pytest
 
 from core.calibration.networks import TRUE, frame, network, seen_less
 from grabberd.core.calibration import LENS, LocalFieldSettings, Unknowns, adjust, try_local_fields
-from grabberd.core.calibration.local_field.collocation import Collocation, Components, Solution
+from grabberd.core.calibration.collocation import Collocation, Components, Solution
 from grabberd.core.geometry import project
 
 FREE = [f"b{i}" for i in (1, 2, 3, 6, 7, 8, 9)] + [

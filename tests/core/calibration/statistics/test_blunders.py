@@ -6,7 +6,7 @@ from scipy.stats import t as student
 
 from core.calibration.networks import TRUE, deviation, frame, network, rough, tied
 from grabberd.core.calibration import Unknowns, adjust, without_blunders
-from grabberd.core.calibration.statistics.blunders import critical_tau
+from grabberd.core.calibration.residuals import critical_tau
 from grabberd.errors import MeasurementError
 
 

@@ -4,7 +4,7 @@ from scipy.stats import kurtosis, skew
 
 from core.calibration.networks import network, tied
 from grabberd.core.calibration import adjust, normality
-from grabberd.core.calibration.statistics.normality import normality_of
+from grabberd.core.calibration.residuals import normality_of
 
 
 def test_normal_errors_give_normal_residuals_in_every_view_and_altogether():

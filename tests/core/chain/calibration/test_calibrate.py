@@ -19,8 +19,7 @@ from grabberd.core.chain.measure import MeasureSetup, measure_fields
 from grabberd.core.field import Field, NumberedField, quantise, split_frame
 from grabberd.core.geometry import Calibration, NominalRig, project, rotation_matrix
 from grabberd.core.reconstruction import ObjectModel
-from grabberd.core.reconstruction.accuracy.accuracy import accuracy
-from grabberd.core.reconstruction.accuracy.ground_truth import Coordinates, Truth
+from grabberd.core.reconstruction.accuracy import Coordinates, Truth, accuracy
 from grabberd.documents.calibration_reports import CalibrationReport
 from grabberd.errors import InputError, MeasurementError, RankDeficient
 

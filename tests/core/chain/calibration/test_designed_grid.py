@@ -13,7 +13,7 @@ from grabberd.core.chain.calibration.designed_grid import (
     calibration_frame_remarks,
     designed_grid,
 )
-from grabberd.core.chain.calibration.identify import identify
+from grabberd.core.chain.calibration.frame_capture import identify
 from grabberd.errors import InputError
 
 

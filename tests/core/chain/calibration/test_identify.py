@@ -5,7 +5,7 @@ import yaml
 
 from core.chain.fake_scene import take_scene
 from grabberd.config import shipped_configs
-from grabberd.core.chain.calibration.identify import identify
+from grabberd.core.chain.calibration.frame_capture import identify
 from grabberd.core.geometry import NominalRig
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import MeasurementError

@@ -5,8 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from grabberd.core.measurement.labelling.labels import by_component, label_runs
-from grabberd.core.measurement.labelling.runs import find_runs
+from grabberd.core.measurement.labelling import by_component, find_runs, label_runs
 
 SHAPES = {
     "U": ["#...#", "#...#", "#####"],

@@ -5,8 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from grabberd.core.field import BIT_DEPTHS, TOP, Field, quantise, unpack
-from grabberd.core.measurement.labelling.mask import run_greys, target_bits
-from grabberd.core.measurement.labelling.runs import find_runs
+from grabberd.core.measurement.labelling import find_runs, run_greys, target_bits
 
 fields = hnp.arrays(np.uint8, st.tuples(st.integers(1, 8), st.integers(1, 40))).map(
     lambda luma: Field.intact(luma, TOP)

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from grabberd.core.measurement.labelling.runs import find_runs
+from grabberd.core.measurement.labelling import find_runs
 
 pictures = hnp.arrays(np.bool_, st.tuples(st.integers(1, 8), st.integers(1, 140)))
 

@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grabberd.core.measurement.line_shifts.bands import band_factor, band_half_solve, band_of, band_solve
+from grabberd.core.measurement.line_shifts import band_factor, band_half_solve, band_of, band_solve
 
 
 @given(st.integers(0, 2**31), st.integers(1, 5), st.integers(1, 12))

@@ -4,11 +4,8 @@ import pytest
 from core.measurement.rendering import BOTTOM, TOP, grid_of_discs
 from grabberd.core.field import Field, double_lines, quantise
 from grabberd.core.measurement import LocationSettings, measure
-from grabberd.core.measurement.labelling.labels import by_component
-from grabberd.core.measurement.labelling.mask import target_bits
-from grabberd.core.measurement.labelling.runs import find_runs
-from grabberd.core.measurement.labelling.shapes import shapes_of
-from grabberd.core.measurement.line_shifts.chords import binary_chords, binary_shares, grey_chords
+from grabberd.core.measurement.labelling import by_component, find_runs, shapes_of, target_bits
+from grabberd.core.measurement.line_jitter import binary_chords, binary_shares, grey_chords
 from grabberd.core.measurement.locators.locator import Seen
 
 SETTINGS = LocationSettings(method="centroid", line_jitter_px=0.0)

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from grabberd.core.measurement.line_shifts.leans import smoothed, terms_of
-from grabberd.core.measurement.line_shifts.line_shifts import line_shifts
+from grabberd.core.measurement.line_shifts import line_shifts, smoothed, terms_of
 from grabberd.core.measurement.locators.locator import Chords
 
 SIZE = 288, 720

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grabberd.core.measurement.line_shifts.line_shifts import line_shifts, unsolved
+from grabberd.core.measurement.line_shifts import line_shifts, unsolved
 from grabberd.core.measurement.locators.locator import Chords
 
 LINES = 288

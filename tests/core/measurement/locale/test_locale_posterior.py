@@ -6,14 +6,9 @@ import pytest
 from core.measurement.rendering import grid_of_discs
 from grabberd.core.field import double_lines, quantise
 from grabberd.core.measurement import LocationSettings
-from grabberd.core.measurement.labelling.labels import by_component
-from grabberd.core.measurement.labelling.mask import target_bits
-from grabberd.core.measurement.labelling.runs import find_runs
-from grabberd.core.measurement.labelling.shapes import shapes_of
-from grabberd.core.measurement.locale.locale_model import Appearance
-from grabberd.core.measurement.locale.locale_patterns import patterns_of
-from grabberd.core.measurement.locale.locale_posterior import Entries, Posterior, likelihoods
-from grabberd.core.measurement.locale.locale_table import moments, table
+from grabberd.core.measurement.labelling import by_component, find_runs, shapes_of, target_bits
+from grabberd.core.measurement.locale import Entries, Posterior, likelihoods, patterns_of
+from grabberd.core.measurement.locale_table import Appearance, moments, table
 from grabberd.core.measurement.locators.locator import Seen
 
 LOOK = Appearance(1.0, 1.0, 0.3, 0.05, 0.8, 0.12, 2)

@@ -5,7 +5,7 @@ from core.measurement.rendering import errors_px, grid_of_discs
 from core.measurement.test_progressive import drawn
 from grabberd.core.field import Field, double_lines, quantise
 from grabberd.core.measurement import LocationSettings, measure
-from grabberd.core.measurement.locale.locale_prediction import (
+from grabberd.core.measurement.threshold import (
     FRACTIONS,
     Scene,
     best_fraction,

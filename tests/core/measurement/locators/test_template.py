@@ -3,7 +3,7 @@ import pytest
 
 from core.measurement.rendering import grid_of_discs, located, rms, small_discs
 from grabberd.core.field import double_lines
-from grabberd.core.measurement.locators.disc_image import disc_images
+from grabberd.core.measurement.locators.template import disc_images
 
 
 @pytest.fixture(scope="module")

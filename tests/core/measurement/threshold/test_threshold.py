@@ -3,8 +3,7 @@ import pytest
 
 from core.measurement.rendering import grid_of_discs
 from grabberd.core.measurement import ThresholdRule, background_of, choose_threshold, trinder_levels
-from grabberd.core.measurement.locale.locale_prediction import Scene, best_fraction
-from grabberd.core.measurement.threshold.threshold import DOUBLED, INTACT, WHOLE
+from grabberd.core.measurement.threshold import DOUBLED, INTACT, WHOLE, Scene, best_fraction
 from grabberd.errors import MeasurementError
 
 AUTOMATIC = ThresholdRule()

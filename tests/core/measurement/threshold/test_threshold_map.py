@@ -11,7 +11,7 @@ from grabberd.core.measurement import (
     threshold_map,
     with_seen_size,
 )
-from grabberd.core.measurement.threshold.threshold import INTACT
+from grabberd.core.measurement.threshold import INTACT
 from grabberd.errors import MeasurementError
 
 RULE = ThresholdRule(fraction=0.25)

@@ -2,8 +2,14 @@ import numpy as np
 import pytest
 
 from core.reconstruction.repeated import series_of
-from grabberd.core.reconstruction.accuracy.accuracy import PAPER_PRECISION, PAPER_RMSE, accuracy
-from grabberd.core.reconstruction.accuracy.ground_truth import Coordinates, Truth, true_places
+from grabberd.core.reconstruction.accuracy import (
+    PAPER_PRECISION,
+    PAPER_RMSE,
+    Coordinates,
+    Truth,
+    accuracy,
+    true_places,
+)
 from grabberd.core.reconstruction.points import Points
 from grabberd.errors import MeasurementError
 

@@ -10,7 +10,7 @@ from core.geometry.rigs import calibration
 from core.reconstruction.liners import model, see, wall
 from grabberd.core.geometry import Rig, rotation_angles, rotation_matrix
 from grabberd.core.reconstruction import Correspondence, CorrespondenceSettings, ImageNoise
-from grabberd.core.reconstruction.accuracy.drift_check import (
+from grabberd.core.reconstruction.drift_check import (
     WINDOW,
     DriftCheck,
     RigVerdict,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from grabberd.core.reconstruction import Points
-from grabberd.core.reconstruction.accuracy.field_order import BLOCK, FieldOrderCheck, Order
+from grabberd.core.reconstruction.field_order import BLOCK, FieldOrderCheck, Order
 
 TARGETS = np.arange(10, 40, dtype=np.int32)
 SIGMA_MM = 0.05

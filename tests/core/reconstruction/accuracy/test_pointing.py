@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core.reconstruction.repeated import grid, series_of
-from grabberd.core.reconstruction.accuracy.pointing import PAPER_PX, pointing_precision
+from grabberd.core.reconstruction.accuracy import PAPER_PX, pointing_precision
 
 FIELDS, TARGETS = 32, 108
 

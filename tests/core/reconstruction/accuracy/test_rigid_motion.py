@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grabberd.core.geometry import rotation_matrix
-from grabberd.core.reconstruction.accuracy.rigid_motion import rigid_motion
+from grabberd.core.reconstruction.accuracy import rigid_motion
 from grabberd.errors import MeasurementError
 
 PLACES = np.random.default_rng(1).uniform(-40, 40, (12, 3))

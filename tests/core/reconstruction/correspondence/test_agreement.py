@@ -5,8 +5,7 @@ import pytest
 
 from core.reconstruction.liners import COLUMNS, model, wall
 from grabberd.core.reconstruction import CorrespondenceSettings
-from grabberd.core.reconstruction.correspondence.agreement import Agreement
-from grabberd.core.reconstruction.correspondence.hypotheses import Hypotheses
+from grabberd.core.reconstruction.correspondence.agreement import Agreement, Hypotheses
 
 MODEL = model()
 JUDGE = Agreement(MODEL, CorrespondenceSettings())

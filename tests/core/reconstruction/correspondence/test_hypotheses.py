@@ -4,8 +4,7 @@ from core.geometry.rigs import calibration
 from core.reconstruction.liners import model, see, wall
 from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import ImageNoise
-from grabberd.core.reconstruction.correspondence.hypotheses import hypotheses
-from grabberd.core.reconstruction.correspondence.settings import CorrespondenceSettings
+from grabberd.core.reconstruction.correspondence.agreement import CorrespondenceSettings, hypotheses
 
 RIG, MODEL = Rig.of(calibration()), model()
 NOISE = ImageNoise.of(RIG, MODEL, 0.0, 2)

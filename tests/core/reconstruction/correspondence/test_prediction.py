@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from core.geometry.rigs import calibration
 from grabberd.core.geometry import Rig, project
-from grabberd.core.reconstruction.correspondence.prediction import Prediction, _of_all, _of_those_beside
+from grabberd.core.reconstruction.correspondence.correspondence import Prediction, _of_all, _of_those_beside
 
 RIG = Rig.of(calibration())
 PLACES = np.array([[-20.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 6.5, 0.0]])

@@ -9,11 +9,15 @@ from core.geometry.rigs import calibration
 from core.reconstruction.liners import COLUMNS, model, see, wall
 from grabberd.core.geometry import Rig, project
 from grabberd.core.reconstruction import CoverageTally, ImageNoise, Tracker
-from grabberd.core.reconstruction.coverage.batch import TrackedField
-from grabberd.core.reconstruction.coverage.document import coverage_document
-from grabberd.core.reconstruction.coverage.verdict import CoverageVerdict, FindingCode, judge
-from grabberd.core.reconstruction.coverage.words import finding_in_words
-from grabberd.core.reconstruction.miss import Miss
+from grabberd.core.reconstruction.coverage import (
+    CoverageVerdict,
+    FindingCode,
+    coverage_document,
+    finding_in_words,
+    judge,
+)
+from grabberd.core.reconstruction.coverage_tally import TrackedField
+from grabberd.core.reconstruction.points import Miss
 
 MODEL = model()
 FIELDS = 60

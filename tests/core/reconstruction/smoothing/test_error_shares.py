@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from core.reconstruction.repeated import grid, measured, series_of
-from grabberd.core.reconstruction.smoothing.error_shares import ErrorShares, rest_fields
+from grabberd.core.reconstruction.smoothing import ErrorShares, rest_fields
 
 SIGMA_MM = np.array([0.05, 0.04, 0.12])
 

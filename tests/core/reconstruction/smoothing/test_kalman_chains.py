@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from grabberd.core.reconstruction.smoothing.kalman_chains import Chains, likelihood, smoothed_chains
+from grabberd.core.reconstruction.kalman_chains import Chains, likelihood, smoothed_chains
 
 FIELDS, COUNT = 14, 5
 

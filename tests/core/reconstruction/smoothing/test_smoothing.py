@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from core.reconstruction.repeated import PX_PER_MM, grid, measured, series_of
-from grabberd.core.reconstruction.smoothing.error_shares import ErrorShares
-from grabberd.core.reconstruction.smoothing.smoothing import REST, SmoothingSettings, smooth
+from grabberd.core.reconstruction.smoothing import REST, ErrorShares, SmoothingSettings, smooth
 from grabberd.errors import MeasurementError
 
 SIGMA_MM = np.array([0.05, 0.04, 0.12])

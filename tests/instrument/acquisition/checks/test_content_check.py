@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grabberd.instrument.acquisition.checks.content_check import Content, ContentCheck
+from grabberd.instrument.acquisition.content_check import Content, ContentCheck
 from instrument.acquisition.pictures import (
     AS_IT_IS,
     camera,

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from grabberd.instrument.acquisition.checks.content_check import ContentCheck
+from grabberd.instrument.acquisition.content_check import ContentCheck
 from instrument.acquisition.pictures import AS_IT_IS, camera, damages, grabbed, without_a_packet
 
 TARGETS = slice(60, 240)

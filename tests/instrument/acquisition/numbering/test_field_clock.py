@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grabberd.instrument.acquisition.numbering.field_clock import FieldClock
+from grabberd.instrument.acquisition.numbering.timing import FieldClock
 
 PERIOD_NS = 20_000_000
 

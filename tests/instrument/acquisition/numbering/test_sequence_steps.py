@@ -2,7 +2,7 @@
 
 import pytest
 
-from grabberd.instrument.acquisition.numbering.sequence_steps import SequenceSteps
+from grabberd.instrument.acquisition.numbering.field_numbering import SequenceSteps
 
 
 def steps(counts, alternate=True, parities=None):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from grabberd_liner.analysis.load.load_fit import Response
-from grabberd_liner.analysis.load.middle_surface import _forms
 from grabberd_liner.analysis.load.wall_model import State, WallModel
+from grabberd_liner.analysis.load.wall_surfaces import _forms
 from grabberd_liner.analysis.wall.shell import Geometry
 from liner.analysis.fitted_liner import FittedLiner
 from liner.analysis.solved_middle import solved_middle

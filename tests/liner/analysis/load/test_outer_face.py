@@ -13,7 +13,7 @@ from grabberd_liner.analysis import (
     volume_mm3,
 )
 from grabberd_liner.analysis.load.load_fit import posterior
-from grabberd_liner.analysis.load.mounted.target_places import TargetPlaces
+from grabberd_liner.analysis.load.targets import TargetPlaces
 from liner.analysis.solved_face import SolvedFace
 from liner.analysis.walls import as_points, solved
 

@@ -5,7 +5,7 @@ import pytest
 
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis import ChamberVacuum, PressureModel, Zone
-from grabberd_liner.analysis.load.compression.closed_liner import teat_heights
+from grabberd_liner.analysis.load.closed_liner import teat_heights
 from liner.analysis.walls import EIGHT_BITS_MM, as_points, outermost_alone, rig, solved, solved_six
 
 SOUGHT_KPA = 50.0

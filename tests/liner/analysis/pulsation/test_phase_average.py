@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from grabberd.core.reconstruction import SingleViewImages
 from grabberd.errors import AnalysisError
 from grabberd_fake.ellipse_liner import EllipseLiner
-from grabberd_fake.ellipse_options import EllipseOptions
+from grabberd_fake.liner_options import EllipseOptions
 from grabberd_liner.analysis import first_movement, fit_pulsation, phase_average
 from liner.analysis.pulsating import burst_times, capture, times
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from grabberd_liner.analysis.study.comparison import compare, holm
-from grabberd_liner.analysis.study.observations import observations
+from grabberd_liner.analysis.comparison import compare, holm
+from grabberd_liner.analysis.mixed_model import observations
 
 RNG = np.random.default_rng(5)
 FIRST, SECOND = RNG.normal(size=6), RNG.normal(size=6) + 0.5

@@ -5,8 +5,7 @@ import pytest
 from scipy import stats
 from scipy.optimize import minimize
 
-from grabberd_liner.analysis.study.mixed_model import fit, identifiable
-from grabberd_liner.analysis.study.observations import observations
+from grabberd_liner.analysis.mixed_model import fit, identifiable, observations
 
 # Davies and Goldsmith (1972), yield of dyestuff, six batches of five; fits as given with R's lme4.
 DYESTUFF = [

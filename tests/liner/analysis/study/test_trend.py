@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from grabberd_liner.analysis.study.observations import observations
-from grabberd_liner.analysis.study.trend import straight_line, trend
+from grabberd_liner.analysis.comparison import straight_line, trend
+from grabberd_liner.analysis.mixed_model import observations
 
 RNG = np.random.default_rng(7)
 X = np.array([0.0, 400, 900, 1600, 2500])

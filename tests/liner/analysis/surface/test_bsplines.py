@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.interpolate import BSpline
 
-from grabberd_liner.analysis.surface.modes import splines
+from grabberd_liner.analysis.surface.smoothing import splines
 
 
 def test_splines_and_their_derivatives_are_those_of_scipy():

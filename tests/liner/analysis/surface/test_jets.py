@@ -4,7 +4,7 @@ import numpy as np
 
 from grabberd_liner.analysis import ORDERS, index
 from grabberd_liner.analysis.surface.jets import times
-from grabberd_liner.analysis.wall.forms import curvature_per_m, outer_forms
+from grabberd_liner.analysis.wall.strain import curvature_per_m, outer_forms
 
 
 def test_the_orders_are_sorted_by_total_order_and_then_by_v():

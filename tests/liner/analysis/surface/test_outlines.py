@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from grabberd_liner.analysis import Plane
-from grabberd_liner.analysis.surface.outlines import (
+from grabberd_liner.analysis.surface.sections import (
     area_to,
     chord,
     distance_to,

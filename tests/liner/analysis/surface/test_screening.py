@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from grabberd_liner.analysis.surface.screening import screen
+from grabberd_liner.analysis.surface.fitting import screen
 from liner.analysis.collapsing import grid, outer
 
 ALL = np.arange(108)

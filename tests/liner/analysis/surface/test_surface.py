@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from grabberd_liner.analysis import Smoothing, fit_surface, index
-from grabberd_liner.analysis.wall.forms import curvature_per_m, outer_forms
+from grabberd_liner.analysis.wall.strain import curvature_per_m, outer_forms
 from liner.analysis.collapsing import SIGMA_8_BIT_MM, as_points, grid, points
 
 SMOOTHING = Smoothing(45.0, 10.0, (0.1, 2.0, 1.5))

@@ -5,8 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis.vacuum.light_clock import relate_clocks
-from grabberd_liner.analysis.vacuum.light_signal import LightSignal
+from grabberd_liner.analysis.vacuum.light_clock import LightSignal, relate_clocks
 
 BIT_S = 0.092361
 OFFSET_S = 1.234

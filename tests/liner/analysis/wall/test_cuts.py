@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grabberd_liner.analysis.wall.cuts import Cuts, cut_points
+from grabberd_liner.analysis.wall.half_tube import Cuts, cut_points
 from grabberd_liner.analysis.wall.splines import SplineAxis, SplineGrid
 
 GRID = SplineGrid(SplineAxis.over(-20.0, 20.0, 5), SplineAxis.over(-30.0, 30.0, 6))

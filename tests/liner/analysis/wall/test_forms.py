@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from grabberd_liner.analysis.wall.forms import (
+from grabberd_liner.analysis.wall.strain import (
     curvature_per_m,
     determinant,
     middle_forms,

@@ -3,7 +3,7 @@
 import pytest
 
 from grabberd.errors import InputError
-from grabberd_liner.analysis.wall.material_document import read_zones
+from grabberd_liner.analysis.wall.material import read_zones
 from liner.analysis.collapsing import grid
 from liner.analysis.wall.test_material import RUBBER, rubber
 

@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from grabberd_liner.analysis.wall.forms import middle_forms
-from grabberd_liner.analysis.wall.strain import outer_strain, strain
+from grabberd_liner.analysis.wall.strain import middle_forms, outer_strain, strain
 from liner.analysis.shapes import cylinder, moved, sheet, sphere, torus
 
 U, V = np.linspace(-30.0, 30.0, 7), np.linspace(-12.0, 12.0, 7)

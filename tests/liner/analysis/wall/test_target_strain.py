@@ -5,7 +5,7 @@ import pytest
 
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis.wall.target_strain import (
+from grabberd_liner.analysis.wall.strain import (
     edge_strain,
     nominal_places,
     outer_places,

@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grabberd_liner.analysis.wall.forms import middle_forms, principal
-from grabberd_liner.analysis.wall.material import Zone, pre_stretch, wall_at
-from grabberd_liner.analysis.wall.tension import mixed_tension
+from grabberd_liner.analysis.wall.material import Zone, mixed_tension, pre_stretch, wall_at
+from grabberd_liner.analysis.wall.strain import middle_forms, principal
 from liner.analysis.shapes import sheet
 from liner.analysis.wall.test_material import rubber
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from grabberd_liner.analysis import TimedPoints
-from grabberd_liner.chain.analysis.averaged_fields import averaged_fields
-from grabberd_liner.chain.analysis.field_points import FieldPoints
+from grabberd_liner.chain.analysis.field_points import FieldPoints, averaged_fields
 from liner.analysis.walls import outermost_alone, solved_six
 
 SIGMA_MM = np.array([0.01, 0.01, 0.03])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from grabberd.errors import InputError
-from grabberd_fake.wall_quantities import buckling_kpa, touch_kpa
+from grabberd_fake.wall_states import buckling_kpa, touch_kpa
 from grabberd_liner.analysis import TimedPoints, read_zones
 from grabberd_liner.chain.analysis.analyse import analyse
 from grabberd_liner.chain.analysis.field_points import FieldPoints

@@ -8,7 +8,7 @@ from archive.milkings import object_document
 from core.chain.milking import MATERIAL
 from grabberd.core.reconstruction import ObjectModel
 from grabberd_liner.analysis import Grid
-from grabberd_liner.chain.analysis.input_check import check_inputs
+from grabberd_liner.chain.analysis.profile_inputs import check_inputs
 
 CONSTANT = {"kpa": 42.0, "sigma_kpa": 0.3}
 WAVE = {"rate_per_min": 60, "ratio": 0.6, "system_kpa": 42, "sigma_kpa": 0.3, "a_s": 0.1, "c_s": 0.1}

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from grabberd_liner.chain.analysis.profile import quantity_problems
+from grabberd_liner.chain.analysis.profile_inputs import quantity_problems
 from liner.chain.analysis.profiling import ALL, LINER, MATERIAL, PULSATOR, changed
 
 

@@ -11,8 +11,7 @@ from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import InputError
 from grabberd_liner.analysis import Grid
 from grabberd_liner.chain.analysis.inputs import read_inputs
-from grabberd_liner.chain.analysis.profile import Profile
-from grabberd_liner.chain.analysis.profile_inputs import ResolvedInputs, Subject, resolve
+from grabberd_liner.chain.analysis.profile_inputs import Profile, ResolvedInputs, Subject, resolve
 from liner.chain.analysis.profiling import ALL, COW, CUP, LAG, LINER, MATERIAL, PULSATOR, SETTINGS, changed
 
 LABELS = {"liner": "A", "pulsator": "north", "cup": "1", "cow": "112", "teat": "front left"}

@@ -11,8 +11,7 @@ from grabberd_liner.analysis import Estimate, PressureMap
 from grabberd_liner.chain.analysis.analysis_document import analysis_document
 from grabberd_liner.chain.analysis.columns import TABLES
 from grabberd_liner.chain.analysis.quantities import quantities
-from grabberd_liner.chain.analysis.summary import QUANTITIES
-from grabberd_liner.chain.analysis.tables import tables
+from grabberd_liner.chain.analysis.tables import QUANTITIES, tables
 from liner.analysis.load.profiles import TEAT_END_MM, X_MM, closed
 
 FIELDS = [field(n) for n in range(62)]

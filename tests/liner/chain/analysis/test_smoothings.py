@@ -5,7 +5,7 @@ import pytest
 
 from core.chain.milking import CLOSED_S, changed, grid, still
 from grabberd.errors import AnalysisError
-from grabberd_liner.chain.analysis.smoothings import LEVELS, Smoothings
+from grabberd_liner.chain.analysis.wall_series import LEVELS, Smoothings
 
 
 def of(fields):

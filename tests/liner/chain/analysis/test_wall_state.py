@@ -5,9 +5,8 @@ from numpy.testing import assert_allclose
 
 from core.chain.milking import CLOSED_S, FAKE, MATERIAL, changed, field, grid, inputs, still, truth
 from grabberd_liner.analysis import fit_surface, outer_places, symmetry_plane
-from grabberd_liner.chain.analysis.question import Question
-from grabberd_liner.chain.analysis.smoothings import Smoothings
-from grabberd_liner.chain.analysis.wall_state import wall_state, wall_states
+from grabberd_liner.chain.analysis.wall_series import Smoothings
+from grabberd_liner.chain.analysis.wall_state import Question, wall_state, wall_states
 
 
 def state(points, **question):

@@ -5,11 +5,10 @@ import numpy as np
 from grabberd.core.chain.columns import make_table
 from grabberd_liner.analysis import Estimate, TimedPoints
 from grabberd_liner.chain.analysis.analyse import analyse
-from grabberd_liner.chain.analysis.averaged_fields import averaged_fields
 from grabberd_liner.chain.analysis.columns import TABLES
-from grabberd_liner.chain.analysis.field_points import FieldPoints
+from grabberd_liner.chain.analysis.field_points import FieldPoints, averaged_fields
 from grabberd_liner.chain.analysis.inputs import read_inputs
-from grabberd_liner.chain.analysis.profile import Profile
+from grabberd_liner.chain.analysis.profile_inputs import Profile
 from grabberd_liner.chain.analysis.tables import tables
 from grabberd_liner.chain.guided_tests.outcome import Evidence
 

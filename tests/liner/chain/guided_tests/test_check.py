@@ -4,8 +4,7 @@ import math
 
 import pytest
 
-from grabberd_liner.chain.guided_tests.check import Check, Question, worst
-from grabberd_liner.chain.guided_tests.outcome import estimate
+from grabberd_liner.chain.guided_tests.outcome import Check, Question, estimate, worst
 
 ASK = Question("length", "length of it", "cut it", "mm")
 

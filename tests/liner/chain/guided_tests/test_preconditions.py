@@ -5,7 +5,7 @@ import pytest
 
 from grabberd_liner.analysis import TimedPoints
 from grabberd_liner.chain.analysis.field_points import FieldPoints
-from grabberd_liner.chain.guided_tests.preconditions import preconditions
+from grabberd_liner.chain.guided_tests.evaluate import preconditions
 from grabberd_liner.chain.guided_tests.recipes import RECIPES
 from liner.analysis.ramps import empty
 from liner.chain.guided_tests.evidence import FIELD_S, analysed, evidence, material_of, profile, still_fields

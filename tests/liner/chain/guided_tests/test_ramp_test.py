@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from grabberd_fake.wall_quantities import buckling_kpa, touch_kpa
+from grabberd_fake.wall_states import buckling_kpa, touch_kpa
 from grabberd_liner.analysis import TimedPoints
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.tables import tables
-from grabberd_liner.chain.guided_tests.check import worst
+from grabberd_liner.chain.guided_tests.outcome import worst
 from grabberd_liner.chain.guided_tests.ramp_test import ramp_test
 from liner.analysis.ramps import empty
 from liner.analysis.walls import solved

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from grabberd_liner.chain.study.studied import Found, Meaning, Studied
+from grabberd_liner.chain.study.study import Found, Meaning, Studied
 
 COMPRESSION, OPENING, TOUCH = "liner_compression_mean_kpa", "liner_opening_s", "touch_kpa"
 MEANINGS = {

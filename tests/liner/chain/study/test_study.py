@@ -5,9 +5,7 @@ import pytest
 from scipy import stats
 
 from grabberd.errors import InputError
-from grabberd_liner.chain.study.studied import LeftOut, natural
-from grabberd_liner.chain.study.study import Study, make_study
-from grabberd_liner.chain.study.study_question import StudyQuestion
+from grabberd_liner.chain.study.study import LeftOut, Study, StudyQuestion, make_study, natural
 from liner.chain.study.captured import COMPRESSION, OPENING, TOUCH, capture, found, herd, missing
 
 BY_LINER = StudyQuestion(by="liner")

@@ -5,9 +5,8 @@ import pytest
 from scipy import stats
 
 from grabberd.reports import document_json
-from grabberd_liner.chain.study.study import make_study
+from grabberd_liner.chain.study.study import StudyQuestion, make_study
 from grabberd_liner.chain.study.study_document import study_document
-from grabberd_liner.chain.study.study_question import StudyQuestion
 from grabberd_liner.chain.study.tables import tables
 from liner.chain.study.captured import COMPRESSION, OPENING, capture, herd
 

@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.errors import GrabberdError
+from grabberd_v4l2.devices import Identity, usb_places, video_nodes
 from grabberd_v4l2.discovery import discover
-from grabberd_v4l2.identity import Identity
-from grabberd_v4l2.sysfs import usb_places, video_nodes
 from grabberd_v4l2.usb import libusb, reset_of
 from proofs.vm.guest.shell import run, wait_for
 

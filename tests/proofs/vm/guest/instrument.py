@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.config import load_config
-from grabberd.documents.states import DeviceState
+from grabberd.documents.enums import DeviceState
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.instrument.capture.recording import Recording
 from grabberd.instrument.setup import set_up

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from grabberd.core.ledger import Ledger
 from grabberd.instrument.acquisition import FieldNumbering, Numbered, StreamInfo
 from grabberd_v4l2 import V4l2Grabber
-from grabberd_v4l2.answers import ask
+from grabberd_v4l2.discovery import ask
 from grabberd_v4l2.kernel import LinuxKernel
 from proofs.vm.guest import vivid
 

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from grabberd_v4l2.sysfs import usb_places
+from grabberd_v4l2.devices import usb_places
 from proofs.vm.guest.shell import run, wait_for
 
 SERVICE = "grabberd.service"

@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 import pytest
 from fastapi.testclient import TestClient
 
-from grabberd.server.api.docs.docs_page import type_in_words
+from grabberd.server.api.openapi import type_in_words
 
 VOID = {"meta", "br"}
 

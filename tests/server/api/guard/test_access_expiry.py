@@ -4,7 +4,7 @@ import asyncio
 from datetime import timedelta
 from pathlib import Path
 
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from server.api.gates import Gated, is_problem
 
 GONE = timedelta(microseconds=-1)

@@ -13,7 +13,7 @@ from starlette.testclient import WebSocketDenialResponse
 
 from grabberd.archive.access import Identity
 from grabberd.config import default_config_file
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.instrument.setup import set_up
 from grabberd.server.api import create_app
 from grabberd.server.api.guard.gate import Gate

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from grabberd.archive.access import Access
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.server.api.guard import authentication
 from grabberd.server.api.guard.authentication import (
     ADDRESSES,
@@ -18,7 +18,7 @@ from grabberd.server.api.guard.authentication import (
     Attempts,
     client_of,
 )
-from grabberd.server.api.guard.refusals import Refusal
+from grabberd.server.api.problems import Refusal
 from server.api.gates import Gated, Ticks, is_problem
 
 STATE = "/api/v1/state"

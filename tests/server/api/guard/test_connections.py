@@ -15,11 +15,10 @@ import pytest
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from grabberd.config import HttpLimits, TlsConfig
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.errors import ConfigError
-from grabberd.server.api.guard import connections
-from grabberd.server.api.guard.front import Front
-from grabberd.server.api.guard.proxies import Proxies
+from grabberd.server.api.guard import limits
+from grabberd.server.api.guard.front import Front, Proxies
 from grabberd.server.api.serving import server_of, tls_context
 from grabberd.server.api.sockets import bind
 from grabberd.server.daemon.descriptors import AT_ONCE
@@ -93,7 +92,7 @@ def test_a_client_is_served(tmp_path: Path) -> None:
 def test_one_connection_too_many_is_told_so_and_far_too_many_are_hung_up_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connections, "IDLE_S", 3600.0)
+    monkeypatch.setattr(limits, "IDLE_S", 3600.0)
     with served(tmp_path, Front(limits=HttpLimits(connections=4))) as gated:
         held = [connected(gated) for _ in range(4)]
         status, kind, document = state_of(gated)
@@ -108,7 +107,7 @@ def test_one_connection_too_many_is_told_so_and_far_too_many_are_hung_up_on(
 def test_a_new_connection_takes_the_place_of_the_one_that_has_been_idle_for_longest(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connections, "IDLE_S", 0.0)
+    monkeypatch.setattr(limits, "IDLE_S", 0.0)
     with served(tmp_path, Front(limits=HttpLimits(connections=4))) as gated:
         busy = [asking(gated) for _ in range(2)]
         oldest, newest = connected(gated), connected(gated)
@@ -123,7 +122,7 @@ def test_a_new_connection_takes_the_place_of_the_one_that_has_been_idle_for_long
 
 
 def test_where_none_is_idle_one_too_many_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connections, "IDLE_S", 0.0)
+    monkeypatch.setattr(limits, "IDLE_S", 0.0)
     with served(tmp_path, Front(limits=HttpLimits(connections=4))) as gated:
         busy = [asking(gated) for _ in range(4)]
         assert state_of(gated)[0] == 503

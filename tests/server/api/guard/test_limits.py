@@ -12,11 +12,17 @@ from starlette.testclient import WebSocketDenialResponse
 from starlette.types import Message
 
 from grabberd.config import HttpLimits
-from grabberd.documents.roles import Role
-from grabberd.server.api.guard.bodies import LARGEST_AT_ONCE, SHORT_BYTES, Bodies, LimitedBody
+from grabberd.documents.enums import Role
 from grabberd.server.api.guard.front import Front
-from grabberd.server.api.guard.refusals import Refusal, answer_refusal
-from grabberd.server.api.guard.stream_limit import OneStream, Streams
+from grabberd.server.api.guard.limits import (
+    LARGEST_AT_ONCE,
+    SHORT_BYTES,
+    Bodies,
+    LimitedBody,
+    OneStream,
+    Streams,
+)
+from grabberd.server.api.problems import Refusal, answer_refusal
 from server.api.gates import Gated, is_problem
 
 CAPTURES = "/api/v1/captures"

@@ -6,10 +6,9 @@ import pytest
 from starlette.types import Scope
 
 from grabberd.config import HttpConfig
-from grabberd.documents.roles import Role
-from grabberd.server.api.guard.front import Front
-from grabberd.server.api.guard.origins import check_host
-from grabberd.server.api.guard.refusals import Refusal
+from grabberd.documents.enums import Role
+from grabberd.server.api.guard.front import Front, check_host
+from grabberd.server.api.problems import Refusal
 from server.api.gates import Gated, is_problem
 
 STATE = "/api/v1/state"

@@ -6,8 +6,7 @@ import pytest
 from starlette.types import Scope
 
 from grabberd.config import HttpConfig
-from grabberd.server.api.guard.front import Front
-from grabberd.server.api.guard.proxies import Proxies
+from grabberd.server.api.guard.front import Front, Proxies
 from server.api.gates import Gated
 
 OURS = Proxies(("10.0.0.1", "192.168.7.0/24", "fd00::/8"))

@@ -18,10 +18,8 @@ from grabberd.archive.content_process import MEMORY_BYTES, NICED, NICENESS
 from grabberd.config import HttpLimits
 from grabberd.errors import ReadingGivenUp
 from grabberd.files.patience import check_patience
-from grabberd.server.api.guard.refusals import Refusal
-from grabberd.server.api.reading import content_reader
-from grabberd.server.api.reading.contents import Content, Contents
-from grabberd.server.api.reading.room import WAITING_A_THREAD
+from grabberd.server.api.contents import WAITING_A_THREAD, Content, ContentReader, Contents
+from grabberd.server.api.problems import Refusal
 from grabberd.server.api.streams.downloads import Download
 from grabberd.work.content_frames import Frame, Question
 
@@ -186,7 +184,7 @@ def test_a_reading_ends_with_its_time(tmp_path: Path) -> None:
 
 
 def test_one_that_does_not_let_go_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(content_reader, "GRACE_S", 0.5)
+    monkeypatch.setattr("grabberd.server.api.contents.GRACE_S", 0.5)
     begun = tmp_path / "begun"
 
     async def work(contents: Contents) -> None:
@@ -201,7 +199,7 @@ def test_one_that_does_not_let_go_is_killed(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_one_that_never_answers_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(content_reader, "GRACE_S", 0.5)
+    monkeypatch.setattr("grabberd.server.api.contents.GRACE_S", 0.5)
     with pytest.raises(ReadingGivenUp):
         run(lambda contents: body(contents, deaf, tmp_path / "begun"), HttpLimits(read_timeout_s=3))
 
@@ -269,7 +267,7 @@ def test_an_error_breaks_a_download_off() -> None:
 def test_a_client_that_leaves_while_it_waits_for_a_thread_costs_nobody_else(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(content_reader, "GRACE_S", 0.5)
+    monkeypatch.setattr("grabberd.server.api.contents.GRACE_S", 0.5)
     begun = tmp_path / "begun"
 
     async def work(contents: Contents) -> None:
@@ -277,7 +275,7 @@ def test_a_client_that_leaves_while_it_waits_for_a_thread_costs_nobody_else(
         await there(begun, LIMITS.reads)
         with pytest.raises(ReadingGivenUp):
             await contents.answer(Content(echo, ("late",)), leaving_when(begun))
-        await asyncio.sleep(2 * content_reader.GRACE_S)
+        await asyncio.sleep(1.0)  # twice the grace
         assert not any(read.done() for read in reads)
         assert contents.count == LIMITS.reads
 
@@ -296,7 +294,7 @@ def test_signals_to_the_daemon_and_its_children_end_no_reading() -> None:
 
 def test_it_ends_when_whoever_asks_is_gone_even_if_a_reading_hangs(tmp_path: Path) -> None:
     async def work() -> None:
-        reader = await content_reader.ContentReader.start(PROGRAM, 2)
+        reader = await ContentReader.start(PROGRAM, 2)
         until_s = time.monotonic() + 60
         number = int((await reader.ask(read_frame(reader, "about"), until_s)).content.split()[0])
         hangs = asyncio.create_task(reader.ask(read_frame(reader, "deaf", tmp_path / "begun"), until_s))
@@ -311,7 +309,7 @@ def test_it_ends_when_whoever_asks_is_gone_even_if_a_reading_hangs(tmp_path: Pat
     asyncio.run(work())
 
 
-def read_frame(reader: content_reader.ContentReader, name: str, *arguments: Any) -> Frame:
+def read_frame(reader: ContentReader, name: str, *arguments: Any) -> Frame:
     content = pickle.dumps((name, arguments, time.monotonic() + 60))
     return Frame(reader.new_number(), Question.READ, content)
 
@@ -320,7 +318,7 @@ def test_without_room_for_a_process_clients_are_told_to_try_again(monkeypatch: p
     def no_room(*_: object, **__: object) -> None:
         raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
 
-    monkeypatch.setattr(content_reader.subprocess, "Popen", no_room)
+    monkeypatch.setattr("grabberd.server.api.contents.subprocess.Popen", no_room)
     with pytest.raises(Refusal, match="cannot be started") as refused:
         run(lambda contents: body(contents, echo, "word"))
     assert (refused.value.status_code, refused.value.name) == (503, "too-many-processes")

@@ -22,9 +22,9 @@ from grabberd.archive.guarded_database import GuardedConnection
 from grabberd.config import HttpLimits
 from grabberd.errors import ReadingGivenUp
 from grabberd.files.patience import check_patience
-from grabberd.server.api.guard.refusals import Refusal
-from grabberd.server.api.reading.readings import Readings
-from grabberd.server.api.reading.room import WAITING_A_THREAD
+from grabberd.server.api.contents import WAITING_A_THREAD
+from grabberd.server.api.problems import Refusal
+from grabberd.server.api.readings import Readings
 from server.api.conftest import sealed_in, service_in
 from server.api.gates import Ticks
 from server.api.streams import Served, served

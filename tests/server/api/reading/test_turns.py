@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from running import PATIENCE_S
 
-from grabberd.server.api.reading.turns import Turns
+from grabberd.server.api.readings import Turns
 
 
 def test_one_at_a_time_has_it_and_all_come_to_it() -> None:

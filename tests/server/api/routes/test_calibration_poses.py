@@ -9,7 +9,7 @@ from calibrators import exact
 from fastapi.testclient import TestClient
 
 from grabberd.documents.requests import CalibrationOptions
-from grabberd.library.jobs.calibration_job import CalibrationJob
+from grabberd.library.jobs.calibration_jobs import CalibrationJob
 from server.api.routes.test_calibrations import CALIBRATIONS, captured, client_of, is_problem, service_of
 
 

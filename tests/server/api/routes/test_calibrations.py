@@ -14,10 +14,10 @@ from running import configuration, wait_until_it_accepts
 from grabberd import reports
 from grabberd.archive.state.calibration_store import CalibrationRecord
 from grabberd.config import default_config_file
-from grabberd.documents.job_problem import JobProblem
-from grabberd.documents.roles import Role
+from grabberd.documents.document import JobProblem
+from grabberd.documents.enums import Role
 from grabberd.instrument.setup import set_up
-from grabberd.library.jobs.calibrator import Calibrator
+from grabberd.library.jobs.calibration_jobs import Calibrator
 from grabberd.server.api import create_app
 from grabberd.server.daemon.service import Service
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from fastapi.testclient import TestClient
 
-from grabberd.documents.states import DeviceState
+from grabberd.documents.enums import DeviceState
 from grabberd.errors import Cause
 from grabberd.instrument.acquisition import Signal
 from grabberd.instrument.instrument import Instrument

@@ -5,7 +5,7 @@ import zipfile
 
 from fastapi.testclient import TestClient
 
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.server.api.guard.roles import least_roles
 
 

@@ -6,7 +6,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from grabberd.archive.capture import writer
-from grabberd.archive.catalogue.index_keeper import IndexKeeper
+from grabberd.archive.state.capture_index import IndexKeeper
 from grabberd.errors import Cause, IndexRebuilding, StorageError
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.server.daemon.service import Service

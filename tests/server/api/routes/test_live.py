@@ -18,9 +18,9 @@ from websockets.sync.client import ClientConnection, connect
 from grabberd.config import HttpLimits
 from grabberd.instrument.live.preview import HEADER, MAGIC, View
 from grabberd.server.api import create_app
-from grabberd.server.api.streams import preview_client
+from grabberd.server.api.streams import preview
 from grabberd.server.api.streams.broadcast import Broadcast
-from grabberd.server.api.streams.link import WINDOW
+from grabberd.server.api.streams.preview import WINDOW
 from server.api.conftest import service_in
 from server.api.gates import is_problem
 from server.api.streams import Served, served
@@ -206,7 +206,7 @@ def test_one_that_never_reads_is_dropped_and_costs_nobody_else(
             super().__init__(Flood, 0.001)
 
     monkeypatch.setattr(daemon.app.state.feeds, "preview", lambda _: floods)
-    monkeypatch.setattr(preview_client, "UNASKED_EVERY_S", 0.0)
+    monkeypatch.setattr(preview, "UNASKED_EVERY_S", 0.0)
     floods = Floods()
     with connected(daemon, max_queue=1, ping_interval=None) as _:
         with connected(daemon, max_size=None) as client:

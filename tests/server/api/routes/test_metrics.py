@@ -5,7 +5,7 @@ import threading
 from fastapi.testclient import TestClient
 from prometheus_client.parser import text_string_to_metric_families
 
-from grabberd.documents.states import DeviceState
+from grabberd.documents.enums import DeviceState
 from server.api.conftest import sealed
 
 

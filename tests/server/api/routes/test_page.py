@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.server.api import create_app
 from server.api.conftest import service_in
 

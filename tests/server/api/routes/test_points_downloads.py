@@ -13,8 +13,8 @@ import pytest
 from fastapi.testclient import TestClient
 
 from archive.mat_files import by_matio
-from grabberd.archive.export.ply_file import ply_vertex
 from grabberd.archive.export.points_columns import CLOUD_COLUMNS
+from grabberd.archive.export.table_files import ply_vertex
 from server.api.conftest import sealed, service_in
 
 CAPTURES = "/api/v1/captures"

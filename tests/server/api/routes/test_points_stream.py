@@ -18,11 +18,11 @@ from websockets.sync.client import ClientConnection, connect
 from grabberd.client.daemon import Daemon
 from grabberd.client.points_stream import StreamedPoints, follow_points
 from grabberd.config import HttpLimits
+from grabberd.documents.enums import Role
 from grabberd.documents.points_frame import PROTOCOL, decoded
-from grabberd.documents.roles import Role
 from grabberd.errors import GrabberdError, NotReady
 from grabberd.server.api.streams.broadcast import Broadcast
-from grabberd.server.api.streams.points_feed import PointsMessage
+from grabberd.server.api.streams.feeds import PointsMessage
 from server.api.conftest import service_in
 from server.api.gates import is_problem
 from server.api.streams import Served, served

@@ -8,7 +8,7 @@ from running import configuration
 from starlette.testclient import WebSocketDenialResponse
 
 from grabberd.config import default_config_file
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.instrument.setup import set_up
 from grabberd.server.api import create_app
 from grabberd.server.api.guard.front import Front

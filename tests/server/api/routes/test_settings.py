@@ -7,7 +7,7 @@ from fastapi.testclient import TestClient
 
 from grabberd.archive import CaptureReader
 from grabberd.config import ThresholdConfig
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.server.api import create_app
 from grabberd.server.daemon.service import Service
 from server.api.conftest import sealed, service_in

@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from grabberd.config import HttpLimits
-from grabberd.documents.states import DeviceState
-from grabberd.instrument.live.state_changes import merged
-from grabberd.server.api.streams.events import EVERY_S, KEEP_ALIVE, EventFeed
+from grabberd.documents.enums import DeviceState
+from grabberd.instrument.live.state import merged
+from grabberd.server.api.streams.feeds import EVERY_S, KEEP_ALIVE, EventFeed
 from server.api.conftest import service_in
 from server.api.streams import Served, events, served
 

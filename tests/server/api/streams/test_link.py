@@ -1,6 +1,6 @@
 """A link that carries less gets less detail, and more again once it carries more."""
 
-from grabberd.server.api.streams.link import PATIENCE, VAIN_S, WINDOW, Link
+from grabberd.server.api.streams.preview import PATIENCE, VAIN_S, WINDOW, Link
 
 LEVELS = 6
 RATE_HZ = 25

@@ -12,8 +12,8 @@ from running import PATIENCE_S, wait_until_it_accepts
 
 from grabberd.documents.points_frame import PointsFrame, decoded, symmetric
 from grabberd.instrument.device.worker import NEWEST
-from grabberd.server.api.streams import points_feed
-from grabberd.server.api.streams.points_feed import KEPT, PointsFeed
+from grabberd.server.api.streams import feeds
+from grabberd.server.api.streams.feeds import KEPT, PointsFeed
 from grabberd.server.daemon.service import Service
 from server.api.conftest import service_in
 
@@ -64,8 +64,8 @@ def test_every_measured_field_comes_once_with_its_points(tmp_path: Path) -> None
 
 def test_it_is_encoded_once_for_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     encoded: list[int] = []
-    encode = points_feed.encoded
-    monkeypatch.setattr(points_feed, "encoded", lambda frame: encoded.append(frame.n) or encode(frame))
+    encode = feeds.encoded
+    monkeypatch.setattr(feeds, "encoded", lambda frame: encoded.append(frame.n) or encode(frame))
 
     async def work(_: Service, feed: PointsFeed) -> None:
         with feed.listening() as one, feed.listening() as other:
@@ -136,7 +136,7 @@ def test_its_end_ends_all_who_wait(tmp_path: Path) -> None:
 def test_a_field_that_cannot_be_encoded_is_logged_once_and_the_next_ones_come(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    encode = points_feed.encoded
+    encode = feeds.encoded
     failures = iter([True] * 3)
 
     def failing(frame: PointsFrame) -> bytes:
@@ -144,7 +144,7 @@ def test_a_field_that_cannot_be_encoded_is_logged_once_and_the_next_ones_come(
             raise RuntimeError("no such points")
         return encode(frame)
 
-    monkeypatch.setattr(points_feed, "encoded", failing)
+    monkeypatch.setattr(feeds, "encoded", failing)
 
     async def work(_: Service, feed: PointsFeed) -> None:
         with feed.listening() as listener:
@@ -161,10 +161,8 @@ def test_fields_that_are_published_at_once_come_all_the_same(
 ) -> None:
     """As when a capture is caught up: faster than a thread that waits for them gets to run."""
     sequences: list[int] = []
-    encode = points_feed.encoded
-    monkeypatch.setattr(
-        points_feed, "encoded", lambda frame: sequences.append(frame.sequence) or encode(frame)
-    )
+    encode = feeds.encoded
+    monkeypatch.setattr(feeds, "encoded", lambda frame: sequences.append(frame.sequence) or encode(frame))
 
     async def work(service: Service, feed: PointsFeed) -> None:
         worker, setup = service.instrument(None).worker, service.instrument(None).setup.measuring

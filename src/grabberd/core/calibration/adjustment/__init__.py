@@ -1,7 +1,6 @@
 """Bundle adjustment (paper 3.6): least squares for the views' parameters and the targets' positions.
 
-`network` and `unknowns` are its input, `normal_equations` eliminates the positions, `levenberg_marquardt`
-iterates, `adjustment` is the result with its covariance. `rank` refuses what the pictures cannot determine,
-`resection` finds one view roughly, `propagation` carries errors to points, `unmodelled` estimates the error
-that image points share.
+`network` is its input, `normal_equations` eliminates the positions, `adjustment` iterates to the result with
+its covariance, and carries errors to points. `rank` refuses what the pictures cannot determine,
+`starting_values` finds views roughly, `frame_poses` joins several poses of the calibration frame.
 """

@@ -2,22 +2,136 @@
 
 Levenberg–Marquardt with analytic derivatives. Positions are eliminated target by target, so the cost grows
 linearly with the number of targets and with the cube of only the few parameters; the full covariance comes
-from the same elimination.
+from the same elimination, and so does its propagation to X, Y, Z of any points, for any number of views.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.calibration.adjustment.levenberg_marquardt import AdjustmentSettings, Minimum, minimise
-from grabberd.core.calibration.adjustment.network import Network
-from grabberd.core.calibration.adjustment.normal_equations import Linear, Problem, Reduced, reduced
-from grabberd.core.calibration.adjustment.unknowns import Unknowns
+from grabberd.core.calibration.adjustment.network import Network, Unknowns
+from grabberd.core.calibration.adjustment.normal_equations import (
+    Linear,
+    Normals,
+    Problem,
+    Reduced,
+    State,
+    reduced,
+)
 from grabberd.core.geometry import View
-from grabberd.errors import RankDeficient
+from grabberd.errors import MeasurementError, RankDeficient
 
 Array = NDArray[np.float64]
+
+_HINT_START = "check the rig's nominal geometry, the calibration frame's file and which target is which"
+_LEAST_DAMPING, _MOST_DAMPING = 1e-12, 1e12
+_EXACT = 1e-6
+"""σ0² below which pictures count as free of error, and iterating gains nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class AdjustmentSettings:
+    """Criteria of convergence of an adjustment.
+
+    Attributes:
+        settled: Relative change of the sum of squares by the next step below which it has converged.
+        most_steps: Number of steps after which it is given up.
+        damping: Initial Marquardt damping.
+    """
+
+    settled: float = 1e-10
+    most_steps: int = 60
+    damping: float = 1e-6
+
+
+class Minimum(NamedTuple):
+    """End of the iteration: the state, the network linearised there, its normals, and the steps taken."""
+
+    state: State
+    linear: Linear
+    normals: Normals
+    steps: int
+
+
+class _Step(NamedTuple):
+    """Changes of the unknowns (U,) and positions (3, P), and the decrease of the squares they promise."""
+
+    unknowns: Array
+    places: Array
+    promise: float
+
+
+def minimise(problem: Problem, settings: AdjustmentSettings) -> Minimum:
+    """Iterate to the least-squares state.
+
+    Raises:
+        MeasurementError: The start lies behind a camera, or the iteration does not converge.
+        RankDeficient: No image point depends on one of the unknowns.
+    """
+    state, damping = problem.start, settings.damping
+    linear = problem.at(state)
+    if not np.isfinite(linear.omega):
+        raise MeasurementError("the adjustment starts with targets behind a camera", _HINT_START)
+    for steps in range(settings.most_steps + 1):
+        normals = problem.normals(linear)
+        scale = _scale(problem, normals)
+        enough = settings.settled * max(linear.omega, _EXACT * problem.freedom)
+        while True:
+            step = _step(normals, scale, damping)
+            # Damped steps promise little anywhere along a narrow valley; only a free one tells the minimum.
+            if step.promise <= enough and _step(normals, scale, _LEAST_DAMPING).promise <= enough:
+                return Minimum(state, linear, normals, steps)
+            trial = problem.moved(state, step.unknowns, step.places)
+            there = problem.at(trial)
+            if there.omega < linear.omega:
+                break
+            # By little: pictures that are known far better than the frame make a valley that only lightly
+            # damped steps follow, and each return from a strong damping takes several.
+            damping *= 5
+            if damping > _MOST_DAMPING:
+                promise = _step(normals, scale, _LEAST_DAMPING).promise / linear.omega
+                stuck = f": no step lowers it, though the next promises {promise:.1e} of its square"
+                raise _no_convergence(steps, linear.omega, problem, stuck)
+        # Trust the linear model more, as is or less, by how much of its promise was kept.
+        kept = (linear.omega - there.omega) / step.promise
+        damping *= 0.1 if kept > 0.75 else 1.0 if kept > 0.25 else 3.0
+        state, linear, damping = trial, there, max(damping, _LEAST_DAMPING)
+    raise _no_convergence(settings.most_steps, linear.omega, problem)
+
+
+def _step(normals: Normals, scale: Array, damping: float) -> _Step:
+    without = reduced(normals, damping)
+    damped = without.matrix * scale * scale[:, np.newaxis]
+    damped.ravel()[:: len(scale) + 1] += damping
+    unknowns = scale * np.linalg.solve(damped, scale * without.right)
+    places = np.einsum("klp,lp->kp", without.inverse, normals.own_right) - without.coupling @ unknowns
+    promise = float(unknowns @ normals.right + np.vdot(places, normals.own_right))
+    return _Step(unknowns, places, promise)
+
+
+def _scale(problem: Problem, normals: Normals) -> Array:
+    """(U,) scale that gives the normal matrix a unit diagonal."""
+    diagonal = np.diag(normals.matrix)
+    if not (diagonal > 0).all():
+        names = [
+            name for name, weight in zip(problem.unknowns.names, diagonal, strict=True) if not weight > 0
+        ]
+        raise RankDeficient(
+            f"no image point depends on {', '.join(names)}",
+            "hold these parameters, or take more pictures with the view that they belong to",
+            names,
+        )
+    return 1.0 / np.sqrt(diagonal)
+
+
+def _no_convergence(steps: int, omega: float, problem: Problem, stuck: str = "") -> MeasurementError:
+    sigma0 = (omega / problem.freedom) ** 0.5
+    return MeasurementError(
+        f"the adjustment has not converged after {steps} steps; sigma 0 is {sigma0:.3g}{stuck}", _HINT_START
+    )
+
 
 _MOST_INFLATION = 1e13
 """Greatest inflation of a variance by the other unknowns; beyond it the normal matrix is singular to double
@@ -151,8 +265,7 @@ def _cofactor(problem: Problem, minimum: Minimum, without: Reduced) -> Array:
     loose = ~((inflation > 0) & (inflation < _MOST_INFLATION))
     if loose.any():
         raise _singular([problem.unknowns.names[index] for index in np.flatnonzero(loose)])
-    cofactor: Array = inverse * np.outer(scale, scale)
-    return cofactor
+    return inverse * np.outer(scale, scale)
 
 
 def _singular(names: tuple[str, ...] | list[str]) -> RankDeficient:
@@ -188,3 +301,54 @@ def _redundancy(problem: Problem, linear: Linear, without: Reduced, cofactor: Ar
         used[:, :, moving] = np.einsum("cvkp,klp,cvlp->cvp", places, without.inverse, places, optimize=True)
     used += ((rows @ cofactor) * rows).sum(axis=3)
     return 1.0 - used[:, network.view, network.target].T
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Propagated:
+    """Covariances of T positions intersected from image points.
+
+    Attributes:
+        pointing_mm2: (T, 3, 3) from the image points.
+        calibration_mm2: (T, 3, 3) from the views' parameters, J·C·Jᵀ.
+        influence: (T, 3, 18 V) J, derivatives of the positions by all views' `PARAMETERS`.
+    """
+
+    pointing_mm2: Array
+    calibration_mm2: Array
+    influence: Array
+
+
+def intersect_network(network: Network) -> Array:
+    """Intersect all targets from their image points alone, with the views held: (T, 3) positions.
+
+    Args:
+        network: `target_mm` gives start values; its σ is ignored.
+
+    Raises:
+        MeasurementError: As `adjust`, e.g. for targets that fewer than two views see.
+    """
+    return adjust(_unknown(network), Unknowns.of(network.views, free=())).xyz_mm
+
+
+def propagate(network: Network, parameter_covariance: Array) -> Propagated:
+    """Compute the covariances of positions intersected from image points, at `target_mm`.
+
+    The solution X(l, p) satisfies Aᵀ(l − f(X, p)) = 0 (whitened), so dX/dp = −(AᵀA)⁻¹Aᵀ·∂f/∂p.
+
+    Args:
+        network: Every target in at least two views; `sigma_px` is used, the positions' σ is not.
+        parameter_covariance: (18 V, 18 V) of the views.
+
+    Raises:
+        MeasurementError: A target is seen by fewer than two views.
+    """
+    problem = Problem(_unknown(network), Unknowns.of(network.views))
+    problem.check_places()
+    without = reduced(problem.normals(problem.at(State(network.views, network.target_mm))))
+    influence = -without.coupling.transpose(1, 0, 2)
+    share = influence @ parameter_covariance @ influence.swapaxes(1, 2)
+    return Propagated(without.inverse.transpose(2, 0, 1), share, influence)
+
+
+def _unknown(network: Network) -> Network:
+    return replace(network, target_sigma_mm=np.full(network.target_mm.shape, np.inf))

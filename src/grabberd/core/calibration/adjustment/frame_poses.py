@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.calibration.adjustment.adjustment import Adjustment
-from grabberd.core.calibration.adjustment.network import Network
-from grabberd.core.calibration.adjustment.unknowns import Unknowns
+from grabberd.core.calibration.adjustment.network import Network, Unknowns
 from grabberd.core.geometry import PARAMETERS, View, rotation_angles, rotation_derivatives, rotation_matrix
 from grabberd.errors import MeasurementError
 
@@ -223,5 +222,4 @@ def _to_angles(view: View) -> Array:
 def _turning(rates: Array, rotation: Array) -> Array:
     """(3, K) rotation vectors of rates (K, 3, 3) of a rotation (3, 3)."""
     skew = rates @ rotation.T
-    vectors: Array = np.array([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]])
-    return vectors
+    return np.array([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]])

@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.calibration.adjustment.network import Network
-from grabberd.core.calibration.adjustment.unknowns import Unknowns
+from grabberd.core.calibration.adjustment.network import Network, Unknowns
 from grabberd.core.geometry import PARAMETERS, Rig, View, linearise_corrections, linearise_parameters
 from grabberd.core.reconstruction.intersection import DIAGONAL, FIRST, SECOND, inverse_symmetric
 from grabberd.errors import MeasurementError
@@ -179,8 +178,7 @@ class Problem:
 
     def by_place(self, linear: Linear) -> Array:
         """(2, V, 3, P) whitened slopes by the positions: minus those by the projection centre."""
-        slopes: Array = -linear.slopes[:, :, _CENTER][..., self.moving] * self.loose
-        return slopes
+        return -linear.slopes[:, :, _CENTER][..., self.moving] * self.loose
 
     def whitened_rows(self, linear: Linear) -> Array:
         """(2, V, T, U) whitened slopes of the image points by the unknowns."""
@@ -204,8 +202,7 @@ class Problem:
         moving = len(self.moving)
         products = places[:, :, :, np.newaxis] * slopes[:, :, np.newaxis][..., self.moving]
         flat = products.sum(axis=0).transpose(1, 3, 0, 2).reshape(3 * moving, views * parameters)
-        cross: Array = (flat @ linear.blocks.reshape(views * parameters, -1)).reshape(3, moving, -1)
-        return cross
+        return (flat @ linear.blocks.reshape(views * parameters, -1)).reshape(3, moving, -1)
 
 
 def reduced(normals: Normals, damping: float = 0.0) -> Reduced:

@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.calibration.adjustment.network import Network
+from grabberd.core.calibration.adjustment.network import Network, Unknowns
 from grabberd.core.calibration.adjustment.normal_equations import Problem, reduced
-from grabberd.core.calibration.adjustment.unknowns import Unknowns
 from grabberd.core.geometry import PARAMETERS
 from grabberd.errors import MeasurementError, RankDeficient
 
@@ -103,8 +102,7 @@ def _plain(basis: Array) -> Array:
         basis[:, column] /= basis[row, column]
         rest = np.arange(basis.shape[1]) != column
         basis[:, rest] -= np.outer(basis[:, column], basis[row, rest])
-    plain: Array = basis / np.sqrt((basis * basis).sum(axis=0))
-    return plain
+    return basis / np.sqrt((basis * basis).sum(axis=0))
 
 
 def _named(vector: Array, names: Sequence[str], singular: float) -> NullVector:

@@ -1,24 +1,153 @@
 """Starting values of a network: every view's pose by resection, every unknown position by intersection.
 
-Views that see enough known targets come first; the targets that they determine together help to find the
-next ones. The interior orientation is taken as given, roughly.
+Views that see enough known targets come first; the targets that they determine together help to find the next
+ones. The interior orientation is taken as given, roughly. Three points have up to four poses in closed form:
+Grunert's solution in the form of R. M. Haralick et al., "Review and analysis of solutions of the three point
+perspective pose estimation problem", Int. J. Computer Vision 13 (1994) 331–356, equations (9) to (11).
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.calibration.adjustment.adjustment import Adjustment, adjust
-from grabberd.core.calibration.adjustment.network import Network
-from grabberd.core.calibration.adjustment.three_points import poses_of_three
-from grabberd.core.calibration.adjustment.unknowns import Unknowns
-from grabberd.core.geometry import PARAMETERS, Rig, View, correct_all, project, rays
+from grabberd.core.calibration.adjustment.network import Network, Unknowns
+from grabberd.core.geometry import PARAMETERS, Rig, View, correct_all, parameter_derivatives, project, rays
 from grabberd.errors import MeasurementError
 
 Array = NDArray[np.float64]
+
+_REAL = 1e-3
+"""Imaginary part below which a root counts as real: double roots come out as pairs that are nearly real."""
+
+
+def poses_of_three(directions: Array, xyz_mm: Array) -> Iterator[tuple[Array, Array]]:
+    """Find all poses in which three points are seen in given directions.
+
+    Args:
+        directions: (3, 3) unit vectors in the camera's frame, one a row.
+        xyz_mm: (3, 3) the points in the object's frame, one a row, not on a line.
+
+    Yields:
+        A proper rotation (3, 3) from the object's frame into the camera's, and the projection centre (3,).
+    """
+    for reach in _distances(directions, xyz_mm):
+        if (reach > 0).all():
+            yield _pose(directions * reach[:, np.newaxis], xyz_mm)
+
+
+def _distances(directions: Array, xyz_mm: Array) -> Iterator[Array]:
+    """(3,) distances of the points from the projection centre."""
+    a2, b2, c2 = (float(((xyz_mm[i] - xyz_mm[k]) ** 2).sum()) for i, k in ((1, 2), (0, 2), (0, 1)))
+    alpha, beta, gamma = (float(directions[i] @ directions[k]) for i, k in ((1, 2), (0, 2), (0, 1)))
+    less, more = (a2 - c2) / b2, (a2 + c2) / b2
+    quartic = [
+        (less - 1) ** 2 - 4 * c2 / b2 * alpha**2,
+        4 * (less * (1 - less) * beta - (1 - more) * alpha * gamma + 2 * c2 / b2 * alpha**2 * beta),
+        2 * (less**2 - 1 + 2 * less**2 * beta**2 + 2 * (b2 - c2) / b2 * alpha**2)
+        + 2 * (-4 * more * alpha * beta * gamma + 2 * (b2 - a2) / b2 * gamma**2),
+        4 * (-less * (1 + less) * beta + 2 * a2 / b2 * gamma**2 * beta - (1 - more) * alpha * gamma),
+        (1 + less) ** 2 - 4 * a2 / b2 * gamma**2,
+    ]
+    for root in np.roots(quartic):
+        v, below = float(root.real), 2 * (gamma - float(root.real) * alpha)
+        if abs(root.imag) > _REAL * max(1.0, abs(v)) or v <= 0 or below == 0:
+            continue
+        u = ((less - 1) * v * v - 2 * less * beta * v + 1 + less) / below
+        yield np.sqrt(b2 / (1 + v * v - 2 * v * beta)) * np.array([1.0, u, v])
+
+
+def _pose(camera_mm: Array, xyz_mm: Array) -> tuple[Array, Array]:
+    """Rigid motion from the object's frame into the camera's, after Kabsch."""
+    middle, seen = xyz_mm.mean(axis=0), camera_mm.mean(axis=0)
+    left, _, right = np.linalg.svd((camera_mm - seen).T @ (xyz_mm - middle))
+    proper = np.diag([1.0, 1.0, np.linalg.det(left) * np.linalg.det(right)])
+    rotation = left @ proper @ right
+    return rotation, middle - rotation.T @ seen
+
+
+PRIOR_SIGMA = np.array(
+    [
+        *(0.8, 15.0, 15.0, 0.5, 0.5, 0.5, 100.0, 100.0, 100.0),
+        *(0.01, 0.01, 2e-3, 5e-5, 1e-6, 8e-4, 8e-4, 8e-4, 8e-4),
+    ]
+)
+"""Prior σ of a view about its nominal one, in the order of `PARAMETERS`; its position is hardly known."""
+_SETTLED = 1e-4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Resection:
+    """Result of a resection.
+
+    Attributes:
+        view: The view.
+        residual_px: (N, 2) observed minus computed; NaN where a target lies behind the camera.
+    """
+
+    view: View
+    residual_px: Array
+
+    @property
+    def distance_px(self) -> Array:
+        """(N,) length of the residuals; infinite behind the camera."""
+        distance: Array = np.linalg.norm(self.residual_px, axis=1)
+        return np.where(np.isnan(distance), np.inf, distance)
+
+
+def resect(
+    start: View,
+    xyz_mm: Array,
+    xy_px: Array,
+    sigma_px: float,
+    *,
+    prior: View | None = None,
+    most_steps: int = 12,
+) -> Resection:
+    """Find the view that sees N targets where they were seen, robustly against outliers.
+
+    Every parameter is pulled toward the prior by its `PRIOR_SIGMA`, so any number of targets and any frame,
+    even a planar one, give a result. It is accurate enough to tell targets apart; measuring needs the
+    adjustment.
+
+    Args:
+        start: The view to start from.
+        xyz_mm: (N, 3) targets.
+        xy_px: (N, 2) frame pixels.
+        sigma_px: Standard deviation of an image coordinate; residuals far beyond it are weighted down.
+        prior: Centre of the prior; None for the start.
+        most_steps: Greatest number of iterations; fewer if it converges.
+    """
+    middle, view = (prior or start).vector(), start
+    for _ in range(most_steps):
+        step = _step(view, middle, xyz_mm, xy_px, sigma_px)
+        view = view.with_vector(view.vector() + step * PRIOR_SIGMA)
+        if np.abs(step).max() < _SETTLED:
+            break
+    return Resection(view, xy_px - project(view, xyz_mm))
+
+
+def _step(view: View, middle: Array, xyz_mm: Array, xy_px: Array, sigma_px: float) -> Array:
+    """(18,) Gauss–Newton step, in units of `PRIOR_SIGMA`."""
+    misfit = xy_px - project(view, xyz_mm)
+    weight = _weight(misfit, sigma_px)[:, np.newaxis]
+    seen = weight[:, 0] > 0
+    slopes = parameter_derivatives(view, xyz_mm[seen]) * PRIOR_SIGMA * weight[seen, :, np.newaxis]
+    flat, whitened = slopes.reshape(-1, len(PRIOR_SIGMA)), (misfit * weight)[seen].ravel()
+    off = (view.vector() - middle) / PRIOR_SIGMA
+    return np.linalg.solve(flat.T @ flat + np.eye(len(PRIOR_SIGMA)), flat.T @ whitened - off)
+
+
+def _weight(misfit: Array, sigma_px: float) -> Array:
+    """(N,) square roots of Cauchy weights, in 1/px; zero behind the camera."""
+    square = (misfit * misfit).sum(axis=1) / sigma_px**2
+    # Cauchy's weight is one half at 3 σ.
+    weight: Array = 1.0 / (sigma_px * np.sqrt(1.0 + square / 9.0))
+    return np.where(np.isnan(weight), 0.0, weight)
+
 
 POSE = PARAMETERS[3:9]
 LEAST_TARGETS = 4

@@ -8,18 +8,17 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.calibration.identification.acceptance import IdentificationSettings, check_pair
 from grabberd.core.calibration.identification.frame_identification import (
     NAMES,
     Identification,
+    IdentificationSettings,
     ViewIdentification,
     check_count,
+    check_pair,
     identified,
 )
-from grabberd.core.calibration.identification.hypothesis import Explainer, Hypothesis
-from grabberd.core.calibration.identification.hypothesis_growth import TURNS, Half
-from grabberd.core.calibration.identification.hypothesis_ranking import HANDEDNESS, settled
-from grabberd.core.calibration.identification.poses import Poses, improved, pixels
+from grabberd.core.calibration.identification.hypothesis import HANDEDNESS, Explainer, Hypothesis, settled
+from grabberd.core.calibration.identification.hypothesis_growth import TURNS, Half, Poses, improved, pixels
 from grabberd.core.geometry import NominalRig, View, project
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import InputError
@@ -177,8 +176,7 @@ def _away(explainer: Explainer, view: View) -> Array:
     """Distances of the marked blobs in px from where a view has their targets."""
     blobs, targets = list(explainer.given), list(explainer.given.values())
     away = np.linalg.norm(explainer.half.xy_px[blobs] - project(view, explainer.xyz_mm[targets]), axis=1)
-    finite: Array = np.nan_to_num(away, nan=np.inf)
-    return finite
+    return np.nan_to_num(away, nan=np.inf)
 
 
 def _swapped(

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.calibration import Identification, MeanImages, identify_frame, mean_images
-from grabberd.core.chain.calibration.located_frame import locate
+from grabberd.core.chain.calibration.frame_capture import locate
 from grabberd.core.field import NumberedField
 from grabberd.core.geometry import Calibration, NominalRig, Rig, project_all
 from grabberd.core.measurement import LocationSettings
 from grabberd.core.reconstruction import ImageNoise, ObjectModel, Points, ViewBlobs, intersect
-from grabberd.core.reconstruction.accuracy.accuracy import Axes
-from grabberd.core.reconstruction.accuracy.drift_check import parallax
-from grabberd.core.reconstruction.accuracy.rigid_motion import RigidMotion, rigid_motion
+from grabberd.core.reconstruction.accuracy import Axes, RigidMotion, rigid_motion
+from grabberd.core.reconstruction.drift_check import parallax
 from grabberd.errors import MeasurementError
 
 Array = NDArray[np.float64]
@@ -131,8 +130,7 @@ def _points(
 
 def _places(target: NDArray[np.intp], wanted: NDArray[np.intp]) -> NDArray[np.intp]:
     order = np.argsort(target, kind="stable")
-    found: NDArray[np.intp] = order[np.searchsorted(target[order], wanted)]
-    return found
+    return order[np.searchsorted(target[order], wanted)]
 
 
 def _view_blobs(

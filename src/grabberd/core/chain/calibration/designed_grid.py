@@ -138,8 +138,7 @@ def _depths(design: GridDesign, row: NDArray[np.intp], column: NDArray[np.intp])
     rows = 1 if design.along is Along.COLUMNS else design.rows
     columns = 1 if design.along is Along.ROWS else design.columns
     steps = _irregular_steps(rows, columns, design.depth_steps)
-    dealt: Array = heights_mm[np.broadcast_to(steps, (design.rows, design.columns))[row, column]]
-    return dealt
+    return heights_mm[np.broadcast_to(steps, (design.rows, design.columns))[row, column]]
 
 
 def _irregular_steps(rows: int, columns: int, steps: int) -> NDArray[np.intp]:

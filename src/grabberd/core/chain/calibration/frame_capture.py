@@ -1,7 +1,10 @@
-"""One capture of the calibration frame: its blobs, their means, and the targets they are of."""
+"""One capture of the calibration frame: its blobs, their means, and the targets they are of, before any
+adjustment.
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +21,48 @@ from grabberd.core.calibration import (
     mean_images,
 )
 from grabberd.core.chain.calibration.calibration_result import CalibrateSettings
-from grabberd.core.chain.calibration.located_frame import locate
+from grabberd.core.chain.locating import OtherSizes, px_per_mm, sized, whole
 from grabberd.core.field import NumberedField
 from grabberd.core.geometry import NominalRig, View
+from grabberd.core.measurement import LocationSettings, measure
 from grabberd.core.reconstruction import ObjectModel
+from grabberd.errors import MeasurementError
+
+
+class LocatedFrame(NamedTuple):
+    """Blobs of a calibration frame's capture.
+
+    Attributes:
+        views: Whole blobs of every field, of the left and of the right view.
+        sizes: Of the last field, for a failure to be told with the sizes found.
+    """
+
+    views: tuple[list[FieldImages], list[FieldImages]]
+    sizes: OtherSizes
+
+
+def locate(
+    fields: Iterable[NumberedField], nominal: NominalRig, frame: ObjectModel, location: LocationSettings
+) -> LocatedFrame:
+    """Locate whole blobs of the size that the frame's targets have with the nominal rig, unless it is set.
+
+    Raises:
+        MeasurementError: There are no fields.
+    """
+    views: tuple[list[FieldImages], list[FieldImages]] = ([], [])
+    scale, halves = px_per_mm(nominal), (nominal.left, nominal.right)
+    location = sized(location, scale, frame.target_diameter_mm)
+    packed = None
+    for numbered in fields:
+        packed = numbered.packed
+        blobs = measure(packed, None, location)
+        for view, half in zip(views, halves, strict=True):
+            own = blobs.select(whole(blobs, *half))
+            view.append(FieldImages(own.xy_px, own.sigma_px, packed.parity, own.common_px, own.area_px))
+    if packed is None:
+        raise MeasurementError("the capture has no field to calibrate from", "take the capture again")
+    return LocatedFrame(views, OtherSizes(packed, halves, location, scale))
+
 
 Array = NDArray[np.float64]
 
@@ -135,3 +176,61 @@ def _disc_area_px(view: View, frame: ObjectModel) -> float:
     away_mm = float(np.linalg.norm(view.center_mm - frame.xyz_mm.mean(axis=0)))
     diameter_mm = frame.target_diameter_mm * view.f_mm / away_mm
     return float(np.pi / 4 * diameter_mm**2 / (view.pixel_x_mm * view.pixel_y_mm))
+
+
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenFrame:
+    """A calibration frame as identified in a capture.
+
+    Attributes:
+        images: mean images of the left and of the right view, including blobs that are no targets.
+        identification: target of each image; None if it is ambiguous.
+        refusal: reason why there is no identification, or None.
+        moved: True if the calibration frame moves; the images are then those of the first field.
+    """
+
+    images: tuple[MeanImages, MeanImages]
+    identification: Identification | None
+    refusal: MeasurementError | None = None
+    moved: bool = False
+
+    @property
+    def target(self) -> tuple[Indices, Indices]:
+        """(B,) for each view: index of each image's target in the calibration frame, −1 if it has none."""
+        if self.identification is not None:
+            return self.identification.left.target, self.identification.right.target
+        left, right = (np.full(len(side), -1, np.intp) for side in self.images)
+        return left, right
+
+
+def identify(
+    fields: Iterable[NumberedField],
+    nominal: NominalRig,
+    frame: ObjectModel,
+    location: LocationSettings | None = None,
+) -> SeenFrame:
+    """Finds the targets of a calibration frame; if it moves or is ambiguous, returns images and the reason.
+
+    Args:
+        fields: any number, of both parities.
+        nominal: the rig as built, each number to within ten per cent.
+        frame: the calibration frame's targets.
+        location: settings for locating blobs.
+
+    Raises:
+        MeasurementError: there are no fields.
+    """
+    located = locate(fields, nominal, frame, location or LocationSettings())
+    seen = located.views
+    try:
+        images = (mean_images(seen[0]), mean_images(seen[1]))
+    except MeasurementError as refusal:
+        return SeenFrame((mean_images(seen[0][:1]), mean_images(seen[1][:1])), None, refusal, moved=True)
+    try:
+        with located.sizes.told():
+            return SeenFrame(images, identify_frame(nominal, frame, images[0].xy_px, images[1].xy_px))
+    except MeasurementError as refusal:
+        return SeenFrame(images, None, refusal)

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.calibration import Adjustment, Blunder, ViewIdentification
-from grabberd.core.chain.calibration.acceptance.acceptance_document import acceptance_document
-from grabberd.core.chain.calibration.acceptance.verdict import Acceptance, judge
+from grabberd.core.chain.calibration.acceptance.verdict import Acceptance, acceptance_document, judge
 from grabberd.core.chain.calibration.calibration_result import CalibrateResult
 from grabberd.core.chain.calibration.report_figures import (
     AXES,

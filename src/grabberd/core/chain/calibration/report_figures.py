@@ -141,8 +141,7 @@ def _planar_motion(rig: Rig, base_mm: Array) -> float | None:
 def _rays(rig: Rig, index: int, xy_px: Array) -> Array:
     """(N, 3) unit vectors of a view through frame pixels (N, 2)."""
     every = np.repeat(xy_px.T[:, np.newaxis], len(rig.views), axis=1)
-    rays: Array = directions_all(rig, correct_all(rig, every))[index].T
-    return rays
+    return directions_all(rig, correct_all(rig, every))[index].T
 
 
 def _corners(view: View, lines: int) -> Array:

@@ -5,18 +5,27 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.measurement.locators.disc_image import (
+from grabberd.core.measurement.locators.locator import (
+    GREY,
+    Located,
+    Seen,
+    Windows,
+    meant_for,
+    noise_of,
+    windows_of,
+)
+from grabberd.core.measurement.locators.template import (
+    BLURRED_PX,
     BLURRING,
     CONTRAST,
     HALF_HEIGHT,
     HALF_WIDTH,
+    PIXEL,
+    ROW,
     X,
     Y,
     disc_images,
 )
-from grabberd.core.measurement.locators.locator import GREY, Located, Seen, meant_for, noise_of
-from grabberd.core.measurement.locators.template import BLURRED_PX, PIXEL, ROW
-from grabberd.core.measurement.locators.windows import Windows, windows_of
 
 STEP_PX = 0.25
 ACROSS = 6
@@ -124,5 +133,4 @@ def _vertex(values: Single, at: NDArray[np.intp]) -> Single:
     blob = np.arange(len(values))
     before, here, after = (values[blob, at + step] for step in (-PARABOLA, 0, PARABOLA))
     bend = np.minimum(before - 2 * here + after, -LEAST)
-    vertex: Single = PARABOLA * (0.5 * (before - after) / bend).clip(-1, 1)
-    return vertex
+    return PARABOLA * (0.5 * (before - after) / bend).clip(-1, 1)

@@ -5,8 +5,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.measurement.locators.locator import GREY, Located, Seen, meant_for, noise_of
-from grabberd.core.measurement.locators.windows import Windows, windows_of
+from grabberd.core.measurement.locators.locator import (
+    GREY,
+    Located,
+    Seen,
+    Windows,
+    meant_for,
+    noise_of,
+    windows_of,
+)
 
 LOWEST, HIGHEST = 0.03, 0.97
 """Shares of a blob's height between which the slope of its edge carries information."""

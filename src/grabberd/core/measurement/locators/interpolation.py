@@ -9,10 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.measurement.background import LEAST_NOISE, background_in
-from grabberd.core.measurement.locators.locator import Located, Seen
-from grabberd.core.measurement.locators.windows import Windows, windows_of
-from grabberd.core.measurement.sigma import binary_sigma_px
+from grabberd.core.measurement.locators.locator import Located, Seen, Windows, windows_of
+from grabberd.core.measurement.noise import LEAST_NOISE, background_in, binary_sigma_px
 
 Array = NDArray[np.float64]
 

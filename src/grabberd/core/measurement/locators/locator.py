@@ -1,5 +1,11 @@
-"""Input and output of locators."""
+"""Input and output of locators: components of a field, the windows of grey values around them, positions,
+chords.
 
+Windows are all of the same size, from the delivered lines: a doubled field has the same as the intact one,
+because interpolated rows add no information.
+"""
+
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.field import BIT_DEPTHS, PackedField
-from grabberd.core.measurement.background import background_in
-from grabberd.core.measurement.labelling.runs import Runs
-from grabberd.core.measurement.labelling.shapes import Shapes, binary_centres
+from grabberd.core.measurement.labelling import Runs, Shapes, binary_centres, greys_at
+from grabberd.core.measurement.noise import background_in
 from grabberd.core.measurement.settings import LocationSettings
 from grabberd.errors import InputError
 
@@ -135,3 +140,130 @@ def noise_of(seen: Seen) -> float:
     """Standard deviation of a pixel in grey values: as set, or as the background shows it."""
     known = seen.settings.noise_levels
     return background_in(seen.packed).noise if known is None else known
+
+
+BEYOND_PX = (1.2, 3.9)
+"""Margin of a window beyond the pixels above the threshold (of all but the largest blobs), and its increase
+for a threshold at their full height, since a high threshold leaves more of them out."""
+LARGEST_SHARE = 0.5
+ALL_BUT_THE_LARGEST = 0.9
+
+Array = NDArray[np.float32]
+
+
+class Windows(NamedTuple):
+    """Windows of N blobs, each of `h` field lines by `w` columns inside the field.
+
+    Attributes:
+        blob: (N,) int64, component of each window.
+        grey: (N, h, w) float32, grey values.
+        background: (N,) float32, median of each window: more than half of it is no target.
+        line: (N,) int64, field line of the first row, counted as the camera delivered them.
+        column: (N,) int64, the first column.
+        middle: (N, 2) float32, position of the blob's centroid in the window: columns, frame lines.
+        lines_apart: Frame lines from one line to the next.
+    """
+
+    blob: NDArray[np.int64]
+    grey: Array
+    background: Array
+    line: NDArray[np.int64]
+    column: NDArray[np.int64]
+    middle: Array
+    lines_apart: int
+
+    @property
+    def x_px(self) -> Array:
+        """(w,) columns from the first."""
+        return np.arange(self.grey.shape[2], dtype=np.float32)
+
+    @property
+    def y_px(self) -> Array:
+        """(h,) frame lines from the first."""
+        return np.arange(self.grey.shape[1], dtype=np.float32) * np.float32(self.lines_apart)
+
+    def located(
+        self,
+        seen: Seen,
+        x_px: NDArray[np.floating],
+        y_px: NDArray[np.floating],
+        sigma_px: NDArray[np.floating],
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Convert positions (N,) and σ (N, 2) in the windows to centres and σ of all components.
+
+        A component without a window, too small or too large for a target, keeps its centroid with σ NaN.
+        """
+        centres, sigma = seen.centroids.copy(), np.full((len(seen.shapes), 2), np.nan)
+        line = self.line + y_px.astype(np.float64) / self.lines_apart
+        centres[self.blob, 0] = self.column + x_px.astype(np.float64)
+        centres[self.blob, 1] = row_of_line(seen.packed, line)
+        sigma[self.blob] = sigma_px
+        return centres, sigma
+
+
+def windows_of(seen: Seen) -> Windows:
+    """Cut windows around the components of a target's size; off-centre at an edge of the field."""
+    blob = np.flatnonzero(seen.of_size)
+    shapes, packed, apart = seen.shapes, seen.packed, seen.packed.lines_apart
+    # Noise moves a centroid less than the middle of an extent.
+    x, row = seen.centroids[blob].T
+    beyond = _beyond_px(packed, x, row)
+    columns = _size(shapes.last_column[blob] - shapes.first_column[blob] + 1, beyond, 1, packed.columns)
+    extent = (shapes.last_row[blob] - shapes.first_row[blob] + 1) * packed.y_step
+    lines = _size(extent, beyond, apart, lines_of(packed))
+    y = line_of_row(packed, row)
+    column, line = _first(x, columns, packed.columns), _first(y, lines, lines_of(packed))
+    middle = np.stack([x - column, apart * (y - line)], axis=1).astype(np.float32)
+    grey = _gathered(packed, line, lines, column, columns)
+    half = lines * columns // 2
+    background = np.partition(grey.reshape(len(grey), lines * columns), half, axis=1)[:, half]
+    return Windows(blob, grey, background, line, column, middle, apart)
+
+
+def lines_of(packed: PackedField) -> int:
+    """Number of lines that the camera delivered."""
+    return packed.rows * packed.y_step // packed.lines_apart
+
+
+def _beyond_px(packed: PackedField, x: NDArray[np.float64], row: NDArray[np.float64]) -> float:
+    """Margin of windows beyond the pixels above the threshold."""
+    if not len(x):
+        return BEYOND_PX[0]
+    stride = packed.data.shape[2] * (1 if packed.bits == 8 else 8)
+    pixel = row.astype(np.int64) * stride + x.astype(np.int64)
+    background = background_in(packed).level
+    height = max(float(np.median(greys_at(packed, pixel))) - background, 1.0)
+    share = (packed.threshold - background) / height
+    return BEYOND_PX[0] + BEYOND_PX[1] * min(max(share, 0.0), LARGEST_SHARE)
+
+
+def _size(extent: NDArray[np.int64], beyond_px: float, step: int, most: int) -> int:
+    """Size of a window in steps: odd, unless the field is smaller."""
+    large = int(ALL_BUT_THE_LARGEST * len(extent))
+    reach = float(np.partition(extent, large)[large]) / 2 + beyond_px if len(extent) else 1.0
+    return min(2 * math.ceil(reach / step - 0.01) + 1, most)
+
+
+def _first(middle: NDArray[np.float64], size: int, end: int) -> NDArray[np.int64]:
+    return (np.rint(middle).astype(np.int64) - size // 2).clip(0, end - size)
+
+
+def _gathered(
+    packed: PackedField, line: NDArray[np.int64], lines: int, column: NDArray[np.int64], columns: int
+) -> Array:
+    stride = packed.data.shape[2] * (1 if packed.bits == 8 else 8)
+    rows_apart = packed.lines_apart // packed.y_step
+    first = (line * rows_apart + packed.first_delivered) * stride + column
+    within = np.arange(lines)[:, np.newaxis] * (rows_apart * stride) + np.arange(columns)
+    pixel = first[:, np.newaxis, np.newaxis] + within
+    return greys_at(packed, pixel.ravel()).reshape(pixel.shape).astype(np.float32)
+
+
+def line_of_row(packed: PackedField, row: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Convert a row of the field to a delivered line, fractions included."""
+    return (row - packed.first_delivered) * packed.y_step / packed.lines_apart
+
+
+def row_of_line(packed: PackedField, line: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Convert a delivered line to a row of the field."""
+    return line * packed.lines_apart / packed.y_step + packed.first_delivered

@@ -1,8 +1,7 @@
 """Correspondence: identification of the blobs of both views as targets of the object (paper 3.7).
 
-`hypotheses` lists what rays and object model allow, `displacement_field` (in parts: `tiled_field`) predicts
-each target from the others, `agreement` finds the largest set of hypotheses that fit together, `prediction`
-finds blobs near where targets must be; `correspondence` combines them, by the compiled kernel
-(`compiled_identification`, `compiled_search`) or numpy. `single_view_search` identifies the blobs of targets
-that one view alone sees.
+`agreement` lists the hypotheses that rays and object model allow, and finds the largest set that fits
+together; `displacement_field` (in parts: `TiledField`) predicts each target from the others; `correspondence`
+combines them, by the compiled kernel (`compiled_identification`, `compiled_search`) or numpy, and finds the
+blobs near where targets must be, also of those that one view alone sees.
 """

@@ -15,8 +15,7 @@ from grabberd.core.geometry import LocalField, Rig
 from grabberd.core.kernel import DONE, Kernel
 from grabberd.core.reconstruction.correspondence.agreement import Agreement, Sighting
 from grabberd.core.reconstruction.correspondence.displacement_field import DisplacementField, Expected
-from grabberd.core.reconstruction.miss import Miss
-from grabberd.core.reconstruction.points import Points
+from grabberd.core.reconstruction.points import Miss, Points
 from grabberd.core.reconstruction.view_blobs import ImageNoise, ViewBlobs
 from grabberd.errors import MeasurementError
 

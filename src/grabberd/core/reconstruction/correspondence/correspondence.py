@@ -3,35 +3,156 @@
 On a regular grid the epipolar geometry alone is ambiguous, so the object model decides. Identification starts
 from the most certain hypothesis and grows over the object: targets already identified predict the others,
 with σ, because neighbours move alike. Doubtful targets are left out; a wrong target is worse than a missing
-one.
+one. From field to field the blobs near predicted images are assigned; targets that one view alone sees have
+an image, but no point.
 """
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.geometry import Rig
+from grabberd.core.geometry import Rig, linearise
 from grabberd.core.kernel import KERNEL, Kernel
-from grabberd.core.reconstruction.correspondence.agreement import Agreement, Sighting
-from grabberd.core.reconstruction.correspondence.compiled_identification import Identification
-from grabberd.core.reconstruction.correspondence.compiled_search import Nearby, takes
-from grabberd.core.reconstruction.correspondence.displacement_field import DisplacementField, Expected
-from grabberd.core.reconstruction.correspondence.hypotheses import (
+from grabberd.core.reconstruction.correspondence.agreement import (
+    Agreement,
+    CorrespondenceSettings,
     Hypotheses,
+    Sighting,
     hypotheses,
     line_mm,
     meeting_share,
 )
-from grabberd.core.reconstruction.correspondence.prediction import Prediction
-from grabberd.core.reconstruction.correspondence.settings import CorrespondenceSettings
+from grabberd.core.reconstruction.correspondence.compiled_identification import Identification
+from grabberd.core.reconstruction.correspondence.compiled_search import Nearby, takes
+from grabberd.core.reconstruction.correspondence.displacement_field import DisplacementField, Expected
 from grabberd.core.reconstruction.intersection import intersect
-from grabberd.core.reconstruction.miss import Miss
 from grabberd.core.reconstruction.object_model import ObjectModel
+from grabberd.core.reconstruction.points import Miss, Points, SingleViewImages
 from grabberd.core.reconstruction.view_blobs import ImageNoise, ViewBlobs
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+
+FEW_PAIRS = 1 << 15
+"""Number of target–blob pairs up to which comparing all is faster than finding those near each other."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prediction:
+    """Predicted images of M targets in V views.
+
+    Attributes:
+        image_px: (2, V, M) predicted images, frame pixels x and y; infinite behind a camera.
+        reach_px: (2, V, M) greatest distance from there at which they may appear.
+    """
+
+    image_px: Array
+    reach_px: Array
+
+    @classmethod
+    def of(
+        cls, rig: Rig, places_mm: Array, sigma_mm: Array, sigma_px: Array | float, gate: float
+    ) -> "Prediction":
+        """Predict images from positions and their uncertainty.
+
+        Args:
+            rig: The views.
+            places_mm: (M, 3) predicted positions.
+            sigma_mm: (M,) their standard deviation in each coordinate.
+            sigma_px: Standard deviation of a blob's image; broadcasts against (2, V, M).
+            gate: Greatest deviation of a target, in standard deviations.
+        """
+        image, slopes = linearise(rig, places_mm)
+        reach = gate * np.hypot(np.sqrt((slopes * slopes).sum(axis=2)) * sigma_mm, sigma_px)
+        before = np.isfinite(image)
+        return cls(np.where(before, image, np.inf), np.where(before, reach, 1.0))
+
+    def nearest(self, view: int, xy_px: Array) -> Indices:
+        """Assign a blob to each target: (M,) indices, −1 for none.
+
+        A blob is assigned to a target if it lies within reach of the predicted image and each is the other's
+        nearest, measured in units of the reach.
+
+        Args:
+            view: Index of the view.
+            xy_px: (N, 2) blobs of that view.
+        """
+        image, reach = self.image_px[:, view], self.reach_px[:, view]
+        if not (len(xy_px) and image.shape[1]):
+            return np.full(image.shape[1], -1)
+        return (_of_all if image.shape[1] * len(xy_px) <= FEW_PAIRS else _of_those_beside)(
+            image, reach, xy_px.T
+        )
+
+
+def _of_all(image: Array, reach: Array, blobs: Array) -> Indices:
+    """Compare every target (2, M) with every blob (2, N)."""
+    off = blobs[:, np.newaxis] - image[:, :, np.newaxis]
+    off *= 1.0 / reach[:, :, np.newaxis]
+    off *= off
+    away = off[0] + off[1]
+    targets = np.arange(image.shape[1])
+    blob = away.argmin(axis=1)
+    own = (away[targets, blob] <= 1.0) & (away.argmin(axis=0)[blob] == targets)
+    return np.where(own, blob, -1)
+
+
+def _of_those_beside(image: Array, reach: Array, blobs: Array) -> Indices:
+    """Do the same in time linear in the number of targets."""
+    target, blob = _beside(image, reach, blobs)
+    off = (blobs[:, blob] - image[:, target]) * (1.0 / reach[:, target])
+    away = (off * off).sum(axis=0)
+    within = np.flatnonzero(away <= 1.0)
+    target, blob, away = target[within], blob[within], away[within]
+    both = _least(away, target, blob), _least(away, blob, target)
+    mutual = np.intersect1d(*both, assume_unique=True)
+    assigned = np.full(image.shape[1], -1)
+    assigned[target[mutual]] = blob[mutual]
+    return assigned
+
+
+def _beside(image: Array, reach: Array, blobs: Array) -> tuple[Indices, Indices]:
+    """Targets (P,) and blobs (P,) of all pairs that may be within reach, and some more.
+
+    Blobs are sorted into cells the size of the farthest reach, so that a target's candidates are in nine
+    cells.
+
+    Args:
+        image: (2, M) predicted images of the targets.
+        reach: (2, M) their reach.
+        blobs: (2, N) their positions, frame pixels.
+    """
+    targets = np.flatnonzero(np.isfinite(image).all(axis=0))
+    if not (len(targets) and blobs.shape[1]):
+        return np.empty(0, np.intp), np.empty(0, np.intp)
+    first = blobs.min(axis=1, keepdims=True)
+    extent = np.maximum(np.ptp(blobs, axis=1, keepdims=True), 1.0)
+    # Not below a 1024th of the extent, or a tiny reach would make millions of cells.
+    cell = np.maximum(reach[:, targets].max(axis=1, keepdims=True), extent / 1024)
+    columns, rows = (int(one) + 1 for one in (extent / cell)[:, 0])
+    x, y = ((blobs - first) / cell).astype(np.int64)
+    order = (y * columns + x).argsort(kind="stable")
+    key = (y * columns + x)[order]
+    at = np.floor((image[:, targets] - first) / cell).clip(-2, [[columns + 1], [rows + 1]]).astype(np.int64)
+    parts = []
+    for row in (at[1] - 1, at[1], at[1] + 1):
+        low, high = (at[0] - 1).clip(0, columns), (at[0] + 1).clip(-1, columns - 1)
+        inside = (row >= 0) & (row < rows) & (low <= high)
+        begin = key.searchsorted(row * columns + low)
+        number = np.where(inside, key.searchsorted(row * columns + high, side="right") - begin, 0)
+        index = np.arange(int(number.sum())) - np.repeat(number.cumsum() - number - begin, number)
+        parts.append((np.repeat(targets, number), order[index]))
+    target, blob = (np.concatenate(some) for some in zip(*parts, strict=True))
+    return target, blob
+
+
+def _least(away: Array, own: Indices, other: Indices) -> Indices:
+    """Nearest pair for each `own`; among equally near ones that with the first `other`."""
+    order = np.lexsort((other, away, own))
+    is_first = np.append(True, own[order][1:] != own[order][:-1])[: len(order)]
+    return order[is_first]
 
 
 class Correspondence:
@@ -203,8 +324,7 @@ class Correspondence:
         """(N,) greatest residual of N pairs whose rays meet."""
         # A parallax p leaves p/2 in either view, whose root mean square over four coordinates is p/√8.
         across_px = np.hypot(left.sigma_px[:, 1], right.sigma_px[:, 1])
-        greatest: Array = self.settings.gate * across_px * np.sqrt(self._blurring(left, right) / 8.0)
-        return greatest
+        return self.settings.gate * across_px * np.sqrt(self._blurring(left, right) / 8.0)
 
     def _blurred(self, blobs: ViewBlobs) -> ViewBlobs:
         """Blobs with the unmodelled error included in their σ."""
@@ -213,11 +333,78 @@ class Correspondence:
     def _blurring(self, left: ViewBlobs, right: ViewBlobs) -> Array:
         """(N,) factor by which the unmodelled error enlarges the variance of N pairs."""
         located = (left.sigma_px**2).sum(axis=1) + (right.sigma_px**2).sum(axis=1)
-        blurring: Array = 1.0 + 4.0 * self.settings.unmodelled_px**2 / located
-        return blurring
+        return 1.0 + 4.0 * self.settings.unmodelled_px**2 / located
 
     def _typical_px(self, left: ViewBlobs, right: ViewBlobs) -> Array:
         """(2, 2, 1) typical standard deviation of x and y in either view, common to all its blobs."""
         variance = [(view.sigma_px**2).sum(axis=0) / max(len(view), 1) for view in (left, right)]
         typical: Array = np.sqrt(np.array(variance) + self.settings.unmodelled_px**2).T
         return typical[:, :, np.newaxis]
+
+
+_SAME_PX = 0.5
+"""Distance within which a blob is the image of a point: the point may be of an earlier run."""
+
+
+class SingleViewSearch:
+    """The search, for one object seen by one rig."""
+
+    def __init__(self, correspondence: Correspondence) -> None:
+        self._correspondence = correspondence
+
+    def images(self, points: Points, left: ViewBlobs, right: ViewBlobs) -> SingleViewImages:
+        """Identify the images of targets that have no point in this field.
+
+        Args:
+            points: The points of the field.
+            left: All blobs of the left view.
+            right: All blobs of the right view.
+
+        Returns:
+            The images beyond doubt. A target with a blob near its predicted image in *both* views is left
+            out: had they been of one target, it would have a point.
+        """
+        lacking, places_mm, sigma_mm = self._lacking(points)
+        free = [view.select(_unused(view, points.image_px[:, k])) for k, view in enumerate((left, right))]
+        predicted = self._correspondence.predict(places_mm, sigma_mm, self._typical_px(free))
+        blob = np.stack([predicted.nearest(k, view.xy_px) for k, view in enumerate(free)])
+        alone = np.flatnonzero((blob >= 0).sum(axis=0) == 1)
+        of_view = blob[:, alone].argmax(axis=0)
+        image_px, sigma_px = np.empty((2, len(alone), 2))
+        for k, view in enumerate(free):
+            own = view.select(blob[k, alone[of_view == k]])
+            image_px[of_view == k], sigma_px[of_view == k] = own.xy_px, self._sigma_px(own)
+        return SingleViewImages(
+            self._correspondence.model.target[lacking[alone]], of_view, image_px, sigma_px
+        )
+
+    def _lacking(self, points: Points) -> tuple[Indices, Array, Array]:
+        """Indices (L,) of targets without a point, their predicted places (L, 3), and σ of these (L,).
+
+        Only those that the points predict well enough to tell a target from its neighbours.
+        """
+        model, judge = self._correspondence.model, self._correspondence.agreement
+        seen = np.isin(model.target, points.target)
+        displacement = np.zeros_like(model.xyz_mm)
+        displacement[seen] = points.xyz_mm - model.xyz_mm[seen]
+        expected = judge.field.expect(seen, displacement)
+        places_mm, sigma_mm = self._correspondence.expected_places(expected)
+        lacking = np.flatnonzero(~seen & (sigma_mm <= judge.settings.trust * judge.pitch_mm))
+        return lacking, places_mm[lacking], sigma_mm[lacking]
+
+    def _typical_px(self, views: Sequence[ViewBlobs]) -> float:
+        """Typical σ of an image in either view, with what the calibration does not describe."""
+        variance = np.concatenate([view.sigma_px.ravel() for view in views]) ** 2
+        located = float(variance.mean()) if len(variance) else 0.0
+        return float(np.sqrt(located + self._correspondence.settings.unmodelled_px**2))
+
+    def _sigma_px(self, blobs: ViewBlobs) -> Array:
+        """(N, 2) σ of the images, with that of the lines on which they lie."""
+        jitter_px = self._correspondence.noise.blob_jitter_px if blobs.common_px is None else blobs.common_px
+        return np.column_stack([np.hypot(blobs.sigma_px[:, 0], jitter_px), blobs.sigma_px[:, 1]])
+
+
+def _unused(blobs: ViewBlobs, images_px: Array) -> NDArray[np.bool_]:
+    """(N,) True for blobs that are not the image of a point."""
+    off = blobs.xy_px[:, np.newaxis] - images_px
+    return ~((off * off).sum(axis=2) <= _SAME_PX**2).any(axis=1)

@@ -266,8 +266,7 @@ def field_of(
 
 def _exp(values: Array) -> Array:
     """The exponentials by the C library: numpy's have other last bits with other vector units."""
-    exponentials: Array = np.vectorize(math.exp, otypes=[np.float64])(values)
-    return exponentials
+    return np.vectorize(math.exp, otypes=[np.float64])(values)
 
 
 def _parted(nominal_mm: Array, targets: Indices, most: int) -> list[Indices]:

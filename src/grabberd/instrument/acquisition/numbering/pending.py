@@ -1,11 +1,19 @@
-"""A field whose number is not settled yet."""
+"""Fields whose numbers are not settled yet, with the losses before each, and the first fields of a stream.
 
+Those of a stream that begins are kept back until it is known how late the first one was: there is nothing to
+compare it with.
+"""
+
+import math
 from dataclasses import dataclass, replace
+from statistics import median
 from typing import Self
 
-from grabberd.core.ledger import NO_SIGNAL, UNCERTAIN, Outcome
-from grabberd.instrument.acquisition.numbering.arrivals import Arrival
-from grabberd.instrument.acquisition.numbering.paths import Seen
+from grabberd.core.ledger import NO_SIGNAL, UNCERTAIN, LedgerEntry, Outcome, never_came
+from grabberd.instrument.acquisition.device import StreamInfo
+from grabberd.instrument.acquisition.numbering.arrivals import Arrival, Arrivals, Way
+from grabberd.instrument.acquisition.numbering.pace import Pace
+from grabberd.instrument.acquisition.numbering.paths import Paths, Seen, Step
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,3 +94,158 @@ def outcome_of(no_signal: str | None, damage: str | None) -> tuple[Outcome, str 
     if damage:
         return Outcome.DAMAGED, damage
     return Outcome.RECEIVED, None
+
+
+TIME_GAP = "time gap"
+SEQUENCE_GAP = "sequence gap"
+REPEATED_PARITY = "repeated parity"
+_LATE = 0.75
+"""Periods by which a field that has not waited may arrive late."""
+GAPS = {TIME_GAP, SEQUENCE_GAP, REPEATED_PARITY}
+
+
+def lost_before(pending: Pending, step: Step, first_n: int) -> tuple[LedgerEntry, ...]:
+    """The entry for the fields from `first_n` on that are missing before a field; none if none are."""
+    count = step.fields - 1
+    if not count:
+        return ()
+    gap = NO_SIGNAL if pending.no_signal else pending.standstill or _gap(pending, step)
+    reason = pending.interruption or gap
+    return (never_came(first_n, count, reason),)
+
+
+def _gap(pending: Pending, step: Step) -> str:
+    if pending.time_ns is not None and step.late is not None and abs(step.late) <= 0.5:
+        return TIME_GAP
+    if pending.count == step.fields:
+        return SEQUENCE_GAP
+    by_parity = pending.time_ns is None and pending.phase is not None
+    return REPEATED_PARITY if by_parity else TIME_GAP
+
+
+def doubtful(lost: tuple[LedgerEntry, ...], uncertain_by: int) -> tuple[LedgerEntry, ...]:
+    """The same entries, where it is uncertain whether the fields are missing at all: then no cable has cost
+    them. An interruption and a computer that was busy are known besides, however many fields they have cost.
+    """
+    reason = f"{UNCERTAIN} {uncertain_by}"
+    return tuple(one._replace(reason=reason) if one.reason in GAPS else one for one in lost)
+
+
+def uncounted(pending: Pending, step: Step) -> int:
+    """Number of fields that were lost before one without the driver's notice."""
+    if pending.interruption:
+        return 0
+    return abs(step.fields - (1 if pending.count is None else pending.count))
+
+
+def contradiction(pending: Pending, step: Step) -> int:
+    """Number of fields by which evidence differs: stamp and count, where no arrival tells which of them is
+    wrong, or after an interruption a stamp and the arrival of a field that has not waited.
+    """
+    if pending.interruption:
+        has_waited = not pending.in_time or step.arrived is None or step.arrived <= _LATE
+        return 0 if has_waited else math.ceil(step.arrived or 0.0)
+    if pending.count is None or step.arrived_in_time:
+        return 0
+    return abs(pending.count - step.fields)
+
+
+_FIRST_LATE = 0.75
+"""Periods by which the first stamp may be late before the stream begins with a better one."""
+_AT_ONCE = 1.5
+"""Periods after the request within which a first field has not waited."""
+_MARGIN = 1
+"""Fields that may be exposed while a stream begins, beside those in the driver's buffers."""
+
+
+class StreamStart:
+    """Fields that a stream begins with, kept back until it is known how late the first one was.
+
+    A stamp may be the time of an arrival, and on an overloaded computer every field waits, each for another
+    time. What shows it are stamps that come regularly, or fields that come by the same shortest way, one by
+    one; or stamps that vary against the arrivals, which are those of exposures.
+
+    Args:
+        info: The stream as granted.
+        arrivals: Those of the stream.
+        since_ns: When the stream was asked for: nothing was exposed before. None if unknown.
+        most: Fields that are kept back at most.
+        pace: Of the camera.
+
+    Attributes:
+        fields: Those that are kept back, the first of the stream first.
+    """
+
+    def __init__(
+        self, info: StreamInfo, arrivals: Arrivals, since_ns: int | None, most: int, pace: Pace
+    ) -> None:
+        self._pace = pace
+        self._waits = info.live and not info.waits_for_reader
+        self._arrivals = arrivals
+        self._paths = Paths(None, Way())
+        self._since_ns = since_ns
+        self._buffered = info.buffers
+        self._most = most
+        self.fields: list[Pending] = []
+
+    def add(self, pending: Pending) -> None:
+        """Keep back the next field."""
+        self.fields.append(pending)
+        if len(self.fields) == 1:
+            arrival = self._steps_to(pending.arrival.time_ns)
+            way = Way() if arrival is None else Way().after(arrival)
+            self._paths = Paths(pending.phase, way, exact=not self._waits)
+        else:
+            stamp, arrival = self._steps_to(pending.time_ns), self._steps_to(pending.arrival.time_ns)
+            self._paths.see(pending.seen(stamp, arrival))
+
+    @property
+    def is_over(self) -> bool:
+        """True if nothing more is to be learned, or the fields have waited for as long as they may."""
+        return self.is_known or len(self.fields) > self._most
+
+    @property
+    def is_known(self) -> bool:
+        """True if it is known how late the first field was."""
+        if not self._waits or self.fields[0].arrival.time_ns is None or self._arrivals.tells_of_stamps:
+            return True
+        return self._longest_wait < _AT_ONCE or self._paths.best.way.is_known or self._stamps_are_regular
+
+    @property
+    def _stamps_are_regular(self) -> bool:
+        """True if stamps lie on the grid of the rate: no fields have waited then, however they arrived."""
+        regular = Way().after(0.0)
+        for field, step in zip(self.fields[1:], self._paths.best.steps, strict=True):
+            if step.late is None:
+                return False
+            regular = regular.after(step.late, joined=field.arrival.joined)
+        return regular.is_known
+
+    @property
+    def late_ns(self) -> int:
+        """Time by which the first stamp was late."""
+        late = [0.0, *(step.late for step in self._paths.best.steps if step.late is not None)]
+        late = [one for one in late if -one <= self._longest_wait]
+        if min(late) > -_FIRST_LATE:
+            return 0
+        return round(-median(one for one in late if one < min(late) + _FIRST_LATE) * self._pace.period_ns)
+
+    @property
+    def may_be_late_by(self) -> int:
+        """Number of fields by which the first one may have been late."""
+        return math.ceil(self._longest_wait)
+
+    @property
+    def _time_ns(self) -> int:
+        first = self.fields[0]
+        return first.time_ns or first.arrival.time_ns or first.stamp_ns
+
+    @property
+    def _longest_wait(self) -> float:
+        """Periods for which the first field can have waited at most."""
+        asked = self._steps_to(self._since_ns)
+        # A stamp from before the request is one of another clock.
+        return self._buffered + _MARGIN if asked is None or asked > 1 else max(-asked, 0.0)
+
+    def _steps_to(self, time_ns: int | None) -> float | None:
+        return None if time_ns is None else (time_ns - self._time_ns) / self._pace.period_ns

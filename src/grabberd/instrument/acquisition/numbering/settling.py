@@ -1,4 +1,7 @@
-"""Settling: when the oldest pending field has its number, and how much doubt is left then."""
+"""Settling: when the oldest pending field has its number, and how much doubt is left then.
+
+A doubt lasts from a field whose number is uncertain until one whose number is certain again.
+"""
 
 import math
 from collections.abc import Collection, Iterable, Sequence
@@ -6,10 +9,10 @@ from itertools import islice
 from typing import NamedTuple
 
 from grabberd.core.field import FieldOrder
-from grabberd.instrument.acquisition.numbering.arrivals import Arrivals
-from grabberd.instrument.acquisition.numbering.losses import uncounted
+from grabberd.instrument.acquisition.numbering.arrivals import Arrival, Arrivals
+from grabberd.instrument.acquisition.numbering.pace import Pace
 from grabberd.instrument.acquisition.numbering.paths import Paths, Step
-from grabberd.instrument.acquisition.numbering.pending import Pending
+from grabberd.instrument.acquisition.numbering.pending import Pending, uncounted
 
 _LATE = 0.75
 """Periods by which the stamp of a field in time may be late; where parity does not tell, half a period."""
@@ -152,3 +155,157 @@ def _exchanged(late: Sequence[Pending], steps: Sequence[Step]) -> int:
 def _is_late_by(fields: int, step: Step) -> bool:
     periods = step.arrived if step.arrived is not None else step.late
     return periods is not None and abs(periods - fields) < _AS_MANY
+
+
+_REGULAR = 12
+"""Fields in a row without a loss that arrive in time, after which their numbers are certain: fields that were
+late come in a burst, or ever earlier."""
+
+
+class Evidence(NamedTuple):
+    """Evidence about a field's number, besides how it was numbered.
+
+    Attributes:
+        uncertain_by: Doubt about this field alone.
+        way_is_known: False if none has come by the shortest way yet: then nothing arrives in time.
+        in_time: True if it has arrived in time, as far as its arrival and the program tell.
+        ahead_by: Fields by which numbers have run ahead of the camera, whose clock begins again with this
+            one: then stamps that fit tell nothing more, until an arrival does.
+        of_loss: True if it is in doubt whether fields are missing before it, which stamps that fit do not
+            tell either.
+        stamps_follow: True if the stamps are of another clock from this field on, and shifted to continue
+            the numbers as they are, and tell nothing of them.
+        of_place: True if the doubt is only which of the fields beside it was lost.
+        counted: Fields since the one before by the driver's count; None if that cannot tell.
+    """
+
+    uncertain_by: int
+    way_is_known: bool
+    in_time: bool
+    ahead_by: int = 0
+    of_loss: bool = False
+    stamps_follow: bool = False
+    of_place: bool = False
+    counted: int | None = None
+
+
+class Doubts:
+    """Range of the numbers that are possible, while one is in doubt.
+
+    Every field is at least one further than the one before, and none has been exposed later than its arrival
+    by the shortest way allows. So between the last certain number and the next one, the true number of each
+    field lies between two bounds.
+
+    Args:
+        arrivals: Those of the stream.
+        pace: Of the camera.
+
+    Attributes:
+        open: True from a field whose number is uncertain up to one whose number is certain again.
+        too_high_by: Fields by which numbers turn out to be too high from the last field on; negative if they
+            are too low, 0 if that tells nothing new.
+    """
+
+    def __init__(self, arrivals: Arrivals, pace: Pace) -> None:
+        self._arrivals = arrivals
+        self._pace = pace
+        self._certain: tuple[int, int] | None = None
+        self._counted: int | None = None
+        self.open = self._arrival_decides = self._of_place = False
+        self.too_high_by = self._known_too_high = 0
+        self._fields = self._in_a_row = 0
+
+    def begin(self, time_ns: int, late_by: int) -> None:
+        """Note the time of the first field, and by how many fields it may be late."""
+        self._certain, self._fields = (-late_by, time_ns - round(late_by * self._pace.period_ns)), 0
+        self.open = late_by > 0
+        self._counted = None if late_by else 0
+
+    def end_by_count(self, n: int, time_ns: int) -> int:
+        """End a doubt by the driver's count alone, as the times until now were those of another pace.
+
+        Returns:
+            The fields by which the numbers turn out to be too high from here on, as `too_high_by`.
+        """
+        too_high_by = 0
+        if self.open and self._certain is not None and self._counted is not None:
+            too_high_by = n - self._certain[0] - self._counted - self._known_too_high
+        self.open, self._certain = False, (n, time_ns)
+        self._fields = self._counted = self._known_too_high = 0
+        return too_high_by
+
+    def shift(self, late_ns: int) -> None:
+        """Note that all times so far were late by so much."""
+        if self._certain is not None:
+            self._certain = self._certain[0], self._certain[1] - late_ns
+
+    def of(self, n: int, time_ns: int, step: Step, arrival: Arrival, evidence: Evidence) -> int:
+        """Number of fields by which a field's number may be off.
+
+        Args:
+            n: Its number.
+            time_ns: Its time.
+            step: How it was numbered.
+            arrival: Its arrival.
+            evidence: What is known of its number besides.
+        """
+        uncertain_by, way_is_known = evidence.uncertain_by, evidence.way_is_known
+        self.too_high_by = evidence.ahead_by
+        self._known_too_high += evidence.ahead_by
+        self._fields += 1
+        counts = self._counted is not None and evidence.counted is not None
+        self._counted = (self._counted or 0) + (evidence.counted or 0) if counts else None
+        in_time = evidence.in_time
+        regular = way_is_known and in_time and step.fields == 1
+        self._in_a_row = self._in_a_row + 1 if regular else 0
+        told_by_arrivals = evidence.ahead_by > 0 or evidence.of_loss or evidence.stamps_follow
+        self._arrival_decides = told_by_arrivals or (self._arrival_decides and self.open)
+        if uncertain_by:
+            self._of_place = evidence.of_place and (self._of_place or not self.open)
+        in_place = way_is_known and in_time and self._is_where_it_arrived(n, arrival)
+        ends = self._ends(step, in_time=in_time) or (in_place and self._of_place)
+        was_open, self.open = self.open, uncertain_by > 0 or (self.open and not ends)
+        if self.open:
+            return max(uncertain_by, self._range(n, time_ns, arrival), 1)
+        if was_open:
+            self.too_high_by += n - self._true_n(n, time_ns, step, arrival) - self._known_too_high
+        self._certain, self._fields, self._known_too_high = (n, time_ns), 0, 0
+        self._counted = 0
+        return 0
+
+    def _ends(self, step: Step, *, in_time: bool) -> bool:
+        told = self._arrivals.tells_of_stamps and step.late is not None and abs(step.late) < 0.5
+        told = told and (in_time or not self._arrival_decides)
+        return told or self._in_a_row >= _REGULAR or step.arrived is None
+
+    def _true_n(self, n: int, time_ns: int, step: Step, arrival: Arrival) -> int:
+        """Number of a field that ends a doubt, counted from the last certain one."""
+        if self._certain is None:
+            return n
+        # By its arrival rather than by the time: that may have followed stamps which are not better.
+        latest = self._latest(arrival)
+        if latest is not None and step.arrived_in_time and self._arrivals.way.is_known:
+            return round(latest)
+        certain_n, certain_ns = self._certain
+        return certain_n + round((time_ns - certain_ns) / self._pace.period_ns)
+
+    def _is_where_it_arrived(self, n: int, arrival: Arrival) -> bool:
+        latest = self._latest(arrival)
+        return latest is not None and round(latest) == n
+
+    def _latest(self, arrival: Arrival) -> float | None:
+        """Greatest number that an arrival allows, by the last certain field."""
+        exposed_ns = self._arrivals.exposed_ns(arrival) if self._arrivals.way.is_known else arrival.time_ns
+        if exposed_ns is None or self._certain is None:
+            return None
+        certain_n, certain_ns = self._certain
+        return certain_n + (exposed_ns - certain_ns) / self._pace.period_ns
+
+    def _range(self, n: int, time_ns: int, arrival: Arrival) -> int:
+        """Number of fields by which number and time of a field may be off."""
+        latest = self._latest(arrival)
+        if latest is None or self._certain is None:
+            return 0
+        certain_n, certain_ns = self._certain
+        late = (time_ns - certain_ns) / self._pace.period_ns - self._fields
+        return max(n - (certain_n + self._fields), round(latest) - n, math.ceil(late))

@@ -17,11 +17,10 @@ from fastapi.requests import HTTPConnection
 from starlette.concurrency import run_in_threadpool
 from starlette.types import Scope
 
-from grabberd.archive.access import AT_THE_MACHINE, Access, Identity, hash_of
-from grabberd.archive.state.file_version import NotRemembered
-from grabberd.documents.roles import Role
+from grabberd.archive.access import AT_THE_MACHINE, Access, Identity, NotRemembered, hash_of
+from grabberd.documents.enums import Role
 from grabberd.errors import AccessExpired, StorageError
-from grabberd.server.api.guard.refusals import Refusal
+from grabberd.server.api.problems import Refusal
 
 log = logging.getLogger(__name__)
 
@@ -246,8 +245,7 @@ def _unknown(shown: Credentials) -> Refusal:
 
 
 async def _identity(connection: HTTPConnection) -> Identity:
-    identity: Identity = connection.state.identity
-    return identity
+    return connection.state.identity
 
 
 IdentityOf = Annotated[Identity, Depends(_identity)]

@@ -7,13 +7,12 @@ from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from grabberd.archive.access import Identity
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.server.api.guard.authentication import Authenticator, check_role
-from grabberd.server.api.guard.bodies import Bodies, LimitedBody, check_length
-from grabberd.server.api.guard.front import Front
-from grabberd.server.api.guard.origins import check_host, check_page, check_page_is_named
-from grabberd.server.api.guard.refusals import Refusal
+from grabberd.server.api.guard.front import Front, check_host, check_page, check_page_is_named
+from grabberd.server.api.guard.limits import Bodies, LimitedBody, check_length
 from grabberd.server.api.guard.roles import least_role
+from grabberd.server.api.problems import Refusal
 
 RECHECK_S = 10.0
 """Longest time that a stream outlives the token it was opened with."""

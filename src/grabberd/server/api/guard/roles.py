@@ -13,9 +13,9 @@ from starlette.routing import compile_path
 from starlette.types import Scope
 
 from grabberd.archive.access import Identity
-from grabberd.documents.roles import Role
+from grabberd.documents.enums import Role
 from grabberd.extension import extensions, load
-from grabberd.server.api.guard.refusals import Refusal
+from grabberd.server.api.problems import Refusal
 
 _OWN: dict[str, Role | None] = {
     "GET /": None,

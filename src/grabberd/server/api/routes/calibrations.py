@@ -18,6 +18,7 @@ from grabberd.documents.calibrations import (
     CalibrationList,
     CalibrationRow,
 )
+from grabberd.documents.enums import Role
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.problems import Problem
 from grabberd.documents.requests import (
@@ -27,16 +28,22 @@ from grabberd.documents.requests import (
     IdentificationRequest,
     RejectionRequest,
 )
-from grabberd.documents.roles import Role
-from grabberd.library.jobs.calibration_job import CalibrationJob
-from grabberd.library.jobs.identification_job import IdentificationJob
-from grabberd.server.api.etags import NOT_MODIFIED, IfNoneMatch, tagged
+from grabberd.library.jobs.calibration_jobs import CalibrationJob, IdentificationJob
 from grabberd.server.api.guard.authentication import IdentityOf
-from grabberd.server.api.guard.refusals import Refusal
 from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
-from grabberd.server.api.reading.readings import reads
-from grabberd.server.api.routes.dependencies import PROBLEMS, REPORT_HEADERS, CaptureId, ServiceOf, accepted
-from grabberd.server.api.routes.paging import Cursor, Limit, page_of
+from grabberd.server.api.problems import Refusal
+from grabberd.server.api.readings import reads
+from grabberd.server.api.responses import NOT_MODIFIED, IfNoneMatch, tagged
+from grabberd.server.api.routes.dependencies import (
+    PROBLEMS,
+    REPORT_HEADERS,
+    CaptureId,
+    Cursor,
+    Limit,
+    ServiceOf,
+    accepted,
+    page_of,
+)
 
 router = APIRouter(tags=["calibrations"], responses=PROBLEMS, route_class=OnceRoute)
 

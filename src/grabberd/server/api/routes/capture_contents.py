@@ -1,4 +1,4 @@
-"""Contents of a capture: its file, its runs and points, its fields."""
+"""Contents of a capture: its file, its runs and points, its fields, and stretches of both for its replay."""
 
 from functools import partial
 from typing import Annotated
@@ -9,21 +9,34 @@ from fastapi.responses import FileResponse, StreamingResponse
 from grabberd.archive import field_png, points_csv, points_ply
 from grabberd.archive.capture.reader import stat_at_rest
 from grabberd.archive.catalogue.capture_documents import whole_run
-from grabberd.archive.export.channels_document import channels_json
+from grabberd.archive.export.c3d_file import points_c3d
 from grabberd.archive.export.channels_export import channels_csv
 from grabberd.archive.export.child_stream import mat_stream, parquet_stream
-from grabberd.archive.export.points_c3d import points_c3d
-from grabberd.archive.export.points_document import PointsQuery, points_json
-from grabberd.archive.export.thumbnail import thumbnail_png
-from grabberd.documents.capture_library import WidthCourse
-from grabberd.documents.captures import WholeRunDocument
+from grabberd.archive.export.field_pictures import thumbnail_png
+from grabberd.archive.export.page_documents import PointsQuery, channels_json, points_json
+from grabberd.archive.export.replay_stretches import (
+    MOST_PICTURES,
+    MOST_POINT_FIELDS,
+    Stretch,
+    replay_pictures,
+    replay_points,
+)
+from grabberd.documents.captures import WholeRunDocument, WidthCourse
 from grabberd.documents.channels import CaptureChannelsDocument
 from grabberd.documents.points import PointsDocument
 from grabberd.documents.problems import Problem
-from grabberd.server.api.etags import IMMUTABLE, NOT_MODIFIED, REVALIDATE, IfNoneMatch, is_known, tagged
-from grabberd.server.api.reading.contents import Content
-from grabberd.server.api.reading.readings import reads
-from grabberd.server.api.rendering import JSON, RenderedRoute
+from grabberd.server.api.contents import Content
+from grabberd.server.api.readings import reads
+from grabberd.server.api.responses import (
+    IMMUTABLE,
+    JSON,
+    NOT_MODIFIED,
+    REVALIDATE,
+    IfNoneMatch,
+    RenderedRoute,
+    is_known,
+    tagged,
+)
 from grabberd.server.api.routes.dependencies import OF_A_FILE, CaptureId, ServiceOf
 from grabberd.server.api.streams.downloads import Download, WholeFile, download
 
@@ -270,3 +283,49 @@ def get_thumbnail(capture_id: CaptureId, service: ServiceOf, if_none_match: IfNo
 def get_widths(capture_id: CaptureId, service: ServiceOf) -> WidthCourse:
     """Widths across the middle row over six seconds in the middle of a sealed capture, for a small curve."""
     return WidthCourse(widths_mm=service.width_courses.of(capture_id))
+
+
+BINARY = "application/octet-stream"
+FirstField = Annotated[int, Query(ge=0, le=FIELD_END, description="First field.")]
+_binary = partial(Response, media_type=BINARY)
+
+
+@router.get(
+    "/{capture_id}/replay/points",
+    response_class=Response,
+    summary="Get points of a stretch for replay",
+    responses={200: {"content": {BINARY: {}}}},
+)
+@reads
+def get_replay_points(
+    capture_id: CaptureId,
+    service: ServiceOf,
+    first_n: FirstField = 0,
+    count: Annotated[
+        int, Query(ge=1, le=MOST_POINT_FIELDS, description="Number of fields, those without points included.")
+    ] = 50,
+    run: RunNumber = None,
+) -> Content:
+    """The points of consecutive fields with their images and residuals, as one binary message."""
+    stretch = Stretch(first_n, first_n + count)
+    return Content(replay_points, (service.archive.path(capture_id), run, stretch), _binary)
+
+
+@router.get(
+    "/{capture_id}/replay/pictures",
+    response_class=Response,
+    summary="Get pictures of a stretch for replay",
+    responses={200: {"content": {BINARY: {}}}},
+)
+@reads
+def get_replay_pictures(
+    capture_id: CaptureId,
+    service: ServiceOf,
+    first_n: FirstField = 0,
+    count: Annotated[
+        int, Query(ge=1, le=MOST_PICTURES, description="Number of fields, lost ones included.")
+    ] = 25,
+) -> Content:
+    """The pictures of consecutive fields as recorded, as one binary message."""
+    stretch = Stretch(first_n, first_n + count)
+    return Content(replay_pictures, (service.archive.path(capture_id), stretch), _binary)

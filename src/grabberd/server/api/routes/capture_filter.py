@@ -10,9 +10,9 @@ from zoneinfo import ZoneInfo
 from fastapi import Depends, Query
 from pydantic import AfterValidator, StringConstraints
 
-from grabberd.archive.state.capture_query import CaptureQuery, Order, Position
+from grabberd.archive.catalogue.capture_query import CaptureQuery, Order, Position
 from grabberd.clock import iso_utc
-from grabberd.documents.named_types import ListedVerdict
+from grabberd.documents.document import ListedVerdict
 from grabberd.errors import InputError
 
 

@@ -1,23 +1,44 @@
-"""Captures: start, arm, trigger, stop, list, look up, annotate, delete, re-measure."""
+"""Captures: start, arm, trigger, stop, list, look up, annotate, delete, re-measure.
 
+Also several at once, and groups: captures of several devices that start at the same moment.
+"""
+
+from collections.abc import Generator
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any, cast
 
-from fastapi import APIRouter, Query, Request, Response, status
+from fastapi import APIRouter, Path, Query, Request, Response, status
+from fastapi.responses import StreamingResponse
 
+from grabberd.archive.catalogue.capture_list import captures_csv, for_each, list_document
 from grabberd.archive.catalogue.capture_list import list_captures as page_of_captures
-from grabberd.archive.catalogue.capture_list_document import list_document
-from grabberd.archive.catalogue.capture_table import captures_csv
+from grabberd.archive.catalogue.capture_zip import captures_zip
 from grabberd.archive.measure_setups import INCLUDE_DAMAGED
-from grabberd.documents.capture_library import CaptureList
-from grabberd.documents.captures import CaptureDocument
+from grabberd.documents.captures import (
+    MOST_AT_ONCE,
+    BatchDocument,
+    CaptureDocument,
+    CaptureGroup,
+    CaptureList,
+    CaptureSelection,
+    CapturesPatch,
+)
+from grabberd.documents.document import Labels
 from grabberd.documents.jobs import JobDocument
-from grabberd.documents.named_types import Labels
-from grabberd.documents.requests import CaptureOptions, CapturePatch, MeasurementRequest, NewCapture
+from grabberd.documents.requests import (
+    CaptureName,
+    CaptureOptions,
+    CapturePatch,
+    MeasurementRequest,
+    NewCapture,
+    NewCaptureGroup,
+)
+from grabberd.errors import NotFound
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.library.jobs.measurement import MeasurementJob
 from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
-from grabberd.server.api.reading.readings import reads
+from grabberd.server.api.readings import reads
+from grabberd.server.api.responses import RenderedRoute
 from grabberd.server.api.routes.capture_filter import (
     Filter,
     ListCursor,
@@ -26,8 +47,8 @@ from grabberd.server.api.routes.capture_filter import (
     position_in,
     zone_of,
 )
-from grabberd.server.api.routes.dependencies import PROBLEMS, CaptureId, ServiceOf, accepted
-from grabberd.server.api.routes.paging import Limit
+from grabberd.server.api.routes.dependencies import PROBLEMS, CaptureId, Limit, ServiceOf, accepted
+from grabberd.server.api.streams.downloads import Download, download
 
 router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=OnceRoute)
 
@@ -182,3 +203,122 @@ def request_of(options: CaptureOptions, rate_hz: float, labels: Labels | None = 
         options.note,
         {**options.labels, **(labels or {})},
     )
+
+
+@router.patch("", summary="Pin or annotate several captures")
+def patch_captures(patch: CapturesPatch, service: ServiceOf) -> BatchDocument:
+    """Change notes, labels or pins of up to a hundred captures; those that fail are named with the reason."""
+
+    def annotate(capture_id: str) -> None:
+        service.annotations.annotate(capture_id, pinned=patch.pinned, note=patch.note, labels=patch.labels)
+
+    return for_each(patch.captures, annotate)
+
+
+@router.post("/deletion", summary="Delete several captures")
+def delete_captures(selection: CaptureSelection, service: ServiceOf) -> BatchDocument:
+    """Delete up to a hundred captures and their files permanently. Those that are armed, running, pinned or
+    used by a job stay, and are named with the reason.
+    """
+    return for_each(selection.captures, service.annotations.delete)
+
+
+zip_router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=RenderedRoute)
+
+
+@zip_router.get(
+    ".zip",
+    response_class=StreamingResponse,
+    summary="Download several captures",
+    responses={200: {"content": {"application/zip": {}}}},
+)
+@reads
+def get_captures_zip(
+    service: ServiceOf,
+    capture: Annotated[
+        list[CaptureName],
+        Query(min_length=1, max_length=MOST_AT_ONCE, description="Id of a capture; can be given repeatedly."),
+    ],
+    zone: Zone = "UTC",
+) -> Download:
+    """The files of up to a hundred captures in one ZIP file, named by time and labels, with a table of all.
+    It is created while it is sent. Files that could not be sent completely are listed in `MISSING.txt`
+    inside.
+    """
+    pieces = captures_zip(service.archive, capture, zone_of(zone))
+    return download(cast("Generator[Any, None, None]", pieces), "application/zip", "captures.zip")
+
+
+group_router = APIRouter(
+    prefix="/capture-groups", tags=["captures"], responses=PROBLEMS, route_class=OnceRoute
+)
+
+GroupId = Annotated[str, Path(pattern=r"^[0-9A-Za-z_-]{1,80}$", description="Id of the group.")]
+
+
+@group_router.post(
+    "",
+    status_code=status.HTTP_202_ACCEPTED,
+    dependencies=[TAKES_KEY],
+    summary="Start or arm a group of captures",
+)
+def start_capture_group(
+    new: NewCaptureGroup, service: ServiceOf, request: Request, response: Response
+) -> CaptureGroup:
+    """Start a capture of each device at the same moment, or arm them for a common trigger. Either all of them
+    start or none: 409 lists in `refusals` which devices cannot start and why, with the id of a running
+    capture.
+    """
+    names = list(service.instruments) if new.devices == "all" else list(dict.fromkeys(new.devices))
+    _check_labels(new, names)
+    control = service.capture_control
+    requests = {name: request_of(new, control.rate_hz(name), new.labels_of.get(name)) for name in names}
+    start = control.arm_group if new.armed else control.start_group
+    group_id = start(requests)
+    response.headers["Location"] = str(request.url_for("get_capture_group", group_id=group_id))
+    return control.group_document(group_id)
+
+
+@group_router.get("/{group_id}", summary="Look up a group of captures")
+@reads
+def get_capture_group(group_id: GroupId, service: ServiceOf) -> CaptureGroup:
+    """The captures of a group, each with its ledger, and the common moment of their start."""
+    return service.capture_control.group_document(group_id)
+
+
+@group_router.post(
+    "/{group_id}/trigger",
+    status_code=status.HTTP_202_ACCEPTED,
+    dependencies=[TAKES_KEY],
+    summary="Trigger an armed group",
+)
+def trigger_capture_group(group_id: GroupId, service: ServiceOf) -> CaptureGroup:
+    """Start recording all armed captures of a group at the same moment. 409 if they are not armed."""
+    service.capture_control.trigger_group(group_id)
+    return service.capture_control.group_document(group_id)
+
+
+@group_router.post(
+    "/{group_id}/stop", status_code=status.HTTP_202_ACCEPTED, summary="Stop a group of captures"
+)
+def stop_capture_group(group_id: GroupId, service: ServiceOf) -> CaptureGroup:
+    """Stop the running captures of a group at the same moment. Nothing remains of armed captures."""
+    before = service.capture_control.group_document(group_id)
+    service.capture_control.stop_group(group_id)
+    if all(capture.state == "armed" for capture in before.captures):
+        return before.model_copy(update={"captures": [capture.disarmed for capture in before.captures]})
+    return service.capture_control.group_document(group_id)
+
+
+def _check_labels(new: NewCaptureGroup, names: list[str]) -> None:
+    """Refuses labels of devices that are not part of the group, which would be lost.
+
+    Raises:
+        NotFound: some labels belong to no capture of the group.
+    """
+    others = [name for name in new.labels_of if name not in names]
+    if others:
+        raise NotFound(
+            f"labels_of names {', '.join(others)}, but no capture of that name is requested",
+            f"the devices are: {', '.join(names)}",
+        )

@@ -5,9 +5,8 @@ from typing import Annotated
 from fastapi import APIRouter, Path
 
 from grabberd.documents.jobs import JobDocument, JobList
-from grabberd.server.api.rendering import RenderedRoute
-from grabberd.server.api.routes.dependencies import PROBLEMS, ServiceOf
-from grabberd.server.api.routes.paging import Cursor, Limit, page_of
+from grabberd.server.api.responses import RenderedRoute
+from grabberd.server.api.routes.dependencies import PROBLEMS, Cursor, Limit, ServiceOf, page_of
 
 router = APIRouter(prefix="/jobs", tags=["jobs"], responses=PROBLEMS, route_class=RenderedRoute)
 

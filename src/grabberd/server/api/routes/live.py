@@ -8,14 +8,12 @@ from fastapi import APIRouter, Header, Query, Request, Response, WebSocket
 from starlette.websockets import WebSocketDisconnect
 
 from grabberd.documents.points_frame import PROTOCOL as POINTS_PROTOCOL
-from grabberd.server.api.guard.stream_limit import OneStream
-from grabberd.server.api.rendering import RenderedRoute
+from grabberd.server.api.guard.limits import OneStream
+from grabberd.server.api.responses import RenderedRoute
 from grabberd.server.api.routes.dependencies import PROBLEMS, ServiceOf
 from grabberd.server.api.streams.broadcast import Channel
-from grabberd.server.api.streams.events import EventStream
-from grabberd.server.api.streams.feeds import Feeds
-from grabberd.server.api.streams.points_feed import PointsMessage
-from grabberd.server.api.streams.preview_client import PreviewClient
+from grabberd.server.api.streams.feeds import EventStream, Feeds, PointsMessage
+from grabberd.server.api.streams.preview import PreviewClient
 
 T = TypeVar("T")
 

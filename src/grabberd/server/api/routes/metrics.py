@@ -6,6 +6,8 @@ from fastapi import APIRouter, Request, Response
 from prometheus_client import CollectorRegistry, ProcessCollector, generate_latest
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
 from prometheus_client.metrics_core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
     HistogramMetricFamily,
     InfoMetricFamily,
     Metric,
@@ -14,17 +16,126 @@ from prometheus_client.registry import Collector
 
 from grabberd import __version__
 from grabberd.core.ledger import LossCause, Outcome, Rebase
-from grabberd.core.reconstruction.accuracy.field_order import Order
-from grabberd.core.reconstruction.coverage.verdict import CoverageVerdict
-from grabberd.documents.states import DeviceState, Rung
+from grabberd.core.reconstruction.coverage import CoverageVerdict
+from grabberd.core.reconstruction.field_order import Order
+from grabberd.documents.enums import DeviceState, Rung
+from grabberd.fault_board import OWN_CAUSES
 from grabberd.instrument.acquisition import Signal
+from grabberd.instrument.channels.loggers import Loggers
 from grabberd.instrument.device.worker import BOUNDS_S
 from grabberd.instrument.instrument import Instrument
-from grabberd.server.api.rendering import RenderedRoute
-from grabberd.server.api.routes.health_metrics import fault_metrics, health_metrics
-from grabberd.server.api.routes.logger_metrics import logger_metrics
-from grabberd.server.api.routes.metric_families import counter, gauge
+from grabberd.instrument.live.health import LEVELS, device_health, lacks_of
+from grabberd.server.api.responses import RenderedRoute
+from grabberd.server.daemon.descriptors import exhaustion
 from grabberd.server.daemon.service import Service
+
+Samples = Iterable[tuple[tuple[str, ...], float]]
+"""Label values and the number they belong to."""
+
+
+def gauge(name: str, words: str, labels: tuple[str, ...], samples: Samples) -> Metric:
+    """A number that goes up and down."""
+    return _filled(GaugeMetricFamily(name, words, labels=labels), samples)
+
+
+def counter(name: str, words: str, labels: tuple[str, ...], samples: Samples) -> Metric:
+    """A number that only grows."""
+    return _filled(CounterMetricFamily(name, words, labels=labels), samples)
+
+
+def _filled(
+    family: GaugeMetricFamily | CounterMetricFamily, samples: Samples
+) -> GaugeMetricFamily | CounterMetricFamily:
+    for labels, value in samples:
+        family.add_metric(labels, value)
+    return family
+
+
+STATES = (
+    *(DeviceState.OPENING, DeviceState.READY, DeviceState.ABSENT),
+    *(DeviceState.FAILED, DeviceState.ENDED),
+)
+"""Those that a logger can have."""
+
+
+def logger_metrics(loggers: Loggers) -> Iterator[Metric]:
+    """Every metric of the loggers at this moment; families without samples where there is none."""
+    known, ages_s = loggers.document(), loggers.ages_s()
+    states = (((name, s), float(one.state is s)) for name, one in known.items() for s in STATES)
+    yield gauge("grabberd_logger_state", "1 for the current state.", ("logger", "state"), states)
+    openings = (((name,), one.openings) for name, one in known.items())
+    yield counter("grabberd_logger_openings", "Times it was opened.", ("logger",), openings)
+    readings = (((name,), one.readings) for name, one in known.items())
+    yield counter("grabberd_logger_readings", "Readings since the start.", ("logger",), readings)
+    lost = (((name,), one.lost) for name, one in known.items())
+    yield counter("grabberd_logger_lost_readings", "Readings known to be missing.", ("logger",), lost)
+    said = (((name, reason), n) for name, one in known.items() for reason, n in one.anomalies.items())
+    words = "Output that is not a reading, and missing readings."
+    yield counter("grabberd_logger_anomalies", words, ("logger", "reason"), said)
+    ages = (((name,), age_s) for name, age_s in ages_s.items())
+    yield gauge("grabberd_logger_reading_age_seconds", "Age of the newest reading.", ("logger",), ages)
+    labels = ("logger", "channel", "quantity")
+    channels = [
+        ((name, channel, str(one.quantity)), one)
+        for name, logger in known.items()
+        for channel, one in logger.channels.items()
+    ]
+    kpa = ((values, one.kpa) for values, one in channels if one.kpa is not None)
+    yield gauge("grabberd_channel_kpa", "Vacuum below atmosphere, mean over .5 s.", labels, kpa)
+    level = ((values, one.level) for values, one in channels if one.level is not None)
+    yield gauge("grabberd_channel_level", "Newest reading of a light.", labels, level)
+
+
+_DAY_S = 86_400
+
+
+def health_metrics(service: Service) -> Iterator[Metric]:
+    """Health, readiness, calibration and disk of every device at this moment."""
+    around = service.surroundings()
+    instruments = service.instruments.values()
+    found = {one.name: device_health(one, around) for one in instruments}
+    levels = (((name, s), float(one.level == s)) for name, one in found.items() for s in LEVELS)
+    yield gauge("grabberd_health", "1 for the current level of the health.", ("device", "level"), levels)
+    parts = (
+        ((name, part, s), float(told.level == s))
+        for name, one in found.items()
+        for part, told in one.parts.items()
+        for s in LEVELS
+    )
+    yield gauge("grabberd_health_part", "1 for the part's current level.", ("device", "part", "level"), parts)
+    ready = (((name,), float(not lacks_of(one.parts))) for name, one in found.items())
+    yield gauge("grabberd_ready", "1 while the device measures as it should.", ("device",), ready)
+    active = [(one.name, known) for one in instruments if (known := service.active.document(one))]
+    ages = (((name,), known.age_days * _DAY_S) for name, known in active)
+    yield gauge("grabberd_calibration_age_seconds", "Age of the active calibration.", ("device",), ages)
+    left = around.storage.minutes_left
+    words = "Recording time left on the disk, for all devices together."
+    yield gauge("grabberd_disk_left_seconds", words, (), [] if left is None else [((), left * 60)])
+
+
+def fault_metrics(service: Service) -> Iterator[Metric]:
+    """Faults of the daemon itself, and what it has done about them."""
+    board, unsealed = service.faults, service.unsealed
+    now = (((cause,), float(board.has(cause))) for cause in OWN_CAUSES)
+    counts = (((cause,), board.counts[cause]) for cause in OWN_CAUSES)
+    yield gauge("grabberd_fault", "1 while the daemon has this fault.", ("cause",), now)
+    yield counter("grabberd_faults", "Times the fault has occurred.", ("cause",), counts)
+    yield counter(
+        "grabberd_index_rebuilds", "Rebuilds of a damaged index.", (), [((), service.archive.keeper.rebuilt)]
+    )
+    yield gauge(
+        "grabberd_unsealed_captures", "Captures still to be sealed.", (), [((), len(unsealed.captures))]
+    )
+    yield counter(
+        "grabberd_failed_seals", "Failed attempts to seal a capture.", (), [((), unsealed.attempts)]
+    )
+    yield counter(
+        "grabberd_state_backups", "Backups of state.sqlite.", (), [((), service.state_keeper.backed_up)]
+    )
+    yield counter(
+        "grabberd_descriptors_exhausted", "Refused for lack of descriptors.", (), [((), exhaustion.count)]
+    )
+
 
 router = APIRouter(tags=["system"], route_class=RenderedRoute)
 

@@ -1,22 +1,72 @@
-"""The operator's page: public, but it shows the daemon's state only to clients with access."""
+"""The operator's page, the sessions of the browsers that show it, and the documentation.
+
+The page is public, but shows the daemon's state only to clients with access: a token, sent once, is traded
+for a cookie that no page can read. The documentation says nothing of that state, and is open to everybody.
+"""
 
 from typing import Annotated
 
-from fastapi import APIRouter, Header, Request, Response
+from fastapi import APIRouter, Header, Request, Response, status
+from fastapi.responses import RedirectResponse
 from starlette.concurrency import run_in_threadpool
 
 from grabberd import __version__
-from grabberd.archive.access import Identity
+from grabberd.archive.access import SESSION_LIFE, Identity
 from grabberd.clock import iso_utc
-from grabberd.documents.named_types import JsonObject
+from grabberd.documents.document import JsonObject
+from grabberd.documents.state import SessionDocument
 from grabberd.errors import NotFound
-from grabberd.server.api.etags import is_known
-from grabberd.server.api.guard.authentication import Authenticator
-from grabberd.server.api.guard.refusals import Refusal
-from grabberd.server.api.rendering import RenderedRoute
-from grabberd.server.api.routes.sessions import session_document
+from grabberd.server.api.guard.authentication import COOKIE, Authenticator, Credentials, IdentityOf
+from grabberd.server.api.guard.front import Front
+from grabberd.server.api.problems import Refusal
+from grabberd.server.api.responses import RenderedRoute, is_known
+from grabberd.server.api.routes.dependencies import PROBLEMS, ServiceOf
 from grabberd.server.daemon.service import Service
-from grabberd.server.web import POLICY, Files, StaticFile, language_of, render
+from grabberd.server.web import POLICY, Files, Site, StaticFile, language_of, render
+
+session_router = APIRouter(prefix="/session", tags=["session"], responses=PROBLEMS, route_class=RenderedRoute)
+
+
+@session_router.post(
+    "",
+    status_code=status.HTTP_201_CREATED,
+    summary="Open a session",
+)
+def open_session(
+    identity: IdentityOf, service: ServiceOf, request: Request, response: Response
+) -> SessionDocument:
+    """Trade a bearer token for a session: a cookie that is valid for thirty days, or until the token is
+    removed or expires.
+    """
+    secret = service.access.open_session(identity)
+    _set_cookie(response, request, secret, round(SESSION_LIFE.total_seconds()))
+    return session_document(identity).model_copy(update={"by": "session"})
+
+
+@session_router.get("", summary="Look up your identity and role")
+def get_session(identity: IdentityOf) -> SessionDocument:
+    """Your identity and role, as the daemon knows them."""
+    return session_document(identity)
+
+
+@session_router.delete("", status_code=status.HTTP_204_NO_CONTENT, summary="End the session")
+def close_session(service: ServiceOf, request: Request, response: Response) -> None:
+    """End this browser's session."""
+    if secret := Credentials.of(request.scope).session:
+        service.access.close_session(secret)
+    _set_cookie(response, request, "", 0)
+
+
+def session_document(identity: Identity) -> SessionDocument:
+    """An identity as a document."""
+    return SessionDocument.model_validate(identity, from_attributes=True)
+
+
+def _set_cookie(response: Response, request: Request, secret: str, max_age_s: int) -> None:
+    front: Front = request.app.state.front
+    secure = front.tls or request.url.scheme == "https"  # a proxy may have the certificate
+    response.set_cookie(COOKIE, secret, max_age_s, path="/", secure=secure, httponly=True, samesite="strict")
+
 
 FOREVER = "public, max-age=31536000, immutable"
 """Allowed because the address contains the version."""
@@ -98,3 +148,43 @@ def _first(service: Service, identity: Identity | None) -> JsonObject:
         return {**seen, "session": None, "state": None}
     session = session_document(identity).model_dump(mode="json")
     return {**seen, "session": session, "state": service.state().model_dump(mode="json")}
+
+
+API = "/api/v1/docs"
+site_router = APIRouter(tags=["system"], include_in_schema=False)
+
+
+@site_router.get("/docs")
+async def get_site(request: Request) -> Response:
+    """The documentation's first page, or the description of the API where an installation has none."""
+    site: Site = request.app.state.site
+    return RedirectResponse("/docs/" if await run_in_threadpool(lambda: site.is_built) else API, 307)
+
+
+@site_router.get("/docs/{path:path}")
+async def get_site_page(
+    path: str,
+    request: Request,
+    accept_encoding: Annotated[str, Header()] = "",
+    if_none_match: Annotated[str, Header()] = "",
+) -> Response:
+    """A page or another file of the documentation.
+
+    Raises:
+        NotFound: There is none at this address.
+    """
+    site: Site = request.app.state.site
+    if await run_in_threadpool(site.is_folder, path):
+        return RedirectResponse(f"/docs/{path}/", 307)
+    found = await run_in_threadpool(site.find, path)
+    if found is None:
+        hint = (
+            "its first page is /docs/" if site.is_built else "this installation has none: make site builds it"
+        )
+        raise NotFound(f"the documentation has no page {path!r}", hint)
+    headers = {"ETag": found.file.etag, "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
+    if found.policy:
+        headers["Content-Security-Policy"] = found.policy
+    if is_known(found.file.etag, if_none_match):
+        return Response(status_code=304, headers=headers)
+    return whole(found.file, headers, "gzip" in accept_encoding)

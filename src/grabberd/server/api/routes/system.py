@@ -1,4 +1,4 @@
-"""The daemon itself: state, health, diagnostics, and the API's own page."""
+"""The daemon itself: state, health, diagnostics, the API's own page, settings and configuration."""
 
 from typing import Annotated
 
@@ -6,14 +6,15 @@ from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import HTMLResponse
 
 from grabberd import __version__
+from grabberd.documents.document import JsonObject
 from grabberd.documents.problems import Problem
-from grabberd.documents.state import HealthDocument, StateDocument
-from grabberd.server.api.docs.docs_page import POLICY, page
-from grabberd.server.api.etags import NOT_MODIFIED, IfNoneMatch
+from grabberd.documents.requests import SettingsRequest
+from grabberd.documents.state import HealthDocument, SettingsDocument, StateDocument
+from grabberd.server.api.openapi import POLICY, page
 from grabberd.server.api.problems import problem
-from grabberd.server.api.reading.readings import reads
-from grabberd.server.api.rendering import RenderedRoute
-from grabberd.server.api.routes.dependencies import BUSY, ServiceOf, SnapshotsOf
+from grabberd.server.api.readings import reads
+from grabberd.server.api.responses import NOT_MODIFIED, IfNoneMatch, RenderedRoute
+from grabberd.server.api.routes.dependencies import BUSY, PROBLEMS, ServiceOf, SnapshotsOf
 from grabberd.server.daemon.diagnostics import bundle, daemon_parts
 
 router = APIRouter(tags=["system"], route_class=RenderedRoute)
@@ -76,3 +77,25 @@ def get_diagnostics(
 def get_docs(request: Request) -> HTMLResponse:
     """This description as a page; it loads nothing from other hosts."""
     return HTMLResponse(page(request.app.openapi()), headers={"Content-Security-Policy": POLICY})
+
+
+settings_router = APIRouter(tags=["settings"], route_class=RenderedRoute)
+
+
+@settings_router.get("/settings", summary="Get the settings")
+def get_settings(service: ServiceOf) -> SettingsDocument:
+    """The active settings: those of the configuration, or those set in their place."""
+    return service.settings.document()
+
+
+@settings_router.put("/settings", responses=PROBLEMS, summary="Set the threshold")
+def put_settings(new: SettingsRequest, service: ServiceOf) -> SettingsDocument:
+    """Set how a device's threshold is determined. The setting survives restarts; 409 during a capture."""
+    service.settings.set_threshold(service.instrument(new.device), new.threshold)
+    return service.settings.document()
+
+
+@settings_router.get("/config", response_model=JsonObject, summary="Get the configuration")
+def get_config(service: ServiceOf) -> object:
+    """The configuration as it was read, without secrets."""
+    return service.configuration

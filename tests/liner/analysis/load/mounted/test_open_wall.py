@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from grabberd_liner.analysis.load.mounted.mounting import Mounting
+from grabberd_liner.analysis.load.mounting import Mounting
 from liner.analysis.walls import outermost_alone, rig, solved_six
 
 SIGMA_MM = np.array([0.02, 0.02, 0.05])

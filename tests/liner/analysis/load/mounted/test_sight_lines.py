@@ -5,7 +5,7 @@ import pytest
 
 from grabberd.core.geometry import project_all
 from grabberd.core.reconstruction import SingleViewImages
-from grabberd_liner.analysis.load.mounted.sight_lines import SightLines
+from grabberd_liner.analysis.load.targets import SightLines
 from liner.analysis.walls import rig
 
 RADIUS_MM, TAPER = 13.75, 0.02

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grabberd_liner.analysis.load.mounted.sights import Sights
+from grabberd_liner.analysis.load.targets import Sights
 
 PLACES = np.array([[1.0, 2.0, 3.0], [np.nan, np.nan, np.nan], [4.0, 5.0, 6.0]])
 COVARIANCES = np.tile(np.diag([1.0, 4.0, 9.0]), (3, 1, 1))

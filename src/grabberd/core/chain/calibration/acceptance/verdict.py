@@ -1,7 +1,8 @@
-"""The verdict on a calibration: passed, passed with remarks, or failed."""
+"""The verdict on a calibration: passed, passed with remarks, or failed; and the acceptance as a document."""
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 from grabberd.core.calibration import (
     CheckLength,
@@ -14,13 +15,17 @@ from grabberd.core.calibration import (
     residual_patterns,
     symmetries,
 )
-from grabberd.core.chain.calibration.acceptance.adjustment_reasons import adjustment_reasons
-from grabberd.core.chain.calibration.acceptance.frame_reasons import displaced_of, frame_reasons
-from grabberd.core.chain.calibration.acceptance.length_reasons import length_of, length_reasons
-from grabberd.core.chain.calibration.acceptance.picture_reasons import picture_reasons
-from grabberd.core.chain.calibration.acceptance.reason import FAILED, Reason
-from grabberd.core.chain.calibration.acceptance.rig_reasons import rig_reasons
+from grabberd.core.chain.calibration.acceptance.reasons import (
+    FAILED,
+    Reason,
+    adjustment_reasons,
+    displaced_of,
+    frame_reasons,
+    picture_reasons,
+)
+from grabberd.core.chain.calibration.acceptance.rig_reasons import length_of, length_reasons, rig_reasons
 from grabberd.core.chain.calibration.calibration_result import CalibrateResult
+from grabberd.core.chain.calibration.report_figures import number
 from grabberd.core.geometry import Calibration
 
 
@@ -96,3 +101,61 @@ def judge(result: CalibrateResult, known: AcceptanceInputs | None = None) -> Acc
     ]
     reasons.sort(key=lambda one: one.level != FAILED)
     return Acceptance(tuple(reasons), rig, alike, length, patterns, result.stillness)
+
+
+_MOST_SYMMETRIES = 5
+
+
+def acceptance_document(acceptance: Acceptance) -> dict[str, Any]:
+    """The document; its keys are those of `documents.calibration_acceptance`."""
+    return {
+        "verdict": str(acceptance.verdict),
+        "reasons": [
+            {
+                "code": one.code,
+                "level": one.level,
+                "message": one.message,
+                "hint": one.hint,
+                "values": dict(one.values),
+            }
+            for one in acceptance.reasons
+        ],
+        "rig": [_quantity(one) for one in acceptance.rig],
+        "check_length": _length(acceptance.check_length),
+        "symmetries": [str(one) for one in acceptance.symmetries[:_MOST_SYMMETRIES]],
+        "patterns": [
+            {"view": one.view, "correlation": one.correlation, "statistic": one.statistic}
+            for one in acceptance.patterns
+        ],
+        "movement": {
+            view: {"rms_px": one.rms_px, "drift_px": one.drift_px}
+            for view, one in zip(("left", "right"), acceptance.stillness, strict=True)
+        },
+    }
+
+
+def _quantity(one: RigQuantity) -> dict[str, Any]:
+    return {
+        "quantity": one.name,
+        "view": one.view,
+        "unit": one.unit,
+        "nominal": one.nominal,
+        "previous": one.previous,
+        "found": one.found,
+        "sigma": one.sigma,
+        "nominal_z": one.nominal_z,
+        "previous_z": one.previous_z,
+    }
+
+
+def _length(one: MeasuredLength | None) -> dict[str, Any] | None:
+    if one is None:
+        return None
+    return {
+        "first": one.check.first,
+        "second": one.check.second,
+        "certified_mm": one.check.length_mm,
+        "measured_mm": one.measured_mm,
+        "difference_mm": number(one.difference_mm),
+        "sigma_mm": one.sigma_mm,
+    }

@@ -1,0 +1,279 @@
+"""Format 2 of the capture file: groups of fields, compressed together, a row each; what waits to become one.
+
+A group holds what one commit adds, half a second at 50 Hz. An invalid row is an error, never a guess.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.archive.capture.codec import MOST_POINTS, frame_of, unpacked
+from grabberd.archive.capture.digests import Row
+from grabberd.archive.capture.meta import LARGEST_N
+from grabberd.archive.capture.point_codec import COLUMNS, PointColumns, decode_points, encode_points
+from grabberd.archive.capture.rows import RecordedField, check_field, check_picture, text_of
+from grabberd.core.field import NumberedField, PackedField, packed_shape
+from grabberd.core.ledger import Outcome
+from grabberd.core.reconstruction.points import Points
+
+FIELD_COLUMNS = "n, time_ns, sequence, parity, y0, y_step, threshold, outcome, reason"
+"""In the order of the table."""
+_FIELD = tuple(FIELD_COLUMNS.split(", "))
+_UINT32 = np.dtype("<u4")
+NO_COLUMNS = PointColumns("", *(b"" for _ in COLUMNS))
+
+
+class PictureGroup(NamedTuple):
+    """A row of the table `pictures`, with the rows of its fields; the digest covers it as it is."""
+
+    first_n: int
+    last_n: int
+    fields: int
+    rows: int
+    columns: int
+    bits: int
+    recorded: Sequence[Row]
+    data: bytes
+
+    @property
+    def row(self) -> Row:
+        """The row itself."""
+        return (*self[:6], self.data)
+
+
+class PointGroup(NamedTuple):
+    """A row of the table `points`."""
+
+    run: int
+    first_n: int
+    last_n: int
+    fields: int
+    points: int
+    field_n: bytes
+    field_points: bytes
+    columns: PointColumns
+
+    @property
+    def row(self) -> Row:
+        """The row itself."""
+        return (*self[:7], *self.columns)
+
+    @property
+    def digested(self) -> Row:
+        """The numbers, the lengths of the columns and all of their bytes, which the digest covers."""
+        parts = [self.field_n, self.field_points, *self.columns[1:]]
+        return (*self[:5], self.columns.exact, list(map(len, parts)), b"".join(parts))
+
+    @classmethod
+    def of(cls, row: Row) -> "PointGroup":
+        """The group of a row."""
+        return cls._make((*row[:7], PointColumns._make(row[7:])))
+
+
+def recorded_fields(group: PictureGroup) -> list[RecordedField]:
+    """The fields of a group.
+
+    Raises:
+        ValueError: It is damaged.
+    """
+    check_picture({name: getattr(group, name) for name in ("rows", "columns", "bits")})
+    fields = [dict(zip(_FIELD, row, strict=True)) for row in group.recorded]
+    for one in fields:
+        check_field(one)
+    if len(fields) != group.fields or not fields:
+        raise ValueError(f"a group of {group.fields!r} fields has {len(fields)}")
+    if (fields[0]["n"], fields[-1]["n"]) != (group.first_n, group.last_n):
+        raise ValueError(f"a group of the fields {group.first_n!r} to {group.last_n!r} has others")
+    pictures = decode_pictures(group.data, group.fields, group.rows, group.columns, group.bits)
+    return [_recorded(one, group, data) for one, data in zip(fields, pictures, strict=True)]
+
+
+def _recorded(cells: dict[str, Any], group: PictureGroup, data: NDArray[np.uint8]) -> RecordedField:
+    image = (cells[name] for name in ("parity", "y0", "y_step", "threshold"))
+    packed = PackedField(data, group.bits, group.columns, *image)
+    numbered = NumberedField(cells["n"], cells["time_ns"], cells["sequence"], packed)
+    return RecordedField(numbered, Outcome(cells["outcome"]), text_of(cells["reason"]))
+
+
+def point_group(run: int, fields: Sequence[tuple[int, Points]]) -> PointGroup:
+    """The group of fields with their points, which are in order.
+
+    Raises:
+        ValueError: They are not.
+    """
+    numbers = np.array([n for n, _ in fields], np.int64)
+    counts = np.array([len(points) for _, points in fields], _UINT32)
+    if (np.diff(numbers) <= 0).any():
+        raise ValueError(f"points of fields that are not in order: {numbers.tolist()}")
+    first_n, last_n = int(numbers[0]), int(numbers[-1])
+    offsets = (numbers - first_n).astype(_UINT32)
+    columns = encode_points([points for _, points in fields])
+    ends = (run, first_n, last_n, len(fields), int(counts.sum()))
+    return PointGroup(*ends, offsets.tobytes(), counts.tobytes(), columns)
+
+
+def measured_fields(group: PointGroup) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Numbers of a group's fields, and of the points of each.
+
+    Raises:
+        ValueError: They are damaged.
+    """
+    # A number with a fraction would be looked for in the range one by one, for ever.
+    kinds = {type(group.fields), type(group.first_n)}
+    if (
+        kinds != {int}
+        or group.fields not in range(1, MOST_FIELDS + 1)
+        or group.first_n not in range(LARGEST_N)
+    ):
+        raise ValueError(f"a group of {group.fields!r} fields from {group.first_n!r} on")
+    if {len(group.field_n), len(group.field_points)} != {group.fields * _UINT32.itemsize}:
+        raise ValueError("a column has another length than its fields need")
+    numbers = group.first_n + np.frombuffer(group.field_n, _UINT32).astype(np.int64)
+    counts = np.frombuffer(group.field_points, _UINT32).astype(np.int64)
+    if (np.diff(numbers) <= 0).any() or (numbers[0], numbers[-1]) != (group.first_n, group.last_n):
+        raise ValueError(f"the numbers of its fields are {numbers.tolist()}")
+    if counts.sum() != group.points:
+        raise ValueError(f"its fields have {counts.sum()} points instead of {group.points!r}")
+    return numbers, counts
+
+
+def measured_points(group: PointGroup) -> Points:
+    """The points of a group, one field after the other.
+
+    Raises:
+        ValueError: They are damaged.
+    """
+    return decode_points(group.columns, group.points)
+
+
+MOST_FIELDS = 32
+"""Fields of a group: a commit has 25 of them at 50 Hz, give or take a few."""
+LARGEST_GROUP = 16 << 20
+"""Bytes of a group's pictures, unless it has one field alone; as many as the largest picture."""
+
+
+def pictures_size(count: int, rows: int, columns: int, bits: int) -> int:
+    """Bytes of so many pictures before they are compressed."""
+    return count * math.prod(packed_shape(rows, columns, bits))
+
+
+def encode_pictures(fields: Sequence[PackedField]) -> bytes:
+    """Encodes pictures of one size and number of bits.
+
+    Packed planes are written column by column, each of eight pixels: the edge of a target changes little from
+    line to line, so runs of equal bytes are long, and so are repetitions from field to field.
+    """
+    return frame_of([b"".join(_downward(field).tobytes() for field in fields)])
+
+
+def _downward(field: PackedField) -> NDArray[np.uint8]:
+    return field.data if field.bits == 8 else field.data.swapaxes(1, 2)
+
+
+def decode_pictures(data: bytes, count: int, rows: int, columns: int, bits: int) -> list[NDArray[np.uint8]]:
+    """Decodes pictures into `PackedField.data`, each in memory of its own.
+
+    Raises:
+        ValueError: There cannot be so many, or the bytes are damaged or those of other pictures.
+    """
+    size = pictures_size(count, rows, columns, bits)
+    if count not in range(1, MOST_FIELDS + 1) or (count > 1 and size > LARGEST_GROUP):
+        raise ValueError(f"a group of {count} fields with {size} bytes of pictures")
+    planes, lines, across = packed_shape(rows, columns, bits)
+    content = np.frombuffer(unpacked(data, size), np.uint8)
+    if bits == 8:
+        return [picture.copy() for picture in content.reshape(count, planes, lines, across)]
+    pictures = content.reshape(count, planes, across, lines)
+    return [np.ascontiguousarray(picture.swapaxes(1, 2)) for picture in pictures]
+
+
+class PicturesInWaiting:
+    """Fields that are to become a group."""
+
+    def __init__(self) -> None:
+        self._fields: list[Row] = []
+        self._packed: list[PackedField] = []
+
+    def __len__(self) -> int:
+        return len(self._fields)
+
+    def takes(self, packed: PackedField) -> bool:
+        """True if a field of this picture may be added to the others."""
+        if not self._packed:
+            return True
+        shape, count = (packed.rows, packed.columns, packed.bits), len(self) + 1
+        first = self._packed[0]
+        alike = shape == (first.rows, first.columns, first.bits)
+        return alike and count <= MOST_FIELDS and pictures_size(count, *shape) <= LARGEST_GROUP
+
+    def add(self, numbered: NumberedField, outcome: str, reason: str | None) -> None:
+        """Adds a field."""
+        packed = numbered.packed
+        sequence = None if numbered.sequence is None else int(numbered.sequence)
+        # sqlite3 stores numpy's integers as blobs.
+        where = (int(numbered.n), int(numbered.time_ns), sequence, packed.parity, packed.y0, packed.y_step)
+        self._fields.append((*where, int(packed.threshold), outcome, reason))
+        self._packed.append(packed)
+
+    @property
+    def newest(self) -> PackedField:
+        """The picture that was added last."""
+        return self._packed[-1]
+
+    def group(self) -> PictureGroup:
+        """The group of all of them."""
+        first = self._packed[0]
+        shape = (first.rows, first.columns, first.bits)
+        ends = (self._fields[0][0], self._fields[-1][0], len(self))
+        return PictureGroup(*ends, *shape, self._fields, encode_pictures(self._packed))
+
+
+class PointsInWaiting:
+    """Points of fields of one run that are to become a group."""
+
+    def __init__(self) -> None:
+        self._run = 0
+        self._fields: list[tuple[int, Points]] = []
+        self._count = 0
+
+    def __len__(self) -> int:
+        return len(self._fields)
+
+    def takes(self, run: int, points: Points) -> bool:
+        """True if a field's points may be added to the others."""
+        fit = len(self) < MOST_FIELDS and self._count + len(points) <= MOST_POINTS
+        return not self._fields or (run == self._run and fit)
+
+    def add(self, run: int, n: int, points: Points) -> None:
+        """Adds the points of a field."""
+        self._run = run
+        self._fields.append((int(n), points))
+        self._count += len(points)
+
+    @property
+    def newest(self) -> Points:
+        """The points that were added last."""
+        return self._fields[-1][1]
+
+    def group(self) -> PointGroup:
+        """The group of all of them.
+
+        Raises:
+            ValueError: Their fields are not in order.
+        """
+        return point_group(self._run, self._fields)
+
+
+def points_in_groups(run: int, fields: Iterable[tuple[int, Points]]) -> Iterator[PointGroup]:
+    """Groups of fields with their points, which are in order."""
+    waiting = PointsInWaiting()
+    for n, points in fields:
+        if not waiting.takes(run, points):
+            yield waiting.group()
+            waiting = PointsInWaiting()
+        waiting.add(run, n, points)
+    if waiting:
+        yield waiting.group()

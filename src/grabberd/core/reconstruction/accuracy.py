@@ -1,0 +1,354 @@
+"""Accuracy of measured points against the truth (the paper's Table 1), and pointing precision at rest (paper
+3.5).
+
+Points are compared as they are, or after the rigid motion that best maps them onto the truth: rotation and
+shift, never scale.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.core.reconstruction.points import Points, PointSeries
+from grabberd.errors import MeasurementError
+
+Array = NDArray[np.float64]
+
+_LEAST_EXTENT = 1e-3
+"""Ratio of the second to the first principal extent below which points count as lying on one line."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RigidMotion:
+    """X' = R·X + t.
+
+    Attributes:
+        rotation: (3, 3), proper: a reflection is not a rigid motion.
+        shift_mm: (3,) t.
+    """
+
+    rotation: Array
+    shift_mm: Array
+
+    def apply(self, xyz_mm: Array) -> Array:
+        """Move points (…, 3)."""
+        return xyz_mm @ self.rotation.T + self.shift_mm
+
+    def turn(self, covariance_mm2: Array) -> Array:
+        """Rotate covariances (…, 3, 3)."""
+        return self.rotation @ covariance_mm2 @ self.rotation.T
+
+    @property
+    def angle_deg(self) -> float:
+        """Angle of rotation, about whatever axis."""
+        skew = self.rotation - self.rotation.T
+        sine = 0.5 * math.sqrt(0.5 * float((skew * skew).sum()))
+        return math.degrees(math.atan2(sine, 0.5 * (float(np.trace(self.rotation)) - 1.0)))
+
+
+def rigid_motion(from_mm: Array, to_mm: Array) -> RigidMotion:
+    """Fit the least-squares motion of N points onto N others (Kabsch 1976).
+
+    Args:
+        from_mm: (N, 3).
+        to_mm: (N, 3), in the same order.
+
+    Raises:
+        MeasurementError: There are fewer than three points, or all lie on one line.
+    """
+    middle_from, middle_to = from_mm.mean(axis=0), to_mm.mean(axis=0)
+    extent = np.linalg.svd(to_mm - middle_to, compute_uv=False) if len(to_mm) >= 3 else np.zeros(3)
+    if extent[1] <= _LEAST_EXTENT * extent[0]:
+        raise MeasurementError(
+            f"{len(to_mm)} points on one line do not determine a rigid motion",
+            "compare without a fit, or measure more targets",
+        )
+    u, _, vt = np.linalg.svd((from_mm - middle_from).T @ (to_mm - middle_to))
+    # A determinant of −1 would be a reflection; turning the weakest direction costs the fit least.
+    proper = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    rotation: Array = (u @ proper @ vt).T
+    return RigidMotion(rotation, middle_to - rotation @ middle_from)
+
+
+_STILL_MM = 1e-6
+"""Movement below this counts as standing still."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Coordinates:
+    """Measured points of many fields.
+
+    Attributes:
+        fields: (F,) int64, numbers of all measured fields, including those without a point.
+        n: (K,) int64, field of each point.
+        target: (K,) int32, its target, at most once per field.
+        xyz_mm: (K, 3) float64, in the object's frame.
+    """
+
+    fields: NDArray[np.int64]
+    n: NDArray[np.int64]
+    target: NDArray[np.int32]
+    xyz_mm: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, measured: Iterable[tuple[int, Points]]) -> "Coordinates":
+        """Collect from field numbers and their points."""
+        pairs = list(measured)
+        points = [Points.none(), *(points for _, points in pairs)]
+        return cls(
+            fields=np.array([n for n, _ in pairs], np.int64),
+            n=np.repeat([0, *(n for n, _ in pairs)], [len(one) for one in points]).astype(np.int64),
+            target=np.concatenate([one.target for one in points]),
+            xyz_mm=np.concatenate([one.xyz_mm for one in points]),
+        )
+
+    @classmethod
+    def of_series(cls, series: PointSeries) -> "Coordinates":
+        """Collect all points of a series, in order of field and target."""
+        field, target = np.nonzero(series.seen)
+        return cls(series.n, series.n[field], series.target[target], series.xyz_mm[field, target])
+
+    def at(self, xyz_mm: NDArray[np.float64]) -> "Coordinates":
+        """Copy with other positions (K, 3)."""
+        return replace(self, xyz_mm=xyz_mm)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth:
+    """True positions of the targets.
+
+    Attributes:
+        n: (K,) int64, field of each row; None if the object stood still and a row holds for every field.
+        target: (K,) int32, target ids.
+        xyz_mm: (K, 3) float64, in the object's frame.
+        expected: (K,) bool, True if the target was visible in both views, so that its absence is a miss.
+    """
+
+    n: NDArray[np.int64] | None
+    target: NDArray[np.int32]
+    xyz_mm: NDArray[np.float64]
+    expected: NDArray[np.bool_]
+
+    @property
+    def still(self) -> bool:
+        """True if every target keeps its position in all fields."""
+        if self.n is None:
+            return True
+        order = np.argsort(self.target, kind="stable")
+        moved = np.abs(np.diff(self.xyz_mm[order], axis=0)).max(axis=1, initial=0.0)
+        return not (moved[np.diff(self.target[order]) == 0] > _STILL_MM).any()
+
+    def in_fields(self, fields: NDArray[np.int64]) -> "Truth":
+        """Expand or select the rows of these fields, one for each field and target."""
+        if self.n is not None:
+            chosen = np.isin(self.n, fields)
+            return Truth(self.n[chosen], self.target[chosen], self.xyz_mm[chosen], self.expected[chosen])
+        count = len(fields)
+        return Truth(
+            np.repeat(fields, len(self.target)),
+            np.tile(self.target, count),
+            np.tile(self.xyz_mm, (count, 1)),
+            np.tile(self.expected, count),
+        )
+
+    def row_of(
+        self, n: NDArray[np.int64], target: NDArray[np.int32]
+    ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+        """Find the row of each of K points (field, target), and which points (K,) have one; needs `n`."""
+        assert self.n is not None
+        if not len(self.target):
+            return np.empty(0, np.intp), np.zeros(len(n), np.bool_)
+        keys, wanted = _key(self.n, self.target), _key(n, target)
+        order = np.argsort(keys)
+        nearest = order[np.searchsorted(keys, wanted, sorter=order).clip(max=len(keys) - 1)]
+        known: NDArray[np.bool_] = keys[nearest] == wanted
+        return nearest[known], known
+
+
+def _key(n: NDArray[np.int64], target: NDArray[np.int32]) -> NDArray[np.int64]:
+    # One number for field and target, so that a single sorted search finds both.
+    return (n << 32) + target
+
+
+def true_places(truth: Truth, series: PointSeries) -> NDArray[np.float64]:
+    """(F, T, 3) true positions of a series' targets; NaN where the truth has none."""
+    rows = truth.in_fields(series.n)
+    fields, targets = series.xyz_mm.shape[:2]
+    row, known = rows.row_of(np.repeat(series.n, targets), np.tile(series.target, fields))
+    xyz_mm = np.full((fields * targets, 3), np.nan)
+    xyz_mm[known] = rows.xyz_mm[row]
+    return xyz_mm.reshape(fields, targets, 3)
+
+
+WRONG_BEYOND_MM = 2.0
+"""Distance from its target beyond which a point has another target's id; the pitch is 6.5 mm."""
+LEAST_RIGHT = 0.2
+"""Share of points near their target below which truth and points do not belong together."""
+
+
+class Axes(NamedTuple):
+    """One number per axis, and one for all three combined: xyz² = x² + y² + z²."""
+
+    x_mm: float
+    y_mm: float
+    z_mm: float
+    xyz_mm: float
+
+    @classmethod
+    def of(cls, variance_mm2: Array) -> "Axes":
+        """Take the square roots of the variances (3,) of X, Y and Z."""
+        x, y, z = np.sqrt(variance_mm2).tolist()
+        return cls(x, y, z, float(np.sqrt(variance_mm2.sum())))
+
+
+PAPER_RMSE = Axes(0.056, 0.101, 0.082, 0.141)
+PAPER_PRECISION = Axes(0.051, 0.035, 0.135, 0.148)
+"""The paper's own Table 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Accuracy:
+    """The numbers of the paper's Table 1, with counts of points found, missing and wrong.
+
+    Attributes:
+        fields: Number of fields compared.
+        matched: Number of points within `WRONG_BEYOND_MM` of their target's true position.
+        missing: Number of expected targets without a point, counted in every field.
+        wrong: Number of points farther away, which carry another target's id and count nowhere else.
+        unknown: Number of points of targets that the truth does not contain.
+        rmse: Root mean square of the matched points' errors.
+        precision: Standard deviation of repeated measurements of one target, pooled over all; None if the
+            object moves or no target was measured twice.
+        fitted: Rigid motion applied to the points before the comparison, or None.
+    """
+
+    fields: int
+    matched: int
+    missing: int
+    wrong: int
+    unknown: int
+    rmse: Axes
+    precision: Axes | None
+    fitted: RigidMotion | None = None
+
+
+def accuracy(measured: Coordinates, truth: Truth, *, fit: bool = False) -> Accuracy:
+    """Compare points with the truth, as they are or after one rigid motion of all fields; never scaled.
+
+    Raises:
+        MeasurementError: No or too few points match, or the points do not determine a rigid motion.
+    """
+    if not len(measured.n):
+        raise MeasurementError(
+            f"there is no point in {len(measured.fields)} fields",
+            "check that calibration and object model belong to this capture's rig and object",
+        )
+    rows = truth.in_fields(measured.fields)
+    row, known = rows.row_of(measured.n, measured.target)
+    xyz_mm, true = measured.xyz_mm[known], rows.xyz_mm[row]
+    fitted = _fitted(xyz_mm, true) if fit else None
+    error = (fitted.apply(xyz_mm) if fitted else xyz_mm) - true
+    right = _right(error)
+    if right.sum() <= LEAST_RIGHT * len(right):
+        raise MeasurementError(
+            f"{right.sum() or 'none'} of {len(measured.n)} points in {len(measured.fields)} fields "
+            f"{'are' if right.any() else 'is'} within {WRONG_BEYOND_MM} mm of its target's true place",
+            "check that truth and points agree in the object's frame, target ids and field numbers",
+        )
+    with_point = np.zeros(len(rows.target), np.bool_)
+    with_point[row] = True
+    return Accuracy(
+        fields=len(measured.fields),
+        matched=int(right.sum()),
+        missing=int((rows.expected & ~with_point).sum()),
+        wrong=int((~right).sum()),
+        unknown=int((~known).sum()),
+        rmse=Axes.of((error[right] ** 2).mean(axis=0)),
+        precision=_precision(measured.target[known][right], error[right]) if truth.still else None,
+        fitted=fitted,
+    )
+
+
+def _right(error: Array) -> NDArray[np.bool_]:
+    return np.linalg.norm(error, axis=1) <= WRONG_BEYOND_MM
+
+
+def _fitted(xyz_mm: Array, true: Array) -> RigidMotion:
+    """Rigid motion of all points onto the truth, repeated with those that it brings there."""
+    first = rigid_motion(xyz_mm, true)
+    right = _right(first.apply(xyz_mm) - true)
+    return rigid_motion(xyz_mm[right], true[right]) if right.any() else first
+
+
+def pooled_variance(group: NDArray[np.generic], values: Array) -> tuple[Array, int]:
+    """Pool the variance about each group's own mean; each group costs one degree of freedom.
+
+    Args:
+        group: (K,) group of each row.
+        values: (K, C).
+
+    Returns:
+        (C,) variance, NaN if nothing was measured twice, and the degrees of freedom.
+    """
+    _, index, count = np.unique(group, return_inverse=True, return_counts=True)
+    freedom = int((count - 1).sum())
+    means = np.stack([np.bincount(index, column) / count for column in values.T], axis=1)
+    squares = ((values - means[index]) ** 2).sum(axis=0)
+    return squares / freedom if freedom else np.full(values.shape[1], np.nan), freedom
+
+
+def _precision(target: NDArray[np.int32], error: Array) -> Axes | None:
+    variance, freedom = pooled_variance(target, error)
+    return Axes.of(variance) if freedom else None
+
+
+PAPER_PX = (0.170, 0.225)
+"""The paper's values in x and y, from 32 measurements of 108 targets on the calibration frame."""
+
+
+class PointingPrecision(NamedTuple):
+    """Standard deviations in frame pixels, pooled over all targets.
+
+    Attributes:
+        fields: Number of measurements.
+        targets: Number of targets measured at least twice.
+        left_px: x, y in the left view.
+        right_px: x, y in the right view.
+        both_px: x, y in both views together.
+    """
+
+    fields: int
+    targets: int
+    left_px: tuple[float, float]
+    right_px: tuple[float, float]
+    both_px: tuple[float, float]
+
+
+def pointing_precision(series: PointSeries) -> PointingPrecision | None:
+    """Run the paper's precision test on an object at rest; None if no target was measured twice.
+
+    Fields of both parities count alike, so quantisation errors that differ between them are included; those
+    they share are not.
+    """
+    field, target = np.nonzero(series.seen)
+    image = series.image_px[field, target].reshape(-1, 4)
+    variance, freedom = pooled_variance(target, image)
+    if not freedom:
+        return None
+    left, right = variance[:2], variance[2:]
+    return PointingPrecision(
+        fields=len(series.n),
+        targets=int((series.seen.sum(axis=0) > 1).sum()),
+        left_px=_sigma(left),
+        right_px=_sigma(right),
+        both_px=_sigma(0.5 * (left + right)),
+    )
+
+
+def _sigma(variance: NDArray[np.float64]) -> tuple[float, float]:
+    x, y = np.sqrt(variance).tolist()
+    return x, y

@@ -1,0 +1,330 @@
+"""Watch over the measured fields: the rig, the sequence of fields, and the history of the last minutes.
+
+Camera and mirrors are compared with their calibration, and fields with the sequence of time; of each field
+of the last minutes a few numbers are kept, for who looks later.
+"""
+
+import logging
+import math
+import threading
+from collections import deque
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.core.chain.locating import whole
+from grabberd.core.chain.measure import MeasuredField, MeasureSetup
+from grabberd.core.chain.rig_watch import RigWatch
+from grabberd.core.field import PAL_HZ
+from grabberd.core.reconstruction.drift_check import RigFit, RigVerdict
+from grabberd.core.reconstruction.field_order import KNOWN, FieldOrderCheck, FieldOrderFit, Order
+from grabberd.core.reconstruction.section_width import facing_targets, section_widths
+from grabberd.documents.devices import FieldOrderDocument, RigDocument
+
+log = logging.getLogger(__name__)
+
+VIEWS, AXES = ("left", "right"), ("x", "y")
+MOST_FITS = 3600
+"""One fit per second: a capture's findings are those of its last hour."""
+WHAT_TO_DO = "check with the calibration frame (grabberd check), and recalibrate if it says so"
+_MEANINGS = {
+    RigVerdict.DOUBTFUL: "camera or mirrors may have moved since the calibration",
+    RigVerdict.MOVED: "camera or mirrors have moved since the calibration",
+    RigVerdict.UNMATCHED: "both views show targets, but by this calibration they are not the object's: "
+    "camera or mirrors have moved far, or another object is there",
+}
+
+
+class RigHealth:
+    """Health of the rig by the worker's fields; written by the worker alone, read by everybody.
+
+    Attributes:
+        fit: Fit of the last seconds, or None before there was one.
+    """
+
+    def __init__(self, device: str) -> None:
+        self.fit: RigFit | None = None
+        self._device = device
+        self._setup: MeasureSetup | None = None
+        self._watch: RigWatch | None = None
+        self._logged = RigVerdict.FITS
+        self._capture_fits: deque[RigFit] = deque(maxlen=MOST_FITS)
+
+    def begin(self, setup: MeasureSetup, *, capture: bool = False) -> None:
+        """Announces fields measured with this setup; another setup begins afresh.
+
+        Args:
+            setup: Setup that the following fields are measured with.
+            capture: True if they are a capture's, which has fits of its own.
+        """
+        if setup is not self._setup:
+            self._setup, self._watch, self.fit = setup, RigWatch(setup), None
+        if capture:
+            self._capture_fits.clear()
+
+    def see(self, measured: MeasuredField) -> None:
+        """Takes a measured field."""
+        fit = self._watch.see(measured) if self._watch else None
+        if fit is None:
+            return
+        self.fit = fit
+        self._capture_fits.append(fit)
+        self._log_change(fit)
+
+    @property
+    def problem(self) -> str | None:
+        """Problem of the rig in a sentence; None if there is none."""
+        return None if self.fit is None or self.fit.verdict not in _MEANINGS else _sentence(self.fit)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings for the operator, in sentences."""
+        return (f"{self.problem}; {WHAT_TO_DO}",) if self.problem else ()
+
+    @property
+    def document(self) -> RigDocument | None:
+        """The fit of the last seconds as a document; None before the first."""
+        return None if self.fit is None else fit_document(self.fit)
+
+    def findings(self) -> dict[str, Any]:
+        """Entries for a capture's metadata: the worst verdict and the means of its fits, if it had any."""
+        known = [fit for fit in self._capture_fits if fit.verdict is not RigVerdict.UNKNOWN]
+        if not known:
+            return {}
+        worst = max((fit.verdict for fit in known), key=list(RigVerdict).index)
+        means = {key: _mean([getattr(fit, key) for fit in known]) for key in ("ratio", "shift_px")}
+        return {"rig": {"verdict": worst, **means}}
+
+    def _log_change(self, fit: RigFit) -> None:
+        """Logs each change of the verdict once; an unknown verdict is no change."""
+        if fit.verdict in (self._logged, RigVerdict.UNKNOWN):
+            return
+        self._logged = fit.verdict
+        if fit.verdict is RigVerdict.FITS:
+            log.info("device %s: pictures and calibration agree again", self._device)
+        else:
+            log.warning("device %s: %s; %s", self._device, _sentence(fit), WHAT_TO_DO)
+
+
+def fit_document(fit: RigFit) -> RigDocument:
+    """A fit as a document; unknown values are None."""
+    residual = {
+        view: {axis: _known(fit.residual_px[v, a]) for a, axis in enumerate(AXES)}
+        for v, view in enumerate(VIEWS)
+    }
+    return RigDocument(
+        verdict=fit.verdict,
+        shift_px=_known(fit.shift_px),
+        sigma_px=_known(fit.sigma_px),
+        ratio=_known(fit.ratio),
+        residual_px=residual,
+        targets=fit.targets,
+        fields=fit.fields,
+    )
+
+
+def _sentence(fit: RigFit) -> str:
+    if not math.isfinite(fit.shift_px):
+        return _MEANINGS[fit.verdict]
+    return (
+        f"{_MEANINGS[fit.verdict]}: the views lie {fit.shift_px:.2f} px apart, where "
+        f"{fit.sigma_px:.2f} px are expected"
+    )
+
+
+def _mean(values: list[float]) -> float | None:
+    finite = [value for value in values if math.isfinite(value)]
+    return sum(finite) / len(finite) if finite else None
+
+
+def _known(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+_BY_WEIGHT = (Order.NO_MOVEMENT, Order.UNCLEAR, Order.RIGHT, Order.SAME_INSTANT, Order.REVERSED)
+
+
+class FieldOrderHealth:
+    """Field order by the worker's points; written by the worker alone, read by everybody.
+
+    An object at rest tells nothing: what its last movement told holds until another one tells something else.
+
+    Attributes:
+        fit: The newest fit that tells the order, else the newest; None before the first.
+    """
+
+    def __init__(self, device: str) -> None:
+        self.fit: FieldOrderFit | None = None
+        self._device = device
+        self._setup: MeasureSetup | None = None
+        self._check: FieldOrderCheck | None = None
+        self._capture_fit: FieldOrderFit | None = None
+        self._logged = Order.RIGHT
+
+    def begin(self, setup: MeasureSetup, *, capture: bool = False, interlaced: bool = True) -> None:
+        """Announces fields whose numbers go on from one another; what another setup told holds no longer.
+
+        Args:
+            setup: Setup that the following fields are measured with.
+            capture: True if they are a capture's, which has a fit of its own.
+            interlaced: False if they are progressive pictures, which have no order to be wrong.
+        """
+        if setup is not self._setup:
+            self._setup, self.fit = setup, None
+        if capture:
+            self._capture_fit = None
+        if not interlaced:
+            self.fit = self._check = None
+            return
+        # Always afresh: a capture numbers its fields from its own first one, which may be of either parity.
+        self._check = FieldOrderCheck(setup.object_model.target)
+
+    def see(self, measured: MeasuredField) -> None:
+        """Takes a measured field."""
+        if self._check is not None and self._check.add(measured.n, measured.points):
+            self._take(self._check.fit())
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings for the operator, in sentences."""
+        warning = None if self.document is None else self.document.warning
+        return () if warning is None else (warning,)
+
+    @property
+    def document(self) -> FieldOrderDocument | None:
+        """The fit as a document; None before the first."""
+        fit = self.fit
+        return None if fit is None else FieldOrderDocument.of(fit)
+
+    def findings(self) -> dict[str, Any]:
+        """Entries for a capture's metadata: the gravest of its fits, if it had any; ends the capture."""
+        if self._check is not None:
+            self._take(self._check.finish())
+        fit = self._capture_fit
+        return {} if fit is None else {"field_order": FieldOrderDocument.of(fit).model_dump(mode="json")}
+
+    def _take(self, fit: FieldOrderFit) -> None:
+        if fit.order in KNOWN or self.fit is None or self.fit.order not in KNOWN:
+            self.fit = fit
+        if self._capture_fit is None or _weight(fit) >= _weight(self._capture_fit):
+            self._capture_fit = fit
+        self._log_change(fit)
+
+    def _log_change(self, fit: FieldOrderFit) -> None:
+        """Logs each change of the verdict once; a fit that does not tell the order is no change."""
+        if fit.order is self._logged or fit.order not in KNOWN:
+            return
+        self._logged = fit.order
+        if warning := FieldOrderDocument.of(fit).warning:
+            log.warning("device %s: %s", self._device, warning)
+        else:
+            log.info("device %s: fields come in the sequence of time again", self._device)
+
+
+def _weight(fit: FieldOrderFit) -> int:
+    return _BY_WEIGHT.index(fit.order)
+
+
+KEPT_S = 300.0
+"""Five minutes: 1.5 MB for each device at 50 fields a second, 3.6 MB at 120."""
+FIELDS = round(KEPT_S * PAL_HZ)
+MOST_FIELDS = 75_000
+"""Those of five minutes at 250 fields a second."""
+MOST_PAIRS = 8
+"""Pairs of facing targets whose widths are kept, the outermost first."""
+ROW = np.dtype(
+    [
+        ("time_ns", "i8"),
+        ("targets", "u2", 2),
+        ("points", "u2"),
+        ("residual_px", "f4"),
+        ("latency_ms", "f4"),
+        ("width_mm", "f4", MOST_PAIRS),
+        ("sigma_mm", "f4", MOST_PAIRS),
+    ]
+)
+"""A field: NaN for what is not known."""
+
+
+class History(NamedTuple):
+    """Fields in the sequence of time.
+
+    Attributes:
+        views: Names of the views that targets were counted in.
+        pairs: Ids of the facing targets.
+        rows: (K,) of `ROW`.
+    """
+
+    views: tuple[str, ...]
+    pairs: list[tuple[int, int]]
+    rows: NDArray[np.void]
+
+
+class FieldHistory:
+    """A ring of measured fields, written by the worker, read by anybody."""
+
+    def __init__(self, fields: int = FIELDS) -> None:
+        self._rows = np.zeros(fields, ROW)
+        self._count = 0
+        self._newest_ns = -math.inf
+        self._views: tuple[str, ...] = ()
+        self._pairs: list[tuple[int, int]] = []
+        self._lock = threading.Lock()
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of memory that it takes, however long it runs."""
+        return self._rows.nbytes
+
+    def keep(self, rate_hz: float) -> None:
+        """Keeps five minutes at this rate from now on; what was kept at another one is forgotten."""
+        fields = min(max(round(KEPT_S * rate_hz), 1), MOST_FIELDS)
+        if fields != len(self._rows):
+            with self._lock:
+                self._rows, self._count = np.zeros(fields, ROW), 0
+
+    def see(self, measured: MeasuredField, setup: MeasureSetup, latency_ns: int) -> None:
+        """Enters a field, unless one as new is there: a capture is measured anew from its first field on."""
+        if measured.time_ns <= self._newest_ns:
+            return
+        row = _row(measured, setup, latency_ns)
+        pairs = facing_targets(setup.object_model)[:MOST_PAIRS]
+        with self._lock:
+            if pairs != self._pairs:
+                # Widths of another object's targets would be taken for theirs.
+                self._count, self._pairs = 0, pairs
+            self._views = tuple(view.name for view in setup.calibration.views)
+            self._rows[self._count % len(self._rows)] = row
+            self._count += 1
+            self._newest_ns = measured.time_ns
+
+    def since(self, time_ns: int) -> History:
+        """The fields since a time."""
+        with self._lock:
+            count = min(self._count, len(self._rows))
+            first = (self._count - count) % len(self._rows)
+            times = np.roll(self._rows["time_ns"], -first)[:count]
+            begin = int(np.searchsorted(times, time_ns))
+            places = (first + np.arange(begin, count)) % len(self._rows)
+            return History(self._views, self._pairs, self._rows[places])
+
+
+def _row(measured: MeasuredField, setup: MeasureSetup, latency_ns: int) -> tuple[object, ...]:
+    views = setup.calibration.views
+    counts = [int(whole(measured.blobs, one.first_column, one.end_column).sum()) for one in views]
+    residual_px, points = measured.points.residual_px, len(measured.points)
+    rms_px = math.sqrt(residual_px @ residual_px / points) if points else math.nan
+    widths = section_widths(measured.points, setup.object_model)[:MOST_PAIRS]
+    lacking = [math.nan] * (MOST_PAIRS - len(widths))
+    width_mm = [math.nan if one.width_mm is None else one.width_mm for one in widths]
+    sigma_mm = [math.nan if one.sigma_mm is None else one.sigma_mm for one in widths]
+    return (
+        measured.time_ns,
+        counts,
+        points,
+        rms_px,
+        latency_ns / 1e6,
+        width_mm + lacking,
+        sigma_mm + lacking,
+    )

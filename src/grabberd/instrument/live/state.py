@@ -1,0 +1,194 @@
+"""State of the devices at this moment: the document of each, a revision, and changes for clients.
+
+A revision is what may change from one moment to the next and must not be missed. Counters, rates and the
+newest field change all the time; whoever shares a state for a moment leaves them out. Changes are those of a
+JSON document since the version that a client has seen.
+"""
+
+from collections import deque
+from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import asdict
+from typing import Any, NamedTuple
+
+from grabberd.core.ledger import LossCause, Outcome, Rebase
+from grabberd.documents.devices import (
+    ComputerDocument,
+    DeviceDocument,
+    LastMinute,
+    RingDocument,
+    ViewColumnsDocument,
+)
+from grabberd.documents.document import JsonObject
+from grabberd.documents.enums import Rung
+from grabberd.documents.health import FaultDocument
+from grabberd.instrument.acquisition import StreamInfo
+from grabberd.instrument.active_calibrations import ActiveCalibrations
+from grabberd.instrument.device.scheduling import Standstills
+from grabberd.instrument.device.worker import Worker
+from grabberd.instrument.instrument import Instrument
+from grabberd.instrument.live.health import Surroundings, device_health, lacks_of
+from grabberd.instrument.live.newest_field import live_document
+
+
+def device_document(
+    instrument: Instrument,
+    active: ActiveCalibrations,
+    around: Surroundings,
+    fields: Mapping[str, object],
+) -> DeviceDocument:
+    """A device at this moment, with the fields that others add to it."""
+    health = device_health(instrument, around)
+    status, rate_hz = instrument.board.now, instrument.board.rate_hz
+    # Read once: a capture may end, or begin, while the document is built.
+    # The one being sealed last: so a capture that ends meanwhile is told as one of the two.
+    running, armed, sealing = instrument.running, instrument.armed_capture, instrument.sealing
+    capture = running or armed
+    views = instrument.setup.config.rig.views
+    return DeviceDocument(
+        name=instrument.name,
+        state=status.state,
+        since_utc=status.since_utc,
+        cause=status.cause,
+        hint=status.hint,
+        cause_code=status.code,
+        driver=instrument.setup.config.driver,
+        stream=_stream(status.stream) if status.stream else None,
+        signal=status.signal,
+        rate_hz=None if rate_hz is None else round(rate_hz, 1),
+        fields={outcome: status.outcomes[outcome] for outcome in Outcome},
+        losses={cause: status.losses[cause] for cause in LossCause},
+        last_minute=LastMinute(**instrument.board.recent.within(around.clock.now_ns())._asdict()),
+        rebases={kind: status.rebases[kind] for kind in Rebase},
+        computer=_computer(instrument.board.standstills),
+        openings=status.openings,
+        recoveries={rung: status.recoveries[rung] for rung in Rung},
+        last_failure=status.last_failure,
+        last_failure_utc=status.last_failure_utc,
+        ring=_ring(instrument),
+        views={
+            name: ViewColumnsDocument(first_column=one.first_column, end_column=one.end_column)
+            for name, one in views
+        },
+        calibration=active.document(instrument),
+        lacks=lacks_of(health.parts),
+        health=health,
+        warnings=[*status.warnings, *active.warnings(instrument), *_warnings(instrument.worker)],
+        capture_id=running.id if running else None,
+        armed_capture_id=armed.id if armed else None,
+        sealing_capture_id=sealing.id if sealing else None,
+        group_id=capture.group.id if capture is not None and capture.group is not None else None,
+        rig=instrument.worker.rig.document,
+        field_order=instrument.worker.field_order.document,
+        live=live_document(instrument, around.clock),
+    ).model_copy(update=fields)
+
+
+def _stream(stream: StreamInfo) -> JsonObject:
+    """The stream as granted; that of progressive pictures has no video standard."""
+    return {**asdict(stream), "standard": stream.standard or None}
+
+
+def _warnings(worker: Worker) -> tuple[str, ...]:
+    return *worker.rig.warnings, *worker.field_order.warnings
+
+
+def _computer(standstills: Standstills) -> ComputerDocument:
+    shown = standstills.shown
+    return ComputerDocument(
+        cause=shown and shown.cause,
+        hint=shown and shown.hint,
+        cause_code=shown and shown.code,
+        since_utc=shown and shown.utc,
+        standstills={code: standstills.counts[code] for code in standstills.seconds},
+        standstill_s={code: round(seconds, 1) for code, seconds in standstills.seconds.items()},
+    )
+
+
+def _ring(instrument: Instrument) -> RingDocument:
+    ring = instrument.pipeline.ring
+    return RingDocument(
+        slots=ring.slots,
+        bits=ring.bits,
+        lines=None if instrument.pipeline.is_progressive else ring.lines,
+        threshold=instrument.pipeline.thresholds.in_force.level,
+        waiting=ring.waiting,
+        deepest=ring.deepest,
+    )
+
+
+def revision_of(instruments: Iterable[Instrument], faults: Iterable[FaultDocument]) -> Hashable:
+    """Two that differ are of states that differ in more than numbers; it is told at once, from memory."""
+    known = tuple((fault.cause_code, fault.since_utc, fault.message) for fault in faults)
+    return known, tuple(_of_device(one) for one in instruments)
+
+
+def _of_device(instrument: Instrument) -> Hashable:
+    status, worker, documents = instrument.board.now, instrument.worker, instrument.setup.documents
+    captures = instrument.running, instrument.armed_capture, instrument.sealing
+    return (
+        (status.state, status.since_utc, status.cause, status.openings, status.last_failure_utc),
+        (status.signal, status.refusals),
+        tuple(one.id if one else None for one in captures),
+        ((documents.get("calibration") or {}).get("id"), instrument.misfit),
+        (worker.live is None, worker.rig.warnings, worker.field_order.warnings),
+    )
+
+
+KEPT = 150
+"""At five versions a second, a client that reconnects within half a minute gets the changes alone."""
+
+
+def changes(before: JsonObject, after: JsonObject) -> JsonObject:
+    """The keys whose values differ, with their new values, recursively.
+
+    The result is a JSON merge patch (RFC 7396): a key that is gone, or has become null, is null.
+    """
+    gone = {key: None for key in before if key not in after}
+    return gone | {
+        key: _change(before.get(key), value) for key, value in after.items() if _differs(key, before, value)
+    }
+
+
+def merged(document: JsonObject, change: JsonObject) -> JsonObject:
+    """Applies a change to a document; null values stay, to distinguish them from keys that never existed."""
+    result = dict(document)
+    for key, value in change.items():
+        known = result.get(key)
+        inner = known if isinstance(known, dict) else {}
+        result[key] = merged(inner, value) if isinstance(value, dict) else value
+    return result
+
+
+class Version(NamedTuple):
+    """A document and its version number, from 1."""
+
+    number: int
+    document: JsonObject
+
+
+class History:
+    """The latest versions of a document."""
+
+    def __init__(self, kept: int = KEPT) -> None:
+        self._versions: deque[Version] = deque(maxlen=kept)
+
+    def enter(self, document: JsonObject) -> Version | None:
+        """Adds the present document as a new version; returns None if it has not changed."""
+        newest = self._versions[-1] if self._versions else Version(0, {})
+        if document == newest.document:
+            return None
+        self._versions.append(Version(newest.number + 1, document))
+        return self._versions[-1]
+
+    def find(self, number: int) -> Version | None:
+        """A version by its number; None if it has been dropped."""
+        return next((version for version in list(self._versions) if version.number == number), None)
+
+
+def _differs(key: str, before: JsonObject, value: Any) -> bool:
+    return key not in before or before[key] != value
+
+
+def _change(before: Any, after: Any) -> Any:
+    both = isinstance(before, dict) and isinstance(after, dict)
+    return changes(before, after) if both else after

@@ -1,0 +1,419 @@
+"""Contents of captures over HTTP: read by a process of their own, which is started when it is needed.
+
+The daemon's interpreter does no more than hand them on, so that a capture, health and state do not wait for
+them. A process that does not answer in time is killed, and what it was reading is given up. How many reads
+may wait holds for those in threads as well (`readings`).
+"""
+
+import asyncio
+import itertools
+import os
+import pickle
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+from starlette.responses import Response
+from starlette.types import Receive
+
+from grabberd.archive.content_process import PROGRAM
+from grabberd.config import HttpLimits
+from grabberd.errors import ReadingGivenUp
+from grabberd.files.patience import given_up
+from grabberd.memory import kill_first
+from grabberd.server.api.problems import Refusal
+from grabberd.server.api.streams.downloads import download
+from grabberd.server.daemon.descriptors import exhaustion
+from grabberd.work.content_frames import HEAD, UNTIL, Answer, Frame, Question, unpacked_error
+
+WAITING_A_THREAD = 4
+"""Reads that may wait for each thread: a page asks for several things at once."""
+RETRY_S = 2
+
+
+def check_room(count: int, limits: HttpLimits) -> None:
+    """Refuses a read if too many wait already.
+
+    Args:
+        count: Number of reads that run or wait.
+        limits: Their number of threads.
+
+    Raises:
+        Refusal: 503.
+    """
+    if count >= limits.reads * (1 + WAITING_A_THREAD):
+        raise Refusal(
+            503,
+            "too-many-reads",
+            f"{count} requests that read captures run or wait already",
+            "try again in a moment; the state and running captures are not affected",
+            {"Retry-After": str(RETRY_S)},
+        )
+
+
+async def client_left(receive: Receive) -> None:
+    """Waits until the client of a request has left, or has sent what is refused."""
+    with suppress(Exception):
+        while (await receive())["type"] != "http.disconnect":
+            pass
+
+
+GRACE_S = 5.0
+"""Time to let go of what was given up, or is too late; a process that takes longer hangs, and is killed."""
+KILLED_S = 3.0
+"""Time for a killed process to end; one that waits for a disk that is gone is not waited for any longer."""
+READ_AHEAD_BYTES = 1 << 20
+"""Bytes of answers that are kept for who waits for them, before the process has to wait to write more."""
+_REAPED_EVERY_S = 0.02
+
+
+class ContentReader:
+    """The process, and who waits for its answers; made by `start`.
+
+    Args:
+        process: Answers as `grabberd.archive.content_process` does.
+    """
+
+    def __init__(self, process: "subprocess.Popen[bytes]") -> None:
+        self._process = process
+        self._numbers = itertools.count(1)
+        self._waiting: dict[int, asyncio.Future[Frame]] = {}
+        self._open: set[int] = set()
+        self._alive = True
+        self._answers = asyncio.StreamReader(READ_AHEAD_BYTES)
+        self._questions: asyncio.WriteTransport | None = None
+        self._pipe: asyncio.ReadTransport | None = None
+        self._listening: asyncio.Task[None] | None = None
+
+    @classmethod
+    async def start(cls, program: str, threads: int) -> "ContentReader":
+        """Starts a process; it is ready half a second of processor time later, and may be asked at once.
+
+        Raises:
+            OSError: There is no room for a further process, or no file descriptor.
+        """
+        # -P: the current folder may be that of the captures, and hold a module of any name.
+        command = (sys.executable, "-P", "-c", program, str(threads))
+        # Each thread of OpenBLAS reserves memory, which is limited there.
+        variables = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+        # Not by asyncio, which, before Python 3.12, starts a thread for each process and, where it cannot,
+        # leaves the process to nobody. A session of its own: Ctrl-C is meant for the daemon.
+        process = subprocess.Popen(  # noqa: S603 - it forks without copying memory; the program is ours
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=variables, start_new_session=True
+        )
+        reader = cls(process)
+        try:
+            await reader._connect()
+        except BaseException:
+            process.kill()
+            process.communicate()
+            raise
+        kill_first(process.pid)
+        return reader
+
+    @property
+    def is_alive(self) -> bool:
+        """False once it has ended, or was killed."""
+        return self._alive
+
+    @property
+    def count(self) -> int:
+        """Number of answers that are waited for, or were until they were given up."""
+        return len(self._waiting)
+
+    @property
+    def is_idle(self) -> bool:
+        """True if nothing is read, and no content is half sent."""
+        return not self._waiting and not self._open
+
+    def new_number(self) -> int:
+        """Number of a further reading."""
+        return next(self._numbers)
+
+    def ask(self, question: Frame, until_s: float) -> Coroutine[None, None, Frame]:
+        """Asks at once; returns what waits for the answer, and gives the reading up if it is cancelled.
+
+        Args:
+            question: What is asked.
+            until_s: End of the patience that the question carries.
+
+        Raises:
+            ReadingGivenUp: There is none in time, or the process has ended.
+            GrabberdError: As the reading does.
+        """
+        if not self._alive:
+            raise _ended()
+        answer: asyncio.Future[Frame] = asyncio.get_running_loop().create_future()
+        self._waiting[question.number] = answer
+        self._tell(question)
+        return self._answer(question.number, answer, until_s)
+
+    def give_up(self, number: int) -> None:
+        """Ends a reading that nobody waits for any longer; does nothing if it has ended."""
+        answer = self._waiting.get(number)
+        if self._alive and (answer is not None or number in self._open):
+            self._open.discard(number)
+            self._tell(Frame(number, Question.GIVE_UP, b""))
+            if answer is not None:
+                asyncio.get_running_loop().call_later(GRACE_S, self._kill_if_waiting, answer)
+
+    def kill(self) -> None:
+        """Ends the process at once; what it reads is given up."""
+        self._alive = False
+        if self._process.poll() is None:
+            self._process.kill()
+
+    async def close(self, grace_s: float = GRACE_S) -> None:
+        """Ends the process, which gives up what it reads, and kills it if it has not ended in time."""
+        assert self._questions is not None
+        assert self._listening is not None
+        self._questions.close()
+        await asyncio.wait((self._listening,), timeout=grace_s)
+        self.kill()
+        await asyncio.wait((self._listening,), timeout=KILLED_S)
+
+    async def _connect(self) -> None:
+        loop = asyncio.get_running_loop()
+        protocol = asyncio.StreamReaderProtocol(self._answers)
+        self._pipe, _ = await loop.connect_read_pipe(lambda: protocol, self._process.stdout)
+        self._questions, _ = await loop.connect_write_pipe(asyncio.BaseProtocol, self._process.stdin)
+        self._listening = asyncio.create_task(self._listen())
+
+    def _tell(self, question: Frame) -> None:
+        assert self._questions is not None
+        self._questions.write(question.head())
+        self._questions.write(question.content)
+
+    async def _answer(self, number: int, answer: asyncio.Future[Frame], until_s: float) -> Frame:
+        try:
+            async with asyncio.timeout(until_s - time.monotonic() + GRACE_S):
+                found = await answer
+        except TimeoutError:
+            self.kill()
+            raise given_up("what was asked for") from None
+        except asyncio.CancelledError:
+            self.give_up(number)
+            raise
+        if found.kind == Answer.ERROR:
+            raise unpacked_error(found.content)
+        return found
+
+    def _kill_if_waiting(self, answer: asyncio.Future[Frame]) -> None:
+        if answer in self._waiting.values():
+            self.kill()
+
+    async def _listen(self) -> None:
+        """Hands answers to who waits for them, until the process ends; then it is reaped."""
+        try:
+            while True:
+                number, kind, length = HEAD.unpack(await self._answers.readexactly(HEAD.size))
+                self._hand_on(Frame(number, kind, await self._answers.readexactly(length)))
+        except (asyncio.IncompleteReadError, ConnectionError):
+            pass
+        finally:
+            self.kill()  # it may have closed its output alone
+            self._leave()
+        while self._process.poll() is None:
+            await asyncio.sleep(_REAPED_EVERY_S)
+
+    def _hand_on(self, answer: Frame) -> None:
+        waiting = self._waiting.pop(answer.number, None)
+        if waiting is None or waiting.done():  # it was given up
+            return
+        if answer.kind == Answer.BEGUN:
+            self._open.add(answer.number)
+        elif answer.kind != Answer.PIECE:
+            self._open.discard(answer.number)
+        waiting.set_result(answer)
+
+    def _leave(self) -> None:
+        """Tells who waits that there will be no answer."""
+        for waiting in self._waiting.values():
+            if not waiting.done():
+                waiting.set_exception(_ended())
+        self._waiting.clear()
+        self._open.clear()
+        for pipe in (self._questions, self._pipe):
+            if pipe is not None:
+                pipe.close()
+
+
+def _ended() -> ReadingGivenUp:
+    return ReadingGivenUp(
+        "the process that reads captures ended while it read what was asked for",
+        "ask again; if it ends each time, 'grabberd storage verify' tells whether the capture is damaged",
+    )
+
+
+IDLE_S = 120.0
+"""Time after the last reading until the process ends: an idle daemon does without its memory."""
+LOOK_EVERY_S = 0.5
+"""Interval at which a process that only a slow client still needs is looked at again."""
+CLOSED_S = 1.0
+"""Time to end the process when the daemon ends, which has nine seconds for everything."""
+
+
+class Content(NamedTuple):
+    """A content that a route answers with.
+
+    Attributes:
+        read: One of `grabberd.archive.content_process.CONTENTS`.
+        arguments: Its arguments.
+        response: Makes the response of what comes whole.
+        media_type: Type of what comes in pieces.
+        name: Name under which a client saves that.
+    """
+
+    read: Callable[..., Any]
+    arguments: tuple[Any, ...]
+    response: Callable[[bytes], Response] = Response
+    media_type: str = ""
+    name: str = ""
+
+
+class Contents:
+    """The process that reads contents; one at a time, and none while nobody has asked for long.
+
+    Args:
+        limits: Number of readings at a time, and the time for each, waiting included.
+        program: Code of the process.
+        idle_s: See `IDLE_S`.
+    """
+
+    def __init__(self, limits: HttpLimits, program: str = PROGRAM, idle_s: float = IDLE_S) -> None:
+        self._limits = limits
+        self._program = program
+        self._idle_s = idle_s
+        self._reader: ContentReader | None = None
+        self._starting = asyncio.Lock()
+        self._used_s = 0.0
+        self._timer: asyncio.TimerHandle | None = None
+        self._ending: set[asyncio.Task[None]] = set()
+        self._closed = False
+
+    @property
+    def count(self) -> int:
+        """Number of readings that run or wait for a thread."""
+        return self._reader.count if self._reader else 0
+
+    async def answer(self, content: Content, receive: Receive) -> Response:
+        """The response with a content; reading it is given up when the client leaves.
+
+        Args:
+            content: What is read.
+            receive: The request's `receive`, after its body has been read.
+
+        Raises:
+            Refusal: 503, too many readings wait already.
+            ReadingGivenUp: It takes too long, or ends the process.
+            GrabberdError: As the reading does.
+        """
+        reader = await self._ready()
+        check_room(reader.count, self._limits)  # nothing else runs between this and `ask`
+        until_s = self._until_s()
+        asked = pickle.dumps((content.read.__name__, content.arguments, until_s))
+        question = Frame(reader.new_number(), Question.READ, asked)
+        answer = await _unless_left(reader, question, until_s, receive)
+        self._used_s = time.monotonic()
+        if answer.kind == Answer.WHOLE:
+            return content.response(answer.content)
+        opened = _Opened(reader, answer.number)
+        response = download(opened, content.media_type, content.name)
+        response.pieces = self._pieces
+        return response
+
+    async def close(self) -> None:
+        """Ends the process, and what it reads; none is started afterwards."""
+        self._closed = True
+        if self._timer is not None:
+            self._timer.cancel()
+        if self._reader is not None:
+            self._end(self._reader)
+        if self._ending:
+            await asyncio.wait(self._ending, timeout=CLOSED_S + KILLED_S)
+
+    async def _ready(self) -> ContentReader:
+        async with self._starting:
+            if self._reader is not None and not self._reader.is_alive:
+                self._end(self._reader)
+            if self._reader is None:
+                self._reader = await self._start()
+                self._look_in(self._idle_s)
+            self._used_s = time.monotonic()
+            return self._reader
+
+    async def _start(self) -> ContentReader:
+        if self._closed:
+            raise given_up("what was asked for")
+        try:
+            return await ContentReader.start(self._program, self._limits.reads)
+        except OSError as error:
+            if exhaustion.explains(error):
+                raise
+            raise Refusal(
+                503,
+                "too-many-processes",
+                f"the process that reads captures cannot be started: {error}",
+                "try again in a moment; if it happens again, raise TasksMax= or MemoryMax= of the unit",
+                {"Retry-After": str(RETRY_S)},
+            ) from error
+
+    def _end(self, reader: ContentReader) -> None:
+        """Ends a process in the background; the next reading starts another."""
+        self._reader = None
+        ending = asyncio.create_task(reader.close(CLOSED_S))
+        self._ending.add(ending)
+        ending.add_done_callback(self._ending.discard)
+
+    def _look_in(self, seconds: float) -> None:
+        self._timer = asyncio.get_running_loop().call_later(seconds, self._end_if_idle)
+
+    def _end_if_idle(self) -> None:
+        if self._reader is None:
+            return
+        left_s = self._used_s + self._idle_s - time.monotonic()
+        if left_s <= 0 and self._reader.is_idle:
+            self._end(self._reader)
+        else:
+            self._look_in(max(left_s, LOOK_EVERY_S))
+
+    async def _pieces(self, opened: "_Opened") -> AsyncIterator[bytes]:
+        while True:
+            until_s = self._until_s()
+            question = Frame(opened.number, Question.NEXT, UNTIL.pack(until_s))
+            answer = await opened.reader.ask(question, until_s)
+            self._used_s = time.monotonic()
+            if answer.kind == Answer.END:
+                return
+            yield answer.content
+
+    def _until_s(self) -> float:
+        return time.monotonic() + self._limits.read_timeout_s
+
+
+class _Opened(NamedTuple):
+    """A content that comes in pieces."""
+
+    reader: ContentReader
+    number: int
+
+    def close(self) -> None:
+        """Ends reading it; does nothing after its last piece."""
+        self.reader.give_up(self.number)
+
+
+async def _unless_left(reader: ContentReader, question: Frame, until_s: float, receive: Receive) -> Frame:
+    """The answer to a question, which is given up when the client leaves."""
+    asked = asyncio.create_task(reader.ask(question, until_s))
+    left = asyncio.create_task(client_left(receive))
+    try:
+        await asyncio.wait((asked, left), return_when=asyncio.FIRST_COMPLETED)
+        if not asked.done():
+            raise given_up("what was asked for")
+        return asked.result()
+    finally:
+        asked.cancel()
+        left.cancel()

@@ -1,1 +1,0 @@
-"""The OpenAPI description, completed with roles and problems, and the page drawn from it."""

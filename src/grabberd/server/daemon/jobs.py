@@ -1,0 +1,59 @@
+"""Jobs in a running daemon: kinds, by which a queue that outlived it is read, and their surroundings."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from grabberd.archive.catalogue.archive import Archive
+from grabberd.archive.state.calibration_store import CalibrationStore
+from grabberd.extension import extensions, load
+from grabberd.library.jobs.calibration_jobs import (
+    CalibrationJob,
+    Calibrator,
+    IdentificationJob,
+    calibrate_captures,
+)
+from grabberd.library.jobs.measurement import MeasurementJob
+from grabberd.server.daemon.check_job import CheckJob
+from grabberd.work.job_rows import Kinds
+from grabberd.work.job_spec import JobContext, JobSpec
+
+_OF_EXTENSIONS = (load(job) for extension in extensions() for job in extension.jobs)
+
+KINDS: Kinds = {
+    one.kind: one for one in (CalibrationJob, CheckJob, IdentificationJob, MeasurementJob, *_OF_EXTENSIONS)
+}
+
+
+@dataclass(slots=True)
+class JobContexts:
+    """Tells a job that begins where its captures are now, and where its results belong.
+
+    Attributes:
+        archive: The captures.
+        calibrations: The calibrations.
+        folders: Folders for results of extensions' jobs, by name.
+        calibrator: Function that calibrates.
+    """
+
+    archive: Archive
+    calibrations: CalibrationStore
+    folders: Mapping[str, Path]
+    calibrator: Calibrator = calibrate_captures
+
+    def of(self, job_id: str, spec: JobSpec) -> JobContext:
+        """The surroundings of a job.
+
+        Raises:
+            NotFound: One of its captures was deleted since it was queued.
+            Conflict: One of its captures is running, or armed.
+            StorageError: The folder of captures is gone.
+        """
+        return JobContext(
+            job=job_id,
+            files={capture: self.archive.sealed_path(capture) for capture in spec.captures},
+            captures=self.archive.directory,
+            calibrations=self.calibrations.directory,
+            folders=self.folders,
+            calibrator=self.calibrator,
+        )

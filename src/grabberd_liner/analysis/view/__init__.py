@@ -1,1 +1,0 @@
-"""The synthetic view: the surface as the cameras would see it."""
