@@ -19,4 +19,4 @@ def test_a_corner_that_turns_away_before_it_was_ever_seen_is_not_missed(begun_at
     list(measure_fields(scene.packed(8, "field"), scene.setup, tally))
     coverage = tally.result()
     assert coverage.target[coverage.found < coverage.expected].tolist() == []
-    assert judge(coverage).verdict is CoverageVerdict.WELL
+    assert judge(coverage)[0].verdict is CoverageVerdict.WELL

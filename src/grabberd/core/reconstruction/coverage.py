@@ -89,6 +89,21 @@ class Coverage:
         return self.distance_mm > CERTAIN * self.offset_sigma_mm
 
 
+# The limits of the verdict; documented in docs/reference/coverage.md.
+WELL_SHARE, MEASURED_SHARE = 0.95, 0.5
+"""Least shares found of all that was expected, for a run that is measured well, and at all."""
+WELL_FIELDS_SHARE, MEASURED_FIELDS_SHARE = 0.98, 0.5
+"""Least shares of the fields that must have come whole, likewise."""
+TARGET_SHARE = 0.8
+"""Least share of its fields in which each target must be found."""
+COUNTED_SHARE, COUNTED_FIELDS = 0.1, 10
+"""Least share and number of the fields in which a target must be expected to count by itself."""
+MOST_RESIDUAL_SIGMA = 1.6
+"""Greatest root mean square image residual, in units of its standard deviation."""
+MOST_APART_SHARE = 0.03
+"""Greatest share of all expected targets whose rays do not meet."""
+
+
 class CoverageVerdict(StrEnum):
     """Verdict on a run."""
 
@@ -110,36 +125,6 @@ class FindingCode(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class CoverageLimits:
-    """Limits of the verdict; documented in docs/reference/coverage.md.
-
-    Attributes:
-        well: Least share found of all that was expected, for a run that is measured well.
-        measured: Likewise for one that is measured at all.
-        target: Least share of its fields in which each target must be found.
-        often: Least share of the fields in which a target must be expected to count by itself.
-        seldom: Least number of these fields.
-        fields_well: Least share of the fields that must have come whole, for a run that is measured well.
-        fields_measured: Likewise for one that is measured at all.
-        residual_sigma: Greatest root mean square image residual, in units of its standard deviation.
-        apart: Greatest share of all expected targets whose rays do not meet.
-    """
-
-    well: float = 0.95
-    measured: float = 0.5
-    target: float = 0.8
-    often: float = 0.1
-    seldom: int = 10
-    fields_well: float = 0.98
-    fields_measured: float = 0.5
-    residual_sigma: float = 1.6
-    apart: float = 0.03
-
-
-LIMITS = CoverageLimits()
-
-
-@dataclass(frozen=True, slots=True)
 class Finding:
     """A finding with the numbers that it rests on.
 
@@ -156,34 +141,25 @@ class Finding:
     miss: Miss | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Judgement:
-    """The verdict, and its findings, the gravest first; never none."""
-
-    verdict: CoverageVerdict
-    findings: tuple[Finding, ...]
-
-
 _GRAVEST = (CoverageVerdict.NOT, CoverageVerdict.GAPS, CoverageVerdict.WELL)
 
 
-def judge(coverage: Coverage, missing: int = 0, limits: CoverageLimits = LIMITS) -> Judgement:
-    """Judge a run.
+def judge(coverage: Coverage, missing: int = 0) -> list[Finding]:
+    """Judge a run: its findings, the gravest first, whose verdict is that of the run; never none.
 
     Args:
         coverage: Its coverage.
         missing: Number of fields that should have come and could not be measured: lost, damaged, without a
             signal.
-        limits: Limits to judge by.
     """
-    findings = sorted(_findings(coverage, missing, limits), key=lambda one: _GRAVEST.index(one.verdict))
+    findings = sorted(_findings(coverage, missing), key=lambda one: _GRAVEST.index(one.verdict))
     if not findings:
         values = {"share": coverage.share, "targets": float(np.count_nonzero(coverage.expected))}
         findings = [Finding(CoverageVerdict.WELL, FindingCode.ALL_FOUND, values)]
-    return Judgement(findings[0].verdict, tuple(findings))
+    return findings
 
 
-def _findings(coverage: Coverage, missing: int, limits: CoverageLimits) -> Iterator[Finding]:
+def _findings(coverage: Coverage, missing: int) -> Iterator[Finding]:
     measured = len(coverage.n)
     if not measured:
         yield Finding(CoverageVerdict.NOT, FindingCode.NO_FIELDS, {"missing": missing})
@@ -191,38 +167,38 @@ def _findings(coverage: Coverage, missing: int, limits: CoverageLimits) -> Itera
     if not coverage.expected.any():
         yield Finding(CoverageVerdict.NOT, FindingCode.NOTHING_EXPECTED, {})
         return
-    yield from _of_shares(coverage, limits)
-    yield from _of_rays(coverage, limits)
-    yield from _of_targets(coverage, limits)
-    yield from _of_fields(measured, missing, limits)  # last: the ledger says it, too
+    yield from _of_shares(coverage)
+    yield from _of_rays(coverage)
+    yield from _of_targets(coverage)
+    yield from _of_fields(measured, missing)  # last: the ledger says it, too
 
 
-def _of_shares(coverage: Coverage, limits: CoverageLimits) -> Iterator[Finding]:
-    if coverage.share < limits.well:
-        is_poor = coverage.share < limits.measured
+def _of_shares(coverage: Coverage) -> Iterator[Finding]:
+    if coverage.share < WELL_SHARE:
+        is_poor = coverage.share < MEASURED_SHARE
         misses = coverage.misses[:, 1:].sum(axis=0)
         values = {"share": coverage.share, "of_misses": float(misses.max() / misses.sum())}
         verdict = CoverageVerdict.NOT if is_poor else CoverageVerdict.GAPS
         yield Finding(verdict, FindingCode.FEW_FOUND, values, Miss(int(misses.argmax()) + 1))
 
 
-def _of_fields(measured: int, missing: int, limits: CoverageLimits) -> Iterator[Finding]:
+def _of_fields(measured: int, missing: int) -> Iterator[Finding]:
     share = measured / (measured + missing)
-    if share < limits.fields_well:
-        verdict = CoverageVerdict.NOT if share < limits.fields_measured else CoverageVerdict.GAPS
+    if share < WELL_FIELDS_SHARE:
+        verdict = CoverageVerdict.NOT if share < MEASURED_FIELDS_SHARE else CoverageVerdict.GAPS
         yield Finding(verdict, FindingCode.FIELDS_MISSING, {"missing": missing, "fields": measured + missing})
 
 
-def _of_rays(coverage: Coverage, limits: CoverageLimits) -> Iterator[Finding]:
+def _of_rays(coverage: Coverage) -> Iterator[Finding]:
     apart = float(coverage.misses[:, Miss.RAYS_APART].sum() / coverage.expected.sum())
-    if apart > limits.apart or coverage.residual_sigma > limits.residual_sigma:
+    if apart > MOST_APART_SHARE or coverage.residual_sigma > MOST_RESIDUAL_SIGMA:
         values = {"apart": apart, "residual_sigma": coverage.residual_sigma}
         yield Finding(CoverageVerdict.GAPS, FindingCode.RAYS_DO_NOT_MEET, values)
 
 
-def _of_targets(coverage: Coverage, limits: CoverageLimits) -> Iterator[Finding]:
-    counts = coverage.expected >= max(limits.often * len(coverage.n), limits.seldom)
-    poor = counts & (coverage.target_share < limits.target)
+def _of_targets(coverage: Coverage) -> Iterator[Finding]:
+    counts = coverage.expected >= max(COUNTED_SHARE * len(coverage.n), COUNTED_FIELDS)
+    poor = counts & (coverage.target_share < TARGET_SHARE)
     if not poor.any() or (poor == counts).all():  # what concerns all of them is said of the run
         return
     worst = int(np.where(poor, coverage.target_share, np.inf).argmin())
@@ -249,10 +225,10 @@ def coverage_document(coverage: Coverage, missing: int = 0) -> dict[str, Any]:
         coverage: The coverage.
         missing: Number of fields that should have come and could not be measured.
     """
-    judgement = judge(coverage, missing)
+    findings = judge(coverage, missing)
     return {
-        "verdict": str(judgement.verdict),
-        "findings": [_finding(one) for one in judgement.findings],
+        "verdict": str(findings[0].verdict),
+        "findings": [_finding(one) for one in findings],
         "share": known(coverage.share),
         "fields": len(coverage.n),
         "missing_fields": missing,

@@ -63,8 +63,8 @@ def without(target, *views):
     return change
 
 
-def codes(judgement):
-    return [one.code for one in judgement.findings]
+def codes(findings):
+    return [one.code for one in findings]
 
 
 @pytest.fixture(scope="module")
@@ -73,9 +73,9 @@ def whole():
 
 
 def test_where_all_are_found_it_is_measured_well(whole):
-    judgement = judge(whole)
-    assert judgement.verdict is CoverageVerdict.WELL
-    assert codes(judgement) == [FindingCode.ALL_FOUND]
+    findings = judge(whole)
+    assert findings[0].verdict is CoverageVerdict.WELL
+    assert codes(findings) == [FindingCode.ALL_FOUND]
     assert whole.share > 0.99
     assert whole.residual_sigma < 1.3
 
@@ -100,9 +100,9 @@ def test_a_target_covered_half_of_the_time_is_a_gap_with_its_view(views, reason)
     coverage = covered(change=without(MIDDLE, *views))
     assert (coverage.expected[MIDDLE], coverage.found[MIDDLE]) == (FIELDS, FIELDS // 2)
     assert coverage.misses[MIDDLE, reason] == FIELDS // 2
-    judgement = judge(coverage)
-    assert judgement.verdict is CoverageVerdict.GAPS
-    (finding,) = judgement.findings
+    findings = judge(coverage)
+    assert findings[0].verdict is CoverageVerdict.GAPS
+    (finding,) = findings
     assert (finding.code, finding.miss) == (FindingCode.TARGETS_MISSED, reason)
     assert finding.values["target"] == MODEL.target[MIDDLE]
     assert finding.values["share"] == 0.5
@@ -114,14 +114,14 @@ def test_with_one_view_dark_nothing_is_measured_and_the_view_is_named(dark, reas
         return tuple(view.select(np.zeros(0, np.intp)) if k == dark else view for k, view in enumerate(blobs))
 
     coverage = covered(20, change)
-    (finding,) = judge(coverage).findings
+    (finding,) = judge(coverage)
     assert (finding.verdict, finding.code) == (CoverageVerdict.NOT, FindingCode.FEW_FOUND)
     assert (finding.miss, finding.values["share"]) == (reason, 0.0)
 
 
 def test_with_nothing_in_view_nothing_is_measured():
     coverage = covered(20, lambda n, blobs, whose: tuple(one.select(np.zeros(0, np.intp)) for one in blobs))
-    (finding,) = judge(coverage).findings
+    (finding,) = judge(coverage)
     assert (finding.verdict, finding.miss) == (CoverageVerdict.NOT, Miss.NO_BLOB)
     assert np.isnan(coverage.residual_px)
 
@@ -132,18 +132,18 @@ def moved_px(y_px):
 
 
 def test_by_a_wrong_calibration_nothing_is_measured_because_the_rays_do_not_meet():
-    judgement = judge(covered(20, calibrated=moved_px(4.0)))
-    assert judgement.verdict is CoverageVerdict.NOT
-    assert judgement.findings[0].miss is Miss.RAYS_APART
-    assert FindingCode.RAYS_DO_NOT_MEET in codes(judgement)
+    findings = judge(covered(20, calibrated=moved_px(4.0)))
+    assert findings[0].verdict is CoverageVerdict.NOT
+    assert findings[0].miss is Miss.RAYS_APART
+    assert FindingCode.RAYS_DO_NOT_MEET in codes(findings)
 
 
 def test_points_by_a_calibration_that_does_not_quite_fit_are_not_measured_well():
     coverage = covered(calibrated=moved_px(0.5))
     assert coverage.found.any()
-    judgement = judge(coverage)
-    assert judgement.verdict is not CoverageVerdict.WELL
-    assert FindingCode.RAYS_DO_NOT_MEET in codes(judgement)
+    findings = judge(coverage)
+    assert findings[0].verdict is not CoverageVerdict.WELL
+    assert FindingCode.RAYS_DO_NOT_MEET in codes(findings)
 
 
 def displaced(by_mm):
@@ -158,7 +158,7 @@ def test_a_target_off_its_place_in_the_object_file_is_told_with_its_distance(by_
     assert coverage.chief_miss[MIDDLE] == Miss.OFF_PLACE
     assert coverage.displaced[MIDDLE]
     np.testing.assert_allclose(coverage.offset_mm[MIDDLE], -np.array(by_mm), atol=0.15)
-    (finding,) = judge(coverage).findings
+    (finding,) = judge(coverage)
     words = finding_in_words(finding.code, finding.values, finding.miss.key)
     assert f"target {MODEL.target[MIDDLE]} " in words
     assert f"it is {np.linalg.norm(by_mm):.1f} mm from its place in the object file" in words
@@ -196,8 +196,8 @@ def test_what_turns_away_from_a_view_is_not_expected():
 
 def test_a_capture_without_fields_is_not_measured():
     coverage = covered(0)
-    judgement = judge(coverage)
-    assert (judgement.verdict, codes(judgement)) == (CoverageVerdict.NOT, [FindingCode.NO_FIELDS])
+    findings = judge(coverage)
+    assert (findings[0].verdict, codes(findings)) == (CoverageVerdict.NOT, [FindingCode.NO_FIELDS])
     document = coverage_document(coverage)
     assert (document["share"], document["residual_px"], document["fields"]) == (None, None, 0)
 
@@ -206,18 +206,18 @@ def test_a_capture_without_fields_is_not_measured():
     ("missing", "verdict"), [(1, CoverageVerdict.WELL), (6, CoverageVerdict.GAPS), (80, CoverageVerdict.NOT)]
 )
 def test_lost_and_damaged_fields_are_gaps(whole, missing, verdict):
-    judgement = judge(whole, missing)
-    assert judgement.verdict is verdict
+    findings = judge(whole, missing)
+    assert findings[0].verdict is verdict
     if verdict is not CoverageVerdict.WELL:
-        (finding,) = judgement.findings
+        (finding,) = findings
         assert finding.code is FindingCode.FIELDS_MISSING
         assert finding.values == {"missing": missing, "fields": FIELDS + missing}
 
 
 def test_an_object_outside_both_views_is_not_measured():
     beside = replace(MODEL, xyz_mm=MODEL.xyz_mm + np.array([0.0, 900.0, 0.0]))
-    judgement = judge(covered(3, object_model=beside))
-    assert codes(judgement) == [FindingCode.NOTHING_EXPECTED]
+    findings = judge(covered(3, object_model=beside))
+    assert codes(findings) == [FindingCode.NOTHING_EXPECTED]
 
 
 def test_the_document_lists_the_worst_fields_and_all_targets():
