@@ -46,7 +46,7 @@ def calibrated(seed, uneven_px, fields=64, dim=0.55):
     frame, mirrors = ObjectModel.from_document(document), Mirrors(seed, uneven_px, dim)
     off_mm = np.random.default_rng((seed, 9)).normal(0, frame.sigma_mm, frame.xyz_mm.shape)
     scene = LeaningScene(Discs.facing(frame.xyz_mm + off_mm), mirrors)
-    made = calibrate(scene.fields(fields, seed + 1000), NOMINAL, frame)
+    made = calibrate([scene.fields(fields, seed + 1000)], NOMINAL, frame)
     return made.calibration("averaging", "2026-01-01T00:00:00+00:00", "averaging", None, {}), mirrors
 
 

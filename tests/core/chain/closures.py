@@ -218,7 +218,7 @@ def _calibrated(seed, uneven_px, fields=64):
         seed=seed + 5000,
         rig={"seed": rig.seed, "mirror_error_px": rig.mirror_error_px},
     )
-    made = calibrate(frame.packed(8, "field"), NOMINAL, frame.setup.object_model)
+    made = calibrate([frame.packed(8, "field")], NOMINAL, frame.setup.object_model)
     return made.calibration("closures", "2026-01-01T00:00:00+00:00", "closures", None, {})
 
 

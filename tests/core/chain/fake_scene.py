@@ -11,7 +11,8 @@ from grabberd.core.field import Field, NumberedField, double_lines, quantise
 from grabberd.core.geometry import Calibration
 from grabberd.core.measurement import ThresholdRule, choose_threshold
 from grabberd.core.reconstruction import ObjectModel
-from grabberd.core.reconstruction.accuracy import Truth
+from grabberd.core.reconstruction.accuracy import Coordinates, Truth
+from grabberd.core.reconstruction.points import PointSeries
 from grabberd_fake import FakeGrabber, JumpingClock, truth_at
 from grabberd_fake.documents import calibration_document, object_document
 
@@ -37,6 +38,11 @@ class Scene:
     def measured(self, bits, lines):
         """Every field measured."""
         return list(measure_fields(self.packed(bits, lines), self.setup))
+
+
+def coordinates(measured):
+    """All points of measured fields."""
+    return Coordinates.of_series(PointSeries.of((one.n, one.time_ns, one.points) for one in measured))
 
 
 def take_scene(count, **options):

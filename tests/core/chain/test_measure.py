@@ -5,13 +5,13 @@ import itertools
 import numpy as np
 import pytest
 
-from core.chain.fake_scene import take_scene
+from core.chain.fake_scene import coordinates, take_scene
 from grabberd.core.chain.locating import whole_blobs
 from grabberd.core.chain.measure import measure_fields
 from grabberd.core.field import TOP, Field, quantise
 from grabberd.core.geometry import LocalField
 from grabberd.core.measurement import Blobs
-from grabberd.core.reconstruction.accuracy import Coordinates, accuracy
+from grabberd.core.reconstruction.accuracy import accuracy
 
 FIELDS = 60
 WAYS = [(1, "doubled"), (1, "field"), (8, "field")]
@@ -29,7 +29,7 @@ def liner_without_mirror_errors():
 
 
 def points_of(scene, bits, lines):
-    return Coordinates.of((one.n, one.points) for one in scene.measured(bits, lines))
+    return coordinates(scene.measured(bits, lines))
 
 
 def bytes_of(measured):
@@ -103,7 +103,7 @@ def test_each_field_is_answered_before_the_next_is_taken(liner):
 @pytest.mark.parametrize("lost", [1, 2, 10], ids=["one lost", "two lost", "a fifth of a second lost"])
 def test_ids_stay_through_lost_fields(liner, lost):
     fields = [one for one in liner.packed(1, "doubled") if not 25 <= one.n < 25 + lost]
-    points = Coordinates.of((one.n, one.points) for one in measure_fields(fields, liner.setup))
+    points = coordinates(measure_fields(fields, liner.setup))
     report = accuracy(points, liner.truth)
     assert (report.fields, report.wrong) == (FIELDS - lost, 0)
     assert report.missing <= 0.01 * liner.truth.expected.sum()

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import yaml
 
-from core.chain.fake_scene import take_scene
+from core.chain.fake_scene import coordinates, take_scene
 from grabberd.config import shipped_configs
 from grabberd.core.chain.plan import PlanSettings, nominal_calibration, plan, variations
 from grabberd.core.geometry import NominalRig, Rig
 from grabberd.core.reconstruction import ObjectModel
-from grabberd.core.reconstruction.accuracy import Coordinates, accuracy
+from grabberd.core.reconstruction.accuracy import accuracy
 from grabberd.errors import InputError
 
 HALVES = {"columns": 720, "lines": 576, "left": (0, 360), "right": (360, 720)}
@@ -64,7 +64,7 @@ def test_what_is_planned_is_what_the_simulator_gives(bits, lines):
     order = "progressive" if lines == "progressive" else "alternate"
     scene = take_scene(20, scene="accuracy_object", rig={"mirror_error_px": 0.0}, driver={"order": order})
     measured = scene.measured(bits, "doubled" if lines == "doubled" else "field")
-    found = accuracy(Coordinates.of((one.n, one.points) for one in measured), scene.truth).rmse
+    found = accuracy(coordinates(measured), scene.truth).rmse
     places = planned(settings=PlanSettings(bits=bits, lines=lines)).places
     expected = np.sqrt(np.mean([np.square(place.pointing) for place in places], axis=0))
     assert np.array(found) == pytest.approx(expected, rel=0.25 if lines == "progressive" else 0.45)

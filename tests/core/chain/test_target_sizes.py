@@ -87,7 +87,7 @@ def test_a_single_pixel_of_noise_is_never_a_target():
 def test_targets_of_another_size_are_told_with_their_size(diameter_mm):
     shown = HD.draw(FRAME.xyz_mm, diameter_mm)
     with pytest.raises(MeasurementError) as caught:
-        calibrate(fields(shown, 8), HD.nominal, FRAME)
+        calibrate([fields(shown, 8)], HD.nominal, FRAME)
     told = re.search(
         r"left view shows 108 blobs of .* px \((.*) to (.*) mm on .* and none of", caught.value.message
     )
@@ -100,7 +100,7 @@ def test_targets_of_another_size_are_told_with_their_size(diameter_mm):
 def test_a_dark_view_is_still_called_dark():
     shown = HD.draw(FRAME.xyz_mm[:0], 1.5)
     with pytest.raises(MeasurementError, match="dark"):
-        calibrate(fields(shown, 8), HD.nominal, FRAME)
+        calibrate([fields(shown, 8)], HD.nominal, FRAME)
 
 
 def test_a_measurement_without_points_tells_the_sizes():

@@ -31,7 +31,7 @@ def _row(seed: int, mirrors: int) -> str:
     rig = {"seed": seed, "reflections": mirrors}
     frame_options: dict[str, Any] = {"scene": "calibration_frame", "rig": rig, "seed": seed}
     frame = ObjectModel.from_document(safe_load(object_document(FakeOptions.read(frame_options))))
-    made = calibrate(Scene(frame_options).fields, NOMINAL, frame)
+    made = calibrate([Scene(frame_options).fields], NOMINAL, frame)
     known = made.calibration("bench", "2026-01-01T00:00:00+00:00", "bench", None, {})
     scene = Scene({"scene": "accuracy_object", "rig": rig, "seed": seed + 100})
     scene.setup = replace(scene.setup, calibration=known)

@@ -15,7 +15,7 @@ from tests.proofs.bench.accuracy import Scene, grabbed
 from tests.proofs.bench.calibrated import NOMINAL
 from yaml import safe_load
 
-from grabberd.core.chain.calibration.calibrate import calibrate_poses
+from grabberd.core.chain.calibration.calibrate import calibrate
 from grabberd.core.chain.calibration.calibration_result import CalibrateResult
 from grabberd.core.field import NumberedField
 from grabberd.core.geometry import rotation_matrix
@@ -69,7 +69,7 @@ def judged(seed: int, mirrors: int, count: int) -> Judged:
     model = _model()
     error = np.random.default_rng(seed).normal(0, model.sigma_mm, model.xyz_mm.shape)
     captures = [_capture(rig, seed, model.xyz_mm + error, pose, FIELDS // count) for pose in POSES[:count]]
-    made = calibrate_poses(captures, NOMINAL, model)
+    made = calibrate(captures, NOMINAL, model)
     found = _object(seed, mirrors, made)
     off = made.final.xyz_mm - model.xyz_mm - error
     sigma_mm = np.sqrt((made.volume.calibration_sigma_mm**2).sum(axis=-1)).mean()

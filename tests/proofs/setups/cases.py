@@ -74,7 +74,7 @@ def _certified() -> CheckLength:
 def tried(setup: Setup) -> Told:
     """Calibrate as the command does, and collect what it says."""
     try:
-        result = calibrate(setup.shown(), setup.nominal, setup.model(), setup.settings)
+        result = calibrate([setup.shown()], setup.nominal, setup.model(), setup.settings)
     except MeasurementError as error:
         return Told("refused", (f"{error.message} – {error.hint}",), ())
     found = judge(result, AcceptanceInputs(None, setup.length()))

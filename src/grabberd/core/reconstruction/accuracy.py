@@ -6,14 +6,13 @@ shift, never scale.
 """
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.reconstruction.points import Points, PointSeries
+from grabberd.core.reconstruction.points import PointSeries
 from grabberd.errors import MeasurementError
 
 Array = NDArray[np.float64]
@@ -95,26 +94,10 @@ class Coordinates:
     xyz_mm: NDArray[np.float64]
 
     @classmethod
-    def of(cls, measured: Iterable[tuple[int, Points]]) -> "Coordinates":
-        """Collect from field numbers and their points."""
-        pairs = list(measured)
-        points = [Points.none(), *(points for _, points in pairs)]
-        return cls(
-            fields=np.array([n for n, _ in pairs], np.int64),
-            n=np.repeat([0, *(n for n, _ in pairs)], [len(one) for one in points]).astype(np.int64),
-            target=np.concatenate([one.target for one in points]),
-            xyz_mm=np.concatenate([one.xyz_mm for one in points]),
-        )
-
-    @classmethod
     def of_series(cls, series: PointSeries) -> "Coordinates":
         """Collect all points of a series, in order of field and target."""
         field, target = np.nonzero(series.seen)
         return cls(series.n, series.n[field], series.target[target], series.xyz_mm[field, target])
-
-    def at(self, xyz_mm: NDArray[np.float64]) -> "Coordinates":
-        """Copy with other positions (K, 3)."""
-        return replace(self, xyz_mm=xyz_mm)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

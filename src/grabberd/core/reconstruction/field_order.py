@@ -127,11 +127,6 @@ class FieldOrderFit:
     zigzag_mm: float
     fields: int
 
-    @property
-    def is_wrong(self) -> bool:
-        """True if fields are significantly not in sequence."""
-        return self.order in {Order.REVERSED, Order.SAME_INSTANT}
-
 
 class FieldOrderCheck:
     """Field order by the points of a stream of fields, lost ones left out.

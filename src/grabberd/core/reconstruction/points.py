@@ -99,9 +99,6 @@ class Points:
 
 Array = NDArray[np.float64]
 
-ALL = slice(None)
-"""All fields, or all targets."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointSeries:
@@ -159,18 +156,6 @@ class PointSeries:
     def parity(self) -> NDArray[np.intp]:
         """(F,) 0 or 1: fields of equal parity show the same lines, unless they are progressive pictures."""
         return (self.n & 1).astype(np.intp)
-
-    def part(self, span: slice, chosen: slice | NDArray[np.intp] = ALL) -> "PointSeries":
-        """Select some fields, and some targets by index."""
-        return PointSeries(
-            self.n[span],
-            self.time_s[span],
-            self.target[chosen],
-            self.xyz_mm[span][:, chosen],
-            self.covariance_mm2[span][:, chosen],
-            self.calibration_covariance_mm2[span][:, chosen],
-            self.image_px[span][:, chosen],
-        )
 
     def without(self, gone: NDArray[np.bool_]) -> "PointSeries":
         """Remove some points (F, T)."""

@@ -17,7 +17,7 @@ from grabberd.clock import SystemClock, iso_utc
 from grabberd.config import RigConfig
 from grabberd.core.calibration import LENS, CheckLength, Mark
 from grabberd.core.chain.calibration.acceptance.verdict import AcceptanceInputs, judge
-from grabberd.core.chain.calibration.calibrate import calibrate_poses
+from grabberd.core.chain.calibration.calibrate import calibrate
 from grabberd.core.chain.calibration.calibration_result import CalibrateResult, CalibrateSettings
 from grabberd.core.chain.calibration.report_document import report_document
 from grabberd.core.chain.locating import px_per_mm
@@ -86,7 +86,7 @@ def calibrate_files(
             _check_length(options, calibration_frame, model),
         )
         poses = (_of_rig(one, rig) for one in chain([fields], further))
-        result = calibrate_poses(poses, nominal, model, settings, by_hand)
+        result = calibrate(poses, nominal, model, settings, by_hand)
         about = {**_about(reader, calibration_frame, note, rig), "other_captures": further.ids}
     report = CalibrationReport.model_validate(report_document(result, about, judge(result, known)))
     return CalibrationOutput(_calibration(result, about, report), report)

@@ -1,41 +1,14 @@
-from dataclasses import replace
-
 import cv2
 import numpy as np
-from hypothesis import given
 
-from core.geometry.rigs import places, views
 from grabberd.core.calibration.exchange import (
     axes_from_omega_phi_kappa,
     axes_from_openptv,
     pixels_from_corner,
     pixels_from_sensor,
-    pixels_to_corner,
-    pixels_to_sensor,
-    pose_from_opencv,
-    pose_to_opencv,
 )
-from grabberd.core.geometry import project
 
 XY_PX = np.array([[0.0, 0.0], [359.5, 287.5], [719.0, 100.0]])
-
-
-@given(views(), places())
-def test_opencv_projects_with_the_converted_pose_what_is_projected_here(view, xyz):
-    plain = replace(view, b=(0.0,) * 9).with_axes(np.diag([view.handedness, 1.0, 1.0]) @ view.axes)
-    rotation, translation = pose_to_opencv(plain.axes, plain.center_mm)
-    lens = np.array(
-        [
-            [plain.f_mm / plain.pixel_x_mm, 0.0, plain.x0_px],
-            [0.0, plain.f_mm / plain.pixel_y_mm, plain.y0_px],
-            [0.0, 0.0, 1.0],
-        ]
-    )
-    theirs, _ = cv2.projectPoints(xyz, cv2.Rodrigues(rotation)[0], translation, lens, None)
-    assert np.abs(theirs[:, 0] - project(plain, xyz)).max() < 1e-6
-    axes, center = pose_from_opencv(rotation, translation)
-    assert np.allclose(axes, plain.axes)
-    assert np.allclose(center, plain.center_mm)
 
 
 def test_photomodelers_angles_turn_about_x_then_the_new_y_then_the_new_z():
@@ -59,11 +32,9 @@ def test_openptvs_matrix_of_the_cavity_belongs_to_the_angles_beside_it():
 
 
 def test_pixels_from_the_corner_are_half_a_pixel_more():
-    assert np.array_equal(pixels_to_corner(XY_PX), XY_PX + 0.5)
-    assert np.array_equal(pixels_from_corner(pixels_to_corner(XY_PX)), XY_PX)
+    assert np.array_equal(pixels_from_corner(XY_PX + 0.5), XY_PX)
 
 
 def test_sensor_coordinates_have_their_origin_in_the_middle_and_point_up():
-    sensor = pixels_to_sensor(XY_PX, 720, 576, (0.01, 0.02))
-    assert np.allclose(sensor, [[-3.595, 5.75], [0.0, 0.0], [3.595, 3.75]])
+    sensor = np.array([[-3.595, 5.75], [0.0, 0.0], [3.595, 3.75]])
     assert np.allclose(pixels_from_sensor(sensor, 720, 576, (0.01, 0.02)), XY_PX)

@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 import yaml
 
-from core.chain.fake_scene import take_scene
+from core.chain.fake_scene import coordinates, take_scene
 from core.chain.pinhole_pictures import Camera, frames, still
 from grabberd.config import shipped_configs
 from grabberd.core.calibration import LENS, Mark
 from grabberd.core.chain.calibration.acceptance.verdict import judge
-from grabberd.core.chain.calibration.calibrate import calibrate, calibrate_poses
+from grabberd.core.chain.calibration.calibrate import calibrate
 from grabberd.core.chain.calibration.calibration_result import CalibrateSettings
 from grabberd.core.chain.calibration.report_document import report_document
 from grabberd.core.chain.measure import MeasureSetup, measure_fields
 from grabberd.core.field import Field, NumberedField, quantise, split_frame
 from grabberd.core.geometry import Calibration, NominalRig, project, rotation_matrix
 from grabberd.core.reconstruction import ObjectModel
-from grabberd.core.reconstruction.accuracy import Coordinates, Truth, accuracy
+from grabberd.core.reconstruction.accuracy import Truth, accuracy
 from grabberd.documents.calibration_reports import CalibrationReport
 from grabberd.errors import InputError, MeasurementError, RankDeficient
 
@@ -42,7 +42,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def made(scene):
-    return calibrate(scene.packed(8, "field"), NOMINAL, FRAME)
+    return calibrate([scene.packed(8, "field")], NOMINAL, FRAME)
 
 
 def report_of(result):
@@ -73,7 +73,7 @@ def test_points_measured_with_it_are_nearer_to_the_truth_than_with_the_exact_opt
 def _rmse(scene, calibration):
     setup = replace(scene.setup, calibration=calibration)
     found = measure_fields(scene.packed(8, "field"), setup)
-    return accuracy(Coordinates.of((one.n, one.points) for one in found), scene.truth).rmse.xyz_mm
+    return accuracy(coordinates(found), scene.truth).rmse.xyz_mm
 
 
 def test_the_document_gives_back_the_same_calibration(made):
@@ -113,7 +113,7 @@ def test_parameters_and_their_comparison_are_of_one_adjustment(made):
 def test_blunders_do_not_stay_in_the_weights(scene):
     wrong = FRAME.xyz_mm.copy()
     wrong[[27, 56]] += [[0.3, 0, 0], [0, 0, 0.5]]
-    result = calibrate(scene.packed(8, "field"), NOMINAL, replace(FRAME, xyz_mm=wrong))
+    result = calibrate([scene.packed(8, "field")], NOMINAL, replace(FRAME, xyz_mm=wrong))
     assert {int(FRAME.target[one.target]) for one in result.blunders} == {28, 57}
     assert result.adjustment.sigma0 == pytest.approx(1, abs=0.02)
     displaced = next(one for one in judge(result).reasons if one.code == "displaced")
@@ -123,14 +123,14 @@ def test_blunders_do_not_stay_in_the_weights(scene):
 
 def test_a_model_that_leaves_pixels_is_no_result(scene):
     with pytest.raises(MeasurementError, match="off by 3"):
-        calibrate(scene.packed(8, "field"), NOMINAL, FRAME, CalibrateSettings(free=("b3",)))
+        calibrate([scene.packed(8, "field")], NOMINAL, FRAME, CalibrateSettings(free=("b3",)))
 
 
 def test_a_longer_rig_converges_too():
     rig = {"base_mm": 160, "distance_mm": 320, "seed": 9}
     taken = take_scene(16, scene="calibration_frame", rig=rig, camera={"f_mm": 10})
     nominal = replace(NOMINAL, base_mm=160.0, distance_mm=320.0, convergence_deg=28.07, focal_length_mm=10.0)
-    result = calibrate(taken.packed(8, "field"), nominal, FRAME)
+    result = calibrate([taken.packed(8, "field")], nominal, FRAME)
     assert result.unmodelled_px < 0.1
 
 
@@ -143,19 +143,19 @@ def test_the_imaging_geometry_of_the_report_is_the_rigs(made):
 
 def test_one_mirror_a_view_is_found_as_left_handed():
     taken = take_scene(16, scene="calibration_frame", rig={"reflections": 1})
-    result = calibrate(taken.packed(8, "field"), NOMINAL, FRAME)
+    result = calibrate([taken.packed(8, "field")], NOMINAL, FRAME)
     assert result.identification.handedness == (-1, -1)
     assert report_of(result)["geometry"]["planar_motion_mm"] < 0.5
 
 
 def test_a_prescribed_handedness_that_the_picture_contradicts_is_refused(scene):
     with pytest.raises(MeasurementError):
-        calibrate(scene.packed(8, "field"), NOMINAL, FRAME, CalibrateSettings(handedness=-1))
+        calibrate([scene.packed(8, "field")], NOMINAL, FRAME, CalibrateSettings(handedness=-1))
 
 
 @pytest.mark.parametrize(("bits", "lines"), [(1, "doubled"), (1, "field")])
 def test_one_bit_is_enough_for_a_calibration(scene, bits, lines):
-    result = calibrate(scene.packed(bits, lines), NOMINAL, FRAME)
+    result = calibrate([scene.packed(bits, lines)], NOMINAL, FRAME)
     exact = scene.setup.calibration
     for view, true in zip(result.views, exact.views, strict=True):
         off = project(view, FRAME.xyz_mm) - project(true, FRAME.xyz_mm)
@@ -164,7 +164,7 @@ def test_one_bit_is_enough_for_a_calibration(scene, bits, lines):
 
 def test_the_papers_own_options_give_equal_weights_and_held_points(scene):
     settings = CalibrateSettings(equal_weights=True, held=True, tied=True, alpha=None, local_field=False)
-    result = calibrate(scene.packed(8, "field"), NOMINAL, FRAME, settings)
+    result = calibrate([scene.packed(8, "field")], NOMINAL, FRAME, settings)
     assert np.ptp(result.adjustment.network.sigma_px) < 1e-12
     np.testing.assert_array_equal(result.adjustment.xyz_mm, FRAME.xyz_mm)
     assert len(result.adjustment.unknowns) == 34
@@ -175,7 +175,7 @@ def test_the_papers_own_options_give_equal_weights_and_held_points(scene):
 
 
 def test_a_shared_lens_is_the_same_in_both_views(scene):
-    result = calibrate(scene.packed(8, "field"), NOMINAL, FRAME, CalibrateSettings(shared=LENS))
+    result = calibrate([scene.packed(8, "field")], NOMINAL, FRAME, CalibrateSettings(shared=LENS))
     left, right = result.views
     assert (left.f_mm, left.x0_px, left.y0_px, left.b[2:7]) == (
         right.f_mm,
@@ -188,8 +188,10 @@ def test_a_shared_lens_is_the_same_in_both_views(scene):
 
 
 def test_an_interior_parameter_that_is_not_adjusted_is_as_the_rig_was_built(scene):
-    pose = ("omega_rad", "phi_rad", "kappa_rad", "X0_mm", "Y0_mm", "Z0_mm")
-    result = calibrate(scene.packed(8, "field"), NOMINAL, FRAME, CalibrateSettings(free=(*pose, "left.f_mm")))
+    settings = CalibrateSettings(
+        free=("omega_rad", "phi_rad", "kappa_rad", "X0_mm", "Y0_mm", "Z0_mm", "left.f_mm")
+    )
+    result = calibrate([scene.packed(8, "field")], NOMINAL, FRAME, settings)
     left, right = result.views
     assert (right.f_mm, right.x0_px, right.b) == (8.0, 359.5, (0.0,) * 9)
     assert left.f_mm != 8.0
@@ -199,7 +201,7 @@ def test_an_interior_parameter_that_is_not_adjusted_is_as_the_rig_was_built(scen
 
 def test_a_parameter_that_does_not_exist_is_named(scene):
     with pytest.raises(InputError, match="b10"):
-        calibrate(scene.packed(8, "field"), NOMINAL, FRAME, CalibrateSettings(free=("f_mm", "b10")))
+        calibrate([scene.packed(8, "field")], NOMINAL, FRAME, CalibrateSettings(free=("f_mm", "b10")))
 
 
 def test_identifications_by_hand_lead_to_the_same_calibration(scene, made):
@@ -208,26 +210,26 @@ def test_identifications_by_hand_lead_to_the_same_calibration(scene, made):
         for view in scene.setup.calibration.views
         for index in (0, 8, 54, 99, 107)
     ]
-    result = calibrate(scene.packed(8, "field"), NOMINAL, FRAME, by_hand=marks)
+    result = calibrate([scene.packed(8, "field")], NOMINAL, FRAME, by_hand=marks)
     np.testing.assert_allclose(result.adjustment.values, made.adjustment.values, rtol=1e-6, atol=1e-9)
 
 
 class TestBadInput:
     def test_no_fields(self):
         with pytest.raises(MeasurementError, match="no field"):
-            calibrate([], NOMINAL, FRAME)
+            calibrate([[]], NOMINAL, FRAME)
 
     def test_a_dark_view_is_named(self, scene):
         with pytest.raises(MeasurementError, match="right"):
-            calibrate(_darkened(scene, slice(360, 720)), NOMINAL, FRAME)
+            calibrate([_darkened(scene, slice(360, 720))], NOMINAL, FRAME)
 
     def test_too_few_targets(self, scene):
         with pytest.raises(MeasurementError, match="left"):
-            calibrate(_darkened(scene, slice(0, 265)), NOMINAL, FRAME)
+            calibrate([_darkened(scene, slice(0, 265))], NOMINAL, FRAME)
 
     def test_another_calibration_frames_file(self, scene):
         with pytest.raises(MeasurementError):
-            calibrate(scene.packed(8, "field"), NOMINAL, OBJECT)
+            calibrate([scene.packed(8, "field")], NOMINAL, OBJECT)
 
     def test_swapped_views(self, scene):
         swapped = (
@@ -235,12 +237,12 @@ class TestBadInput:
             for one in scene.packed(8, "field")
         )
         with pytest.raises(MeasurementError, match="swapped"):
-            calibrate(swapped, NOMINAL, FRAME)
+            calibrate([swapped], NOMINAL, FRAME)
 
     def test_a_planar_calibration_frame_names_what_it_does_not_determine(self):
         flat = replace(FRAME, xyz_mm=FRAME.xyz_mm * [1, 1, 0])
         with pytest.raises(RankDeficient, match=r"plane.*f_mm, x0_px, y0_px"):
-            calibrate(_fields(still(flat.xyz_mm, 1.5), 2), NOMINAL, flat)
+            calibrate([_fields(still(flat.xyz_mm, 1.5), 2)], NOMINAL, flat)
 
     def test_a_field_order_that_is_the_wrong_way_round(self, scene):
         wrong = (
@@ -248,13 +250,13 @@ class TestBadInput:
             for one in scene.packed(8, "field")
         )
         with pytest.raises(MeasurementError, match="field order"):
-            calibrate(wrong, NOMINAL, FRAME)
+            calibrate([wrong], NOMINAL, FRAME)
 
     def test_a_calibration_frame_that_is_moved(self, scene):
         other = take_scene(16, scene="calibration_frame", rig={"camera_tilt_mrad": 12.0})
         fields = [*scene.packed(8, "field"), *other.packed(8, "field")]
         with pytest.raises(MeasurementError, match="moved"):
-            calibrate(fields, NOMINAL, FRAME)
+            calibrate([fields], NOMINAL, FRAME)
 
 
 def _darkened(scene, columns):
@@ -275,7 +277,7 @@ def _fields(picture, count, seed=0):
 def test_pictures_that_another_program_made_are_measured_as_well(mirrored):
     rng = np.random.default_rng(3)
     places = FRAME.xyz_mm + rng.normal(0, FRAME.sigma_mm, FRAME.xyz_mm.shape)
-    result = calibrate(_fields(still(places, 1.5, mirrored), 12), NOMINAL, FRAME)
+    result = calibrate([_fields(still(places, 1.5, mirrored), 12)], NOMINAL, FRAME)
     assert result.identification.handedness == ((-1, -1) if mirrored else (1, 1))
     for view in result.views:
         off = project(view, FRAME.xyz_mm) - Camera(view.name, mirrored).project(FRAME.xyz_mm)
@@ -284,7 +286,7 @@ def test_pictures_that_another_program_made_are_measured_as_well(mirrored):
     setup = MeasureSetup(calibration=named(result), object_model=OBJECT)
     found = measure_fields(_fields(still(there, 1.5, mirrored), 12, seed=1), setup)
     truth = Truth(None, OBJECT.target, there, np.ones(len(OBJECT), np.bool_))
-    reached = accuracy(Coordinates.of((one.n, one.points) for one in found), truth)
+    reached = accuracy(coordinates(found), truth)
     assert (reached.missing, reached.wrong) == (0, 0)
     assert reached.rmse.xyz_mm < 0.045
 
@@ -301,7 +303,7 @@ def test_several_poses_of_the_calibration_frame_give_one_rig():
         list(take_scene(4, scene="calibration_frame", seed=5).packed(8, "field")),
         list(take_scene(4, scene="points", points=points, seed=6).packed(8, "field")),
     ]
-    result = calibrate_poses(captures, NOMINAL, FRAME)
+    result = calibrate(captures, NOMINAL, FRAME)
     (pose,) = result.poses
     assert pose.turn_deg == pytest.approx(np.degrees(np.arccos((np.trace(turn) - 1) / 2)), abs=0.1)
     assert np.abs(pose.values[3:] - [3.0, -2.0, 2.0]).max() < 0.1
@@ -309,6 +311,6 @@ def test_several_poses_of_the_calibration_frame_give_one_rig():
     assert named(result).covariance.shape == (36, 36)
     few = list(take_scene(4, scene="points", points=points[:5]).packed(8, "field"))
     with pytest.raises(MeasurementError, match="capture 2: "):
-        calibrate_poses([captures[0], few], NOMINAL, FRAME)
+        calibrate([captures[0], few], NOMINAL, FRAME)
     with pytest.raises(MeasurementError, match="no capture"):
-        calibrate_poses([], NOMINAL, FRAME)
+        calibrate([], NOMINAL, FRAME)

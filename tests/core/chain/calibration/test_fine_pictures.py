@@ -27,7 +27,7 @@ def pictures(shown: np.ndarray, count: int) -> Iterator[NumberedField]:
 @pytest.mark.parametrize("off_mm", [0.0, 0.003, 0.01], ids=["exact", "better than stated", "as stated"])
 def test_a_frame_of_any_quality_up_to_its_certificate_is_calibrated_from(off_mm: float) -> None:
     places = FRAME.xyz_mm + np.random.default_rng(1).normal(0, 1, FRAME.xyz_mm.shape) * off_mm
-    made = calibrate(pictures(HD.draw(places, 1.5), 6), HD.nominal, FRAME)
+    made = calibrate([pictures(HD.draw(places, 1.5), 6)], HD.nominal, FRAME)
     assert max(made.pointing_px) < 0.003
     assert len(made.blunders) <= 2
     # The centre of a disc's picture is some thousandths of a pixel off the picture of its centre.

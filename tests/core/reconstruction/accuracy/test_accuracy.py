@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,6 @@ from grabberd.core.reconstruction.accuracy import (
     accuracy,
     true_places,
 )
-from grabberd.core.reconstruction.points import Points
 from grabberd.errors import MeasurementError
 
 TARGETS = np.arange(1, 13, dtype=np.int32)
@@ -140,25 +141,6 @@ def test_truth_that_fits_a_few_points_by_chance_is_refused(noisy):
         accuracy(noisy, Truth(None, TARGETS, places, np.ones(12, bool)))
 
 
-def test_coordinates_of_measured_fields_keep_fields_without_points():
-    two = Points(
-        np.array([3, 8], np.int32),
-        np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]),
-        *(np.zeros((2, 3, 3)) for _ in range(2)),
-        np.zeros((2, 2, 2)),
-        np.zeros(2),
-    )
-    coordinates = Coordinates.of([(7, Points.none()), (9, two)])
-    assert coordinates.fields.tolist() == [7, 9]
-    assert coordinates.n.tolist() == [9, 9]
-    assert coordinates.target.tolist() == [3, 8]
-    assert coordinates.xyz_mm.tolist() == two.xyz_mm.tolist()
-
-
-def test_coordinates_of_nothing_are_empty():
-    assert len(Coordinates.of([]).n) == 0
-
-
 def test_the_papers_own_table_is_consistent():
     for axes in (PAPER_RMSE, PAPER_PRECISION):
         assert axes.xyz_mm == pytest.approx(np.sqrt(axes.x_mm**2 + axes.y_mm**2 + axes.z_mm**2), abs=2e-3)
@@ -171,7 +153,7 @@ def turned(places, degrees, shift_mm):
 
 
 def test_a_fit_takes_off_a_motion_however_far_and_leaves_the_noise(noisy):
-    moved = noisy.at(turned(noisy.xyz_mm, 20.0, (100.0, -7.0, 3.0)))
+    moved = replace(noisy, xyz_mm=turned(noisy.xyz_mm, 20.0, (100.0, -7.0, 3.0)))
     report = accuracy(moved, STILL, fit=True)
     assert report.rmse[:3] == pytest.approx(SIGMA_MM, rel=0.05)
     assert report.fitted.angle_deg == pytest.approx(20.0, abs=0.05)
@@ -179,14 +161,14 @@ def test_a_fit_takes_off_a_motion_however_far_and_leaves_the_noise(noisy):
 
 
 def test_a_fit_never_scales(noisy):
-    larger = accuracy(noisy.at(1.01 * noisy.xyz_mm), STILL, fit=True)
+    larger = accuracy(replace(noisy, xyz_mm=1.01 * noisy.xyz_mm), STILL, fit=True)
     assert larger.rmse.xyz_mm > 0.2
 
 
 def test_a_wrong_id_does_not_pull_the_fit(noisy):
     swapped = noisy.xyz_mm.copy()
     swapped[[0, 1]] = swapped[[1, 0]]
-    report = accuracy(noisy.at(swapped), STILL, fit=True)
+    report = accuracy(replace(noisy, xyz_mm=swapped), STILL, fit=True)
     assert report.wrong == 2
     assert report.rmse.xyz_mm == pytest.approx(accuracy(noisy, STILL, fit=True).rmse.xyz_mm, rel=0.01)
 

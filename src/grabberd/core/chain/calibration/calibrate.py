@@ -56,50 +56,29 @@ BLOCKS = 6
 
 
 def calibrate(
-    fields: Iterable[NumberedField],
-    nominal: NominalRig,
-    frame: ObjectModel,
-    settings: CalibrateSettings | None = None,
-    by_hand: Sequence[Mark] | None = None,
-) -> CalibrateResult:
-    """Calibrates both virtual cameras from fields of the calibration frame, which stands still.
-
-    Args:
-        fields: any number, of both parities.
-        nominal: the rig as it was built, each number to ten per cent.
-        frame: the calibration frame's targets.
-        settings: settings of the calibration.
-        by_hand: identifications made by hand, in place of automatic ones.
-
-    Raises:
-        MeasurementError: no fields, a calibration frame that moves, too few targets, a planar calibration
-            frame, an unclear identification, or no convergence; the message says which.
-    """
-    return calibrate_poses([fields], nominal, frame, settings, by_hand)
-
-
-def calibrate_poses(
     captures: Iterable[Iterable[NumberedField]],
     nominal: NominalRig,
     frame: ObjectModel,
     settings: CalibrateSettings | None = None,
     by_hand: Sequence[Mark] | None = None,
 ) -> CalibrateResult:
-    """Calibrates from captures of the calibration frame in several poses before the same rig.
+    """Calibrate both virtual cameras from captures of the calibration frame, in one pose or several.
 
     The first pose defines the coordinates; each other is six more unknowns. The rig then explains the same
     targets from several sides, at many more places of the picture, and their certified places are checked by
     it.
 
     Args:
-        captures: fields of each pose; the calibration frame stands still within one.
+        captures: fields of each pose, any number, of both parities; the calibration frame stands still within
+            one.
         nominal: the rig as it was built, each number to ten per cent.
         frame: the calibration frame's targets.
         settings: settings of the calibration.
         by_hand: identifications made by hand in the first capture, in place of automatic ones.
 
     Raises:
-        MeasurementError: as `calibrate`, or there is no capture.
+        MeasurementError: no captures or fields, a calibration frame that moves, too few targets, a planar
+            calibration frame, an unclear identification, or no convergence; the message says which.
     """
     settings = settings or CalibrateSettings()
     _check_depth(frame, settings)
