@@ -157,7 +157,7 @@ def _left(field: DisplacementField, displacement_mm: Array, seen: NDArray[np.boo
     """(F, M, 3) displacements without what the neighbours predict, and (M,) the mean σ of that."""
     left, sigma = np.full_like(displacement_mm, np.nan), np.zeros(displacement_mm.shape[1])
     for row, own, mask in zip(left, displacement_mm, seen, strict=True):
-        expected = field.expect(mask, own)
+        expected = field.expect(np.flatnonzero(mask), own[mask])
         row[mask] = (own - expected.displacement_mm)[mask]
         sigma += expected.sigma_mm / len(seen)
     return left, sigma

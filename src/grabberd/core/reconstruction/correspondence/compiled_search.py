@@ -212,9 +212,7 @@ class Nearby:
         if isinstance(field, DisplacementField):
             say = field.say(found.target)
             return say.weights.T, say.sigma_mm
-        seen, displacement_mm = np.zeros(len(expected), np.bool_), np.zeros_like(expected)
-        seen[found.target], displacement_mm[found.target] = True, found.displacement_mm
-        expected[:], sigma_mm = field.expect(seen, displacement_mm)
+        expected[:], sigma_mm = field.expect(found.target, found.displacement_mm)
         return b"", sigma_mm
 
 

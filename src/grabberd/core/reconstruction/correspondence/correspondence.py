@@ -234,11 +234,8 @@ class Correspondence:
 
     def _foreseen(self, sighting: Sighting) -> Expected:
         """Prediction of all targets from those of a sighting, for the next field."""
-        seen = np.zeros(len(self.model), np.bool_)
-        displacement_mm = np.zeros_like(self.model.xyz_mm)
-        seen[sighting.target] = True
-        displacement_mm[sighting.target] = sighting.points.xyz_mm - self.model.xyz_mm[sighting.target]
-        return self.following.field.expect(seen, displacement_mm)
+        displacement_mm = sighting.points.xyz_mm - self.model.xyz_mm[sighting.target]
+        return self.following.field.expect(sighting.target, displacement_mm)
 
     def _near(
         self, judge: Agreement, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs
@@ -385,9 +382,7 @@ class SingleViewSearch:
         """
         model, judge = self._correspondence.model, self._correspondence.agreement
         seen = np.isin(model.target, points.target)
-        displacement = np.zeros_like(model.xyz_mm)
-        displacement[seen] = points.xyz_mm - model.xyz_mm[seen]
-        expected = judge.field.expect(seen, displacement)
+        expected = judge.field.expect(np.flatnonzero(seen), points.xyz_mm - model.xyz_mm[seen])
         places_mm, sigma_mm = self._correspondence.expected_places(expected)
         lacking = np.flatnonzero(~seen & (sigma_mm <= judge.settings.trust * judge.pitch_mm))
         return lacking, places_mm[lacking], sigma_mm[lacking]

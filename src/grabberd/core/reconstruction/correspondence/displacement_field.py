@@ -135,15 +135,15 @@ class DisplacementField:
                 raise np.linalg.LinAlgError("targets in one place, whose measurements have no noise")
         return cls(nominal_mm, covariance, precision, smoothness.noise_mm, most_kept, kernel)
 
-    def expect(self, seen: NDArray[np.bool_], displacement_mm: Array) -> Expected:
+    def expect(self, seen: Indices, displacement_mm: Array) -> Expected:
         """Predict all targets: an unseen one from all seen ones, a seen one from all but itself.
 
         Args:
-            seen: (M,) True for targets that have been measured.
-            displacement_mm: (M, 3) their displacements; rows of unseen ones are ignored.
+            seen: (K,) indices of the targets that have been measured, ascending.
+            displacement_mm: (K, 3) their displacements.
         """
-        say = self.say(np.flatnonzero(seen))
-        return Expected(say.weights @ displacement_mm[seen], say.sigma_mm)
+        say = self.say(seen)
+        return Expected(say.weights @ np.ascontiguousarray(displacement_mm), say.sigma_mm)
 
     def say(self, inside: Indices) -> Say:
         """Make or recall the predictor of all targets from some (K,), ascending.
@@ -192,10 +192,10 @@ class _Part(NamedTuple):
 
 
 class _Told(NamedTuple):
-    """Weights that predict a part's targets from seen ones, both given as indices."""
+    """Weights that predict a part's targets, given as indices, from some `rows` of those seen."""
 
     targets: Indices
-    seen: Indices
+    rows: Indices
     weights: Array
 
 
@@ -229,23 +229,24 @@ class TiledField:
         ]
         self._last: _Say | None = None
 
-    def expect(self, seen: NDArray[np.bool_], displacement_mm: Array) -> Expected:
+    def expect(self, seen: Indices, displacement_mm: Array) -> Expected:
         """Predict as `DisplacementField.expect`."""
+        displacement_mm = np.ascontiguousarray(displacement_mm)
         say, key = self._last, seen.tobytes()
         if say is None or say.key != key:
             say = self._last = self._say(key, seen)
         expected_mm = np.empty_like(self.nominal_mm)
         for part in say.parts:
-            expected_mm[part.targets] = part.weights @ displacement_mm[part.seen]
+            expected_mm[part.targets] = part.weights @ displacement_mm[part.rows]
         return Expected(expected_mm, say.sigma_mm)
 
-    def _say(self, key: bytes, seen: NDArray[np.bool_]) -> _Say:
+    def _say(self, key: bytes, seen: Indices) -> _Say:
         told, sigma_mm = [], np.empty(len(self.nominal_mm))
         for part in self._parts:
-            there = seen[part.asked]
+            there = np.isin(part.asked, seen)
             own, targets = part.field.say(np.flatnonzero(there)), part.asked[: part.own]
             weights = np.asfortranarray(own.weights[: part.own])
-            told.append(_Told(targets, part.asked[there], weights))
+            told.append(_Told(targets, np.searchsorted(seen, part.asked[there]), weights))
             sigma_mm[targets] = own.sigma_mm[: part.own]
         sigma_mm.setflags(write=False)
         return _Say(key, told, sigma_mm)
