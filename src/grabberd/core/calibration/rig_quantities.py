@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.geometry import NominalRig, Rig, View, correct_all, directions_all
+from grabberd.core.geometry import NominalRig, View, rays
 
 Array = NDArray[np.float64]
 
@@ -58,8 +58,7 @@ def distance_mm(views: Sequence[View], middle_mm: Array) -> float:
 
 def convergence_deg(views: Sequence[View], lines: int) -> float:
     """Angle between the rays through the middle of each half."""
-    rig = Rig.of_views(tuple(views))
-    first, second = (_middle_ray(rig, views, index, lines) for index in (0, 1))
+    first, second = (rays(view, _middle_px(view, lines))[1][0] for view in views[:2])
     return math.degrees(math.acos(float(np.clip(first @ second, -1, 1))))
 
 
@@ -162,11 +161,8 @@ def _handedness(
     return rows
 
 
-def _middle_ray(rig: Rig, views: Sequence[View], index: int, lines: int) -> Array:
-    view = views[index]
-    xy = np.array([[0.5 * (view.first_column + view.end_column - 1), 0.5 * (lines - 1)]])
-    every = np.repeat(xy.T[:, np.newaxis], len(views), axis=1)
-    return directions_all(rig, correct_all(rig, every))[index].T[0]
+def _middle_px(view: View, lines: int) -> Array:
+    return np.array([[0.5 * (view.first_column + view.end_column - 1), 0.5 * (lines - 1)]])
 
 
 def _some(value: float) -> float | None:

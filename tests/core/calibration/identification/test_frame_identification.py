@@ -35,7 +35,7 @@ def identify(sights, nominal=NOMINAL, frame=FRAME, settings=None):
 
 def assert_right(identification, sights):
     """No target is wrong, none is missing; a false blob may pass where it lies on a missing target."""
-    for found, sight in zip((identification.left, identification.right), sights, strict=True):
+    for found, sight in zip(identification, sights, strict=True):
         real = sight.target >= 0
         wrong = real & (found.target >= 0) & (found.target != sight.target)
         assert not wrong.any()

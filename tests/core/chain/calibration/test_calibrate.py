@@ -57,7 +57,7 @@ def named(result, name="test"):
 
 
 def test_every_target_of_both_views_is_identified_without_a_click(made):
-    for side in (made.identification.left, made.identification.right):
+    for side in made.identification:
         assert sorted(side.target) == list(range(108))
     assert made.identification.handedness == (1, 1)
 

@@ -7,7 +7,7 @@ winner is refused, and so are two views that do not belong to one rig, close to 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -175,10 +175,13 @@ class ViewIdentification:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Identification:
-    """Identification of both views."""
+    """Identification of both views, left then right."""
 
     left: ViewIdentification
     right: ViewIdentification
+
+    def __iter__(self) -> Iterator[ViewIdentification]:
+        return iter((self.left, self.right))
 
     @property
     def views(self) -> tuple[View, View]:

@@ -7,7 +7,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.calibration import Identification, MeanImages, identify_frame, mean_images
+from grabberd.core.calibration import Identification, MeanImages, identify_frame
 from grabberd.core.chain.calibration.frame_capture import locate
 from grabberd.core.field import NumberedField
 from grabberd.core.geometry import Calibration, NominalRig, Rig, project_all
@@ -98,7 +98,7 @@ def check(
             targets are seen.
     """
     located = locate(fields, nominal, frame, location or LocationSettings())
-    images = (mean_images(located.views[0]), mean_images(located.views[1]))
+    images = located.images
     with located.sizes.told():
         identified = identify_frame(nominal, frame, images[0].xy_px, images[1].xy_px)
     points = _points(images, identified, calibration, frame)
@@ -112,7 +112,7 @@ def _points(
     frame: ObjectModel,
 ) -> Points:
     """Points of the targets seen in both views; `target` is their index in the calibration frame."""
-    targets = [side.target for side in (identified.left, identified.right)]
+    targets = [side.target for side in identified]
     both = np.intersect1d(targets[0][targets[0] >= 0], targets[1][targets[1] >= 0])
     if len(both) < LEAST_TARGETS:
         raise MeasurementError(

@@ -40,6 +40,16 @@ class LocatedFrame(NamedTuple):
     views: tuple[list[FieldImages], list[FieldImages]]
     sizes: OtherSizes
 
+    @property
+    def images(self) -> tuple[MeanImages, MeanImages]:
+        """Mean images of the left and of the right view.
+
+        Raises:
+            MeasurementError: The calibration frame moved, or the field order is wrong.
+        """
+        left, right = self.views
+        return mean_images(left), mean_images(right)
+
 
 def locate(
     fields: Iterable[NumberedField], nominal: NominalRig, frame: ObjectModel, location: LocationSettings
@@ -103,12 +113,11 @@ class FrameCapture:
                 identification; the message says which.
         """
         located = locate(fields, nominal, frame, settings.location)
-        seen, packed = located.views, located.sizes.packed
-        images = (mean_images(seen[0]), mean_images(seen[1]))
+        images, packed = located.images, located.sizes.packed
         with located.sizes.told():
             identification = _identify(nominal, frame, images, settings, by_hand)
         network = network_of(images, identification, frame, settings)
-        return cls(seen, packed.bits, packed.y_step, images, identification, network)
+        return cls(located.views, packed.bits, packed.y_step, images, identification, network)
 
     @property
     def pointing_px(self) -> tuple[float, float]:
@@ -154,7 +163,7 @@ def network_of(
     settings: CalibrateSettings,
 ) -> Network:
     """The identified images of both views as a network to adjust."""
-    targets = [side.target for side in (identification.left, identification.right)]
+    targets = [side.target for side in identification]
     known = [target >= 0 for target in targets]
     sigma = np.concatenate([side.sigma_px[own] for side, own in zip(images, known, strict=True)])
     if settings.equal_weights:
@@ -201,8 +210,9 @@ class SeenFrame:
     def target(self) -> tuple[Indices, Indices]:
         """(B,) for each view: index of each image's target in the calibration frame, −1 if it has none."""
         if self.identification is not None:
-            return self.identification.left.target, self.identification.right.target
-        left, right = (np.full(len(side), -1, np.intp) for side in self.images)
+            left, right = (side.target for side in self.identification)
+        else:
+            left, right = (np.full(len(side), -1, np.intp) for side in self.images)
         return left, right
 
 
@@ -224,11 +234,11 @@ def identify(
         MeasurementError: there are no fields.
     """
     located = locate(fields, nominal, frame, location or LocationSettings())
-    seen = located.views
     try:
-        images = (mean_images(seen[0]), mean_images(seen[1]))
+        images = located.images
     except MeasurementError as refusal:
-        return SeenFrame((mean_images(seen[0][:1]), mean_images(seen[1][:1])), None, refusal, moved=True)
+        left, right = (mean_images(view[:1]) for view in located.views)
+        return SeenFrame((left, right), None, refusal, moved=True)
     try:
         with located.sizes.told():
             return SeenFrame(images, identify_frame(nominal, frame, images[0].xy_px, images[1].xy_px))

@@ -1,6 +1,6 @@
 """The calibration report as one JSON document: everything the calibration rests on."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import zip_longest
 from typing import Any
 
@@ -107,13 +107,10 @@ def _settings(result: CalibrateResult) -> dict[str, Any]:
 
 
 def _identification(result: CalibrateResult) -> dict[str, Any]:
-    sides = {"left": result.identification.left, "right": result.identification.right}
-
-    def of_each(value: Any) -> dict[str, Any]:
-        return {name: value(side) for name, side in sides.items()}
-
-    def found(side: ViewIdentification) -> int:
-        return int((side.target >= 0).sum())
+    def of_each(value: Callable[[ViewIdentification], Any]) -> dict[str, Any]:
+        return {
+            name: value(side) for name, side in zip(("left", "right"), result.identification, strict=True)
+        }
 
     return {
         "handedness": of_each(lambda side: side.view.handedness),
@@ -121,7 +118,7 @@ def _identification(result: CalibrateResult) -> dict[str, Any]:
         "runner_up_rms_px": of_each(lambda side: number(side.runner_up_rms_px)),
         "runner_up_found": of_each(lambda side: side.runner_up_targets),
         "margin": of_each(lambda side: number(side.margin)),
-        "found": of_each(found),
+        "found": of_each(lambda side: int((side.target >= 0).sum())),
         "of": len(result.frame),
         "unmatched_blobs": of_each(lambda side: len(side.unmatched)),
         "description": of_each(lambda side: side.description),
@@ -236,10 +233,9 @@ def _residuals(result: CalibrateResult) -> list[dict[str, Any]]:
 
 
 def _fields_of(result: CalibrateResult) -> dict[tuple[int, int], int]:
-    sides = (result.identification.left, result.identification.right)
     return {
         (view, int(target)): int(count)
-        for view, (side, images) in enumerate(zip(sides, result.images, strict=True))
+        for view, (side, images) in enumerate(zip(result.identification, result.images, strict=True))
         for target, count in zip(side.target, images.fields, strict=True)
     }
 

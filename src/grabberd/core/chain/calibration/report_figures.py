@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from grabberd.core.calibration import base_mm, convergence_deg, distance_mm
 from grabberd.core.chain.calibration.calibration_result import CalibrateResult
-from grabberd.core.geometry import LocalField, Rig, View, correct_all, directions_all, image
+from grabberd.core.geometry import LocalField, Rig, View, image, rays
 
 Array = NDArray[np.float64]
 
@@ -114,7 +114,7 @@ def geometry_document(result: CalibrateResult) -> dict[str, Any]:
                 "name": view.name,
                 "center_mm": centers[index].tolist(),
                 "axis": axes[index].tolist(),
-                "corners": _rays(rig, index, _corners(view, result.nominal.lines)).tolist(),
+                "corners": rays(view, _corners(view, result.nominal.lines))[1].tolist(),
             }
             for index, view in enumerate(views)
         ],
@@ -136,12 +136,6 @@ def _planar_motion(rig: Rig, base_mm: Array) -> float | None:
     )
     length = float(np.linalg.norm(turned))
     return float(abs((rig.rotation[0] @ base_mm) @ turned) / length) if length > 1e-9 else None
-
-
-def _rays(rig: Rig, index: int, xy_px: Array) -> Array:
-    """(N, 3) unit vectors of a view through frame pixels (N, 2)."""
-    every = np.repeat(xy_px.T[:, np.newaxis], len(rig.views), axis=1)
-    return directions_all(rig, correct_all(rig, every))[index].T
 
 
 def _corners(view: View, lines: int) -> Array:

@@ -94,7 +94,7 @@ def frame_reasons(
 
 
 def _runner_up(result: CalibrateResult) -> Iterator[Reason]:
-    for side in (result.identification.left, result.identification.right):
+    for side in result.identification:
         if side.margin < CLEAR_MARGIN:
             yield Reason(
                 "runner_up",
@@ -108,8 +108,7 @@ def _runner_up(result: CalibrateResult) -> Iterator[Reason]:
 
 
 def _alike(result: CalibrateResult, alike: Sequence[Symmetry]) -> Iterator[Reason]:
-    sides = (result.identification.left, result.identification.right)
-    seen = min(int((side.target >= 0).sum()) for side in sides)
+    seen = min(int((side.target >= 0).sum()) for side in result.identification)
     if seen < len(result.frame) and alike and alike[0].cost < 2 * CLEAR_MARGIN:
         yield Reason(
             "alike",
@@ -174,7 +173,7 @@ def _displaced(frame: ObjectModel, displaced: Sequence[DisplacedTarget]) -> Iter
 def displaced_of(result: CalibrateResult) -> tuple[DisplacedTarget, ...]:
     """Find the targets that both views show elsewhere; their image points took no part in the adjustment."""
     kept = result.adjustment.network
-    sides = zip(result.images, (result.identification.left, result.identification.right), strict=True)
+    sides = zip(result.images, result.identification, strict=True)
     left_px, right_px = (
         images.xy_px[~np.isin(side.target, kept.target[kept.view == index])]
         for index, (images, side) in enumerate(sides)

@@ -1,6 +1,6 @@
 """The verdict on a calibration: passed, passed with remarks, or failed; and the acceptance as a document."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any
 
@@ -110,16 +110,7 @@ def acceptance_document(acceptance: Acceptance) -> dict[str, Any]:
     """The document; its keys are those of `documents.calibration_acceptance`."""
     return {
         "verdict": str(acceptance.verdict),
-        "reasons": [
-            {
-                "code": one.code,
-                "level": one.level,
-                "message": one.message,
-                "hint": one.hint,
-                "values": dict(one.values),
-            }
-            for one in acceptance.reasons
-        ],
+        "reasons": [asdict(one) for one in acceptance.reasons],
         "rig": [_quantity(one) for one in acceptance.rig],
         "check_length": _length(acceptance.check_length),
         "symmetries": [str(one) for one in acceptance.symmetries[:_MOST_SYMMETRIES]],
@@ -128,24 +119,14 @@ def acceptance_document(acceptance: Acceptance) -> dict[str, Any]:
             for one in acceptance.patterns
         ],
         "movement": {
-            view: {"rms_px": one.rms_px, "drift_px": one.drift_px}
-            for view, one in zip(("left", "right"), acceptance.stillness, strict=True)
+            view: asdict(one) for view, one in zip(("left", "right"), acceptance.stillness, strict=True)
         },
     }
 
 
 def _quantity(one: RigQuantity) -> dict[str, Any]:
-    return {
-        "quantity": one.name,
-        "view": one.view,
-        "unit": one.unit,
-        "nominal": one.nominal,
-        "previous": one.previous,
-        "found": one.found,
-        "sigma": one.sigma,
-        "nominal_z": one.nominal_z,
-        "previous_z": one.previous_z,
-    }
+    values = asdict(one)
+    return {"quantity": values.pop("name"), **values}
 
 
 def _length(one: MeasuredLength | None) -> dict[str, Any] | None:
