@@ -4,11 +4,11 @@ Field order is by the measured points: it says whether fields follow one another
 numbered.
 """
 
-import math
 from typing import Literal
 
 from pydantic import Field
 
+from grabberd.core.geometry.document_reader import finite
 from grabberd.core.ledger import LossCause, Outcome, Rebase
 from grabberd.core.reconstruction.drift_check import RigVerdict
 from grabberd.core.reconstruction.field_order import FieldOrderFit, Order
@@ -51,7 +51,7 @@ class FieldOrderDocument(Document):
     @classmethod
     def of(cls, fit: FieldOrderFit) -> "FieldOrderDocument":
         """The document of a fit; unknown values are None."""
-        known = {name: _known(getattr(fit, name)) for name in ("shift_fields", "sigma_fields", "zigzag_mm")}
+        known = {name: finite(getattr(fit, name)) for name in ("shift_fields", "sigma_fields", "zigzag_mm")}
         return cls(order=fit.order, fields=fit.fields, **known)
 
     @property
@@ -69,10 +69,6 @@ class FieldOrderDocument(Document):
     def warning(self) -> str | None:
         """Problem and remedy in a sentence; None where nothing is known to be wrong."""
         return "; ".join(self.problem) if self.problem else None
-
-
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 class RingDocument(Document):

@@ -139,21 +139,19 @@ def _found(capture: Path, config: Path | None, words: list[str], wanted: bool) -
 
 def _document(made: "AnalysisOutput", written: list[Path]) -> dict[str, Any]:
     """Summary for scripts; everything else is in the files."""
+    from grabberd.core.geometry.document_reader import finite  # noqa: PLC0415
+
     return {
         **made.about,
-        "summary": {name: _known(value) for name, value in _summary(made).items()},
+        "summary": {name: finite(value) for name, value in _summary(made).items()},
         "quantities": [
-            {**one, **{key: _known(one[key]) for key in ("value", "sigma_value", "sigma_common")}}
+            {**one, **{key: finite(one[key]) for key in ("value", "sigma_value", "sigma_common")}}
             for one in _quantities(made)
         ],
         "lacks": list(made.analysis.inputs.lacks),
         "problems": list(made.analysis.problems),
         "files": [str(path) for path in written],
     }
-
-
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _summary(made: "AnalysisOutput") -> dict[str, float]:

@@ -4,16 +4,16 @@ Inputs that are given are completed by profiles and by what was recorded. What c
 where it is used: the daemon declares the job, but never analyses.
 """
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from pydantic import Field
 
 from grabberd import __version__
 from grabberd.clock import SystemClock, iso_utc
+from grabberd.core.geometry.document_reader import finite
 from grabberd.documents.document import JsonObject
 from grabberd.documents.requests import CaptureName
 from grabberd.errors import ExtraMissing, InputError
@@ -361,18 +361,14 @@ def _quantities(made: "AnalysisTables") -> list[QuantityDocument]:
         QuantityDocument(
             name=name,
             unit=unit,
-            value=_known(value),
-            sigma=_known(sigma),
-            sigma_common=_known(common),
+            value=finite(value),
+            sigma=finite(sigma),
+            sigma_common=finite(common),
             verdict=verdict,
             reason=reason,
         )
         for name, unit, value, sigma, common, verdict, reason in rows
     ]
-
-
-def _known(value: Any) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 def drawn(draw: Callable[[], object]) -> tuple[str | None, str | None]:

@@ -1,6 +1,5 @@
 """A guided test of a liner: analyses its captures, judges them by the recipe, and makes its document."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 from grabberd import __version__
 from grabberd.archive.calibrations.calibration_catalog import verdict_of
 from grabberd.clock import SystemClock, iso_utc
+from grabberd.core.geometry.document_reader import finite
 from grabberd.documents.document import JsonObject
 from grabberd.errors import GrabberdError, InputError
 from grabberd.work.job_spec import Progress, portion
@@ -95,7 +95,7 @@ def _capture(one: Evidence, about: JsonObject) -> TestedCapture:
 
 def _check(one: Check) -> TestCheck:
     values: dict[str, Any] = one._asdict()
-    return TestCheck(**{**values, "value": _known(one.value), "sigma": _known(one.sigma)})
+    return TestCheck(**{**values, "value": finite(one.value), "sigma": finite(one.sigma)})
 
 
 def _quantity(one: Finding) -> TestQuantity:
@@ -104,9 +104,9 @@ def _quantity(one: Finding) -> TestQuantity:
         title=one.quantity.title,
         definition=one.quantity.definition,
         unit=one.quantity.unit,
-        value=_known(one.value),
-        sigma=_known(one.sigma),
-        sigma_common=_known(one.common),
+        value=finite(one.value),
+        sigma=finite(one.sigma),
+        sigma_common=finite(one.common),
         verdict=one.verdict,
         reason=one.reason,
     )
@@ -126,8 +126,8 @@ def _curve(one: Curve) -> TestCurve:
         y_unit=y_unit,
         style=one.style,
         x=x,
-        y=[_known(value) for value in y],
-        sigma=[_known(value) for value in sigma],
+        y=[finite(value) for value in y],
+        sigma=[finite(value) for value in sigma],
     )
 
 
@@ -138,10 +138,6 @@ def _offer(offer: Offer, one: Evidence) -> ProfileOffer:
         after=offer.after,
         changes=changes_in_words(before, offer.content),
     )
-
-
-def _known(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 _CHAMBERS = ("pulsation", "liner")

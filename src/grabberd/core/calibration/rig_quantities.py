@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.geometry import NominalRig, View, rays
+from grabberd.core.geometry.document_reader import finite
 
 Array = NDArray[np.float64]
 
@@ -88,12 +89,12 @@ def compared_rig(
             name,
             view,
             unit,
-            _some(built[i]),
-            _some(before[i]),
+            finite(built[i]),
+            finite(before[i]),
             float(found[i]),
             float(sigma[i]),
-            _some((found[i] - built[i]) / math.hypot(sigma[i], built_sigma[i])),
-            _some((found[i] - before[i]) / max(math.hypot(sigma[i], before_sigma[i]), 1e-12)),
+            finite((found[i] - built[i]) / math.hypot(sigma[i], built_sigma[i])),
+            finite((found[i] - before[i]) / max(math.hypot(sigma[i], before_sigma[i]), 1e-12)),
         )
         for i, (name, view, unit) in enumerate(_NAMES)
     ]
@@ -163,7 +164,3 @@ def _handedness(
 
 def _middle_px(view: View, lines: int) -> Array:
     return np.array([[0.5 * (view.first_column + view.end_column - 1), 0.5 * (lines - 1)]])
-
-
-def _some(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -157,6 +157,11 @@ def is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
+def finite(value: float) -> float | None:
+    """A number as documents have it: None where it is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
 def has_shape(value: object, shape: tuple[int, ...]) -> bool:
     """True for nested sequences of finite numbers with this shape."""
     if not shape:

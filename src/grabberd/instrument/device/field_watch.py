@@ -17,6 +17,7 @@ from grabberd.core.chain.locating import whole
 from grabberd.core.chain.measure import MeasuredField, MeasureSetup
 from grabberd.core.chain.rig_watch import RigWatch
 from grabberd.core.field import PAL_HZ
+from grabberd.core.geometry.document_reader import finite
 from grabberd.core.reconstruction.drift_check import RigFit, RigVerdict
 from grabberd.core.reconstruction.field_order import KNOWN, FieldOrderCheck, FieldOrderFit, Order
 from grabberd.core.reconstruction.section_width import facing_targets, section_widths
@@ -110,14 +111,14 @@ class RigHealth:
 def fit_document(fit: RigFit) -> RigDocument:
     """A fit as a document; unknown values are None."""
     residual = {
-        view: {axis: _known(fit.residual_px[v, a]) for a, axis in enumerate(AXES)}
+        view: {axis: finite(fit.residual_px[v, a]) for a, axis in enumerate(AXES)}
         for v, view in enumerate(VIEWS)
     }
     return RigDocument(
         verdict=fit.verdict,
-        shift_px=_known(fit.shift_px),
-        sigma_px=_known(fit.sigma_px),
-        ratio=_known(fit.ratio),
+        shift_px=finite(fit.shift_px),
+        sigma_px=finite(fit.sigma_px),
+        ratio=finite(fit.ratio),
         residual_px=residual,
         targets=fit.targets,
         fields=fit.fields,
@@ -136,10 +137,6 @@ def _sentence(fit: RigFit) -> str:
 def _mean(values: list[float]) -> float | None:
     finite = [value for value in values if math.isfinite(value)]
     return sum(finite) / len(finite) if finite else None
-
-
-def _known(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 _BY_WEIGHT = (Order.NO_MOVEMENT, Order.UNCLEAR, Order.RIGHT, Order.SAME_INSTANT, Order.REVERSED)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.geometry.document_reader import finite
 from grabberd_liner.analysis.comparison import Line, straight_line
 from grabberd_liner.analysis.estimate import Finding, Quantity
 from grabberd_liner.analysis.mixed_model import observations
@@ -98,10 +99,9 @@ def artificial_teat_test(captures: Sequence[Evidence]) -> Outcome:
 def known_kpa(one: Evidence) -> float | None:
     """Pressure in the teat, from the capture's label; None if it has none that is a number."""
     try:
-        value = float(one.labels[KNOWN_KPA])
+        return finite(float(one.labels[KNOWN_KPA]))
     except (KeyError, ValueError):
         return None
-    return value if math.isfinite(value) else None
 
 
 def _known_sigma_kpa(one: Evidence) -> float:

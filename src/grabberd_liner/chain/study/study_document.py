@@ -1,12 +1,12 @@
 """A study as one JSON document, the source of its report."""
 
-import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from grabberd.core.geometry.document_reader import finite
 from grabberd_liner.analysis.comparison import Difference
 from grabberd_liner.analysis.mixed_model import Contrast
 from grabberd_liner.chain.analysis.analysis_document import table_document
@@ -54,9 +54,9 @@ def _quantity(study: Study, studied: QuantityStudy) -> dict[str, Any]:
         "values": {
             "capture": [study.captures[row].id for row in studied.captures],
             "group": list(studied.group),
-            "place": _known([one - study.origin for one in studied.place]),
+            "place": [finite(one - study.origin) for one in studied.place],
             "value": studied.observed.value.tolist(),
-            "sigma": _known(_sigma(studied)),
+            "sigma": [finite(one) for one in _sigma(studied)],
         },
         "means": [_result(one) for one in compared.means],
         "differences": differences,
@@ -78,14 +78,14 @@ def _sigma(studied: QuantityStudy) -> Sequence[float]:
 
 def _difference(one: Difference) -> dict[str, Any]:
     """Two groups, by index; p is that for all pairs."""
-    p = _known([one.adjusted_p])[0]
+    p = finite(one.adjusted_p)
     verdict = difference_verdict(one)
     return {**_result(one.found), "first": one.first, "second": one.second, "p": p, "verdict": verdict}
 
 
 def _result(found: Contrast) -> dict[str, float | None]:
     names = ("value", "sigma", "common", "half_width", "dof", "p")
-    return dict(zip(names, _known([getattr(found, name) for name in names]), strict=True))
+    return {name: finite(getattr(found, name)) for name in names}
 
 
 def _left_out(study: Study) -> list[dict[str, Any]]:
@@ -97,7 +97,3 @@ def _left_out(study: Study) -> list[dict[str, Any]]:
         for (quantity, reason), count in counted.items()
     ]
     return [*whole, *parts]
-
-
-def _known(values: Sequence[float]) -> list[float | None]:
-    return [float(one) if math.isfinite(one) else None for one in values]

@@ -16,11 +16,11 @@ from grabberd.core.chain.calibration.report_figures import (
     distortion_document,
     geometry_document,
     local_field_document,
-    number,
     numbers,
     volume_document,
 )
 from grabberd.core.geometry import PARAMETERS, View
+from grabberd.core.geometry.document_reader import finite
 
 Array = NDArray[np.float64]
 
@@ -114,10 +114,10 @@ def _identification(result: CalibrateResult) -> dict[str, Any]:
 
     return {
         "handedness": of_each(lambda side: side.view.handedness),
-        "rms_px": of_each(lambda side: number(side.rms_px)),
-        "runner_up_rms_px": of_each(lambda side: number(side.runner_up_rms_px)),
+        "rms_px": of_each(lambda side: finite(side.rms_px)),
+        "runner_up_rms_px": of_each(lambda side: finite(side.runner_up_rms_px)),
         "runner_up_found": of_each(lambda side: side.runner_up_targets),
-        "margin": of_each(lambda side: number(side.margin)),
+        "margin": of_each(lambda side: finite(side.margin)),
         "found": of_each(lambda side: int((side.target >= 0).sum())),
         "of": len(result.frame),
         "unmatched_blobs": of_each(lambda side: len(side.unmatched)),
@@ -200,9 +200,9 @@ def _difference(one: Any) -> dict[str, Any]:
         "left": one.first,
         "right": one.second,
         "difference": one.difference,
-        "sigma": number(one.sigma),
-        "statistic": number(one.z),
-        "p": number(one.p),
+        "sigma": finite(one.sigma),
+        "statistic": finite(one.z),
+        "p": finite(one.p),
     }
 
 
@@ -258,11 +258,11 @@ def _normality(one: Any) -> dict[str, Any]:
     return {
         "view": "both" if one.of == "all" else one.of,
         "count": one.count,
-        "skewness": number(one.skewness),
-        "excess_kurtosis": number(one.kurtosis),
+        "skewness": finite(one.skewness),
+        "excess_kurtosis": finite(one.kurtosis),
         "test": "Jarque–Bera, finite sample",
-        "statistic": number(one.statistic),
-        "p": number(one.p),
+        "statistic": finite(one.statistic),
+        "p": finite(one.p),
     }
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from grabberd.core.calibration import base_mm, convergence_deg, distance_mm
 from grabberd.core.chain.calibration.calibration_result import CalibrateResult
 from grabberd.core.geometry import LocalField, Rig, View, image, rays
+from grabberd.core.geometry.document_reader import finite
 
 Array = NDArray[np.float64]
 
@@ -68,10 +69,10 @@ def local_field_document(result: CalibrateResult) -> dict[str, Any] | None:
     return {
         "accepted": trial.accepted,
         "held_out_rms_px": held_out,
-        "gain": number(trial.gain),
-        "evidence": number(trial.evidence),
-        "length_px": {view.name: number(trial.components.length_px) for view in views},
-        "signal_px": {view.name: number(trial.components.signal_px) for view in views},
+        "gain": finite(trial.gain),
+        "evidence": finite(trial.evidence),
+        "length_px": {view.name: finite(trial.components.length_px) for view in views},
+        "signal_px": {view.name: finite(trial.components.signal_px) for view in views},
         "grids": grids,
     }
 
@@ -144,16 +145,11 @@ def _corners(view: View, lines: int) -> Array:
     return np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
 
 
-def number(value: float) -> float | None:
-    """A number for JSON, where non-finite values become null."""
-    return float(value) if np.isfinite(value) else None
-
-
 def numbers(values: NDArray[np.float64]) -> list[Any]:
     """The rows of a table (N, M)."""
-    return [[number(value) for value in row] for row in values]
+    return [[finite(value) for value in row] for row in values]
 
 
 def by_axis(before: str, after: str, values: Iterable[float]) -> dict[str, float | None]:
     """Two or three values by the names of their axes, such as dx_px and dy_px."""
-    return {f"{before}{axis}{after}": number(value) for axis, value in zip(AXES, values, strict=False)}
+    return {f"{before}{axis}{after}": finite(value) for axis, value in zip(AXES, values, strict=False)}

@@ -25,8 +25,8 @@ from grabberd.core.chain.calibration.acceptance.reasons import (
 )
 from grabberd.core.chain.calibration.acceptance.rig_reasons import length_of, length_reasons, rig_reasons
 from grabberd.core.chain.calibration.calibration_result import CalibrateResult
-from grabberd.core.chain.calibration.report_figures import number
 from grabberd.core.geometry import Calibration
+from grabberd.core.geometry.document_reader import finite
 
 
 class Verdict(StrEnum):
@@ -137,6 +137,6 @@ def _length(one: MeasuredLength | None) -> dict[str, Any] | None:
         "second": one.check.second,
         "certified_mm": one.check.length_mm,
         "measured_mm": one.measured_mm,
-        "difference_mm": number(one.difference_mm),
+        "difference_mm": finite(one.difference_mm),
         "sigma_mm": one.sigma_mm,
     }
