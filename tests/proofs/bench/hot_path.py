@@ -27,7 +27,7 @@ from grabberd.core.reconstruction import Tracker
 
 STEPS: dict[str, tuple[Any, str]] = {
     "location": (locating, "measure"),
-    "blobs of a view, both": (process, "whole_blobs"),
+    "blobs of a view, both": (process, "whole_views"),
     "tracking and intersection": (Tracker, "step"),
 }
 ENGINE: dict[str, tuple[Any, str]] = {

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.field import PackedField
-from grabberd.core.geometry import LocalField, NominalRig, View
+from grabberd.core.geometry import Calibration, LocalField, NominalRig, View
 from grabberd.core.measurement import Blobs, LocationSettings, measure
 from grabberd.core.measurement.location import settings_for
 from grabberd.core.reconstruction import ViewBlobs
@@ -62,6 +62,13 @@ class Locating:
     @property
     def _due(self) -> bool:
         return len(self._jitters_px) < JITTERS or self._fields % JITTER_EVERY == 0
+
+
+def whole_views(blobs: Blobs, calibration: Calibration) -> tuple[ViewBlobs, ViewBlobs]:
+    """Whole blobs of the left and of the right view of a calibration."""
+    halves = zip(calibration.views, calibration.local_fields, strict=True)
+    left, right = (whole_blobs(blobs, view, local_field) for view, local_field in halves)
+    return left, right
 
 
 def whole_blobs(blobs: Blobs, view: View, local_field: LocalField | None = None) -> ViewBlobs:

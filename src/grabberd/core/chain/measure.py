@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from grabberd.core.chain.engine import Engine
-from grabberd.core.chain.locating import HINT, Locating, OtherSizes, px_per_mm_of, sized, whole_blobs
+from grabberd.core.chain.locating import HINT, Locating, OtherSizes, px_per_mm_of, sized, whole_views
 from grabberd.core.field import NumberedField, PackedField
 from grabberd.core.geometry import Calibration, Rig
 from grabberd.core.kernel import KERNEL
@@ -158,7 +158,7 @@ class _Step:
         self.lines = lines
         self._tally = tally
         known, rig = setup.calibration, Rig.of(setup.calibration)
-        self._halves = tuple(zip(known.views, known.local_fields, strict=True))
+        self._calibration = known
         self._locating = Locating(setup.sized, setup.line_jitter_px)
         noise = ImageNoise.of(rig, setup.object_model, setup.line_jitter_px, *lines)
         self._tracker = Tracker(rig, setup.object_model, noise, setup.tracking)
@@ -190,7 +190,7 @@ class _Step:
     def _by_numpy(self, numbered: NumberedField) -> MeasuredField:
         """Measure what the engine does not cover, each step by whatever there is for it."""
         blobs = self._locating.blobs(numbered.packed)
-        left, right = (whole_blobs(blobs, *half) for half in self._halves)
+        left, right = whole_views(blobs, self._calibration)
         before = Track.of_numbers(self._engine.target, self._engine.track) if self._engine else self._track
         self._track, points = self._tracker.step(before, left, right, self._passed_s(numbered.time_ns))
         if self._engine:
@@ -234,13 +234,11 @@ class _Searching:
     def __init__(self, setup: MeasureSetup, lines: tuple[int, int]) -> None:
         self.lines = lines
         self._locating = Locating(setup.sized, setup.line_jitter_px)
-        known, model = setup.calibration, setup.object_model
-        self._halves = tuple(zip(known.views, known.local_fields, strict=True))
-        rig = Rig.of(known)
+        self._calibration = setup.calibration
+        rig, model = Rig.of(setup.calibration), setup.object_model
         noise = ImageNoise.of(rig, model, setup.line_jitter_px, *lines)
         self._search = SingleViewSearch(Correspondence(rig, model, noise, setup.tracking.correspondence))
 
     def images(self, numbered: NumberedField, points: Points) -> SingleViewImages:
         blobs = self._locating.blobs(numbered.packed)
-        left, right = (whole_blobs(blobs, *half) for half in self._halves)
-        return self._search.images(points, left, right)
+        return self._search.images(points, *whole_views(blobs, self._calibration))

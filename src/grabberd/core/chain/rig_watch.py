@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from grabberd.core.chain.locating import whole_blobs
+from grabberd.core.chain.locating import whole_views
 from grabberd.core.chain.measure import MeasuredField, MeasureSetup
 from grabberd.core.geometry import Rig
-from grabberd.core.reconstruction import Correspondence, ImageNoise, Points, ViewBlobs
+from grabberd.core.reconstruction import Correspondence, ImageNoise, Points
 from grabberd.core.reconstruction.drift_check import (
     LEAST_TARGETS,
     WINDOW,
@@ -83,9 +83,4 @@ class RigWatch:
         self._blobs.append(fewer)
         if len(measured.points) >= LEAST_SHARE * fewer:
             return measured.points
-        return self._generous.identify(*self._view_blobs(measured)).points
-
-    def _view_blobs(self, measured: MeasuredField) -> tuple[ViewBlobs, ViewBlobs]:
-        halves = zip(self._calibration.views, self._calibration.local_fields, strict=True)
-        left, right = (whole_blobs(measured.blobs, view, local_field) for view, local_field in halves)
-        return left, right
+        return self._generous.identify(*whole_views(measured.blobs, self._calibration)).points
