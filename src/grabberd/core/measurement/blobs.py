@@ -1,6 +1,7 @@
 """Blobs: the images of targets in one field."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,14 +41,8 @@ class Blobs:
 
     def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Blobs":
         """Select blobs by a mask or index array."""
-        return Blobs(
-            self.xy_px[chosen],
-            self.sigma_px[chosen],
-            self.common_px[chosen],
-            self.area_px[chosen],
-            self.width_px[chosen],
-            self.height_px[chosen],
-            self.at_border[chosen],
-            self.common_reach_px,
-            self.line_jitter_px,
-        )
+        columns: Any = [getattr(self, name)[chosen] for name in _COLUMNS]
+        return Blobs(*[*columns, self.common_reach_px, self.line_jitter_px])
+
+
+_COLUMNS = ("xy_px", "sigma_px", "common_px", "area_px", "width_px", "height_px", "at_border")

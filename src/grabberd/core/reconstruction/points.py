@@ -56,33 +56,16 @@ class Points:
     @classmethod
     def joined(cls, parts: Sequence["Points"]) -> "Points":
         """Join the points of some fields, in order and without their single views."""
-
-        def all_of(name: str) -> NDArray[Any]:
-            return np.concatenate([getattr(one, name) for one in parts])
-
-        return cls(
-            all_of("target"),
-            all_of("xyz_mm"),
-            all_of("covariance_mm2"),
-            all_of("calibration_covariance_mm2"),
-            all_of("image_px"),
-            all_of("residual_px"),
-        )
+        columns: Any = (np.concatenate([getattr(one, name) for one in parts]) for name in _COLUMNS)
+        return cls(*columns)
 
     def __len__(self) -> int:
         return len(self.target)
 
     def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Points":
         """Select points by a mask or ascending index array."""
-        return Points(
-            self.target[chosen],
-            self.xyz_mm[chosen],
-            self.covariance_mm2[chosen],
-            self.calibration_covariance_mm2[chosen],
-            self.image_px[chosen],
-            self.residual_px[chosen],
-            self.single,
-        )
+        columns: Any = [getattr(self, name)[chosen] for name in _COLUMNS]
+        return Points(*[*columns, self.single])
 
     @classmethod
     def none(cls) -> "Points":
@@ -97,6 +80,7 @@ class Points:
         )
 
 
+_COLUMNS = ("target", "xyz_mm", "covariance_mm2", "calibration_covariance_mm2", "image_px", "residual_px")
 Array = NDArray[np.float64]
 
 

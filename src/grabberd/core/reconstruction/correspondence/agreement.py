@@ -4,7 +4,7 @@ Hypotheses are pairs of blobs that may be a target, as far as rays and object mo
 another where neighbouring targets move alike.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,13 +72,7 @@ class Hypotheses:
 
     def select(self, chosen: NDArray[np.bool_] | Indices) -> "Hypotheses":
         """Select hypotheses by a mask or index array."""
-        return Hypotheses(
-            self.target[chosen],
-            self.left[chosen],
-            self.right[chosen],
-            self.displacement_mm[chosen],
-            self.variance_mm2[chosen],
-        )
+        return Hypotheses(*(getattr(self, one.name)[chosen] for one in fields(self)))
 
 
 def hypotheses(
