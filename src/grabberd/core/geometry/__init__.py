@@ -7,10 +7,10 @@ frame pixels and in millimetres of the object's frame; nothing here knows about 
 adjustments.
 """
 
-from grabberd.core.geometry.approach import approach
 from grabberd.core.geometry.calibration import Calibration
 from grabberd.core.geometry.document_reader import Reading
 from grabberd.core.geometry.functional_model import (
+    approach,
     correct_all,
     directions_all,
     image,

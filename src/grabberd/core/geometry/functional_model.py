@@ -6,7 +6,8 @@ x and y are in mm, reduced to the principal point, y up. The camera looks along 
 w < 0; a point in or behind the plane of the projection centre gives NaN.
 
 Where a view's polynomial is a correction, (dx, dy) is added to the observed point and gives the ideal one, so
-that the image is iterated. The inverse leads from frame pixels back to the ideal point and its ray.
+that the image is iterated. The inverse leads from frame pixels back to the ideal point and its ray; rays of
+two views approach one another.
 """
 
 from functools import lru_cache
@@ -276,3 +277,47 @@ def _newton_step(rig: Rig, point: Array, goal_px: Array) -> tuple[Array, Array]:
     excess = seen.pixels - goal_px
     area = _area(seen)
     return (excess * seen.own[::-1] - seen.other * excess[::-1]) / area, area
+
+
+class Approach(NamedTuple):
+    """Closest approach of pairs of rays.
+
+    Attributes:
+        distance_mm: (…) shortest distance, signed: positive if the right ray passes on the side of left
+            direction × right direction.
+        middle_mm: (…, 3) middle of the shortest connection.
+    """
+
+    distance_mm: Array
+    middle_mm: Array
+
+
+def approach(left_center: Array, left: Array, right_center: Array, right: Array) -> Approach:
+    """Compute the closest approach of rays; (N, 1, 3) directions against (1, M, 3) compare every pair.
+
+    Args:
+        left_center: (3,) mm, object's frame.
+        left: (…, 3) unit vectors from it.
+        right_center: (3,) mm.
+        right: (…, 3) unit vectors from it.
+
+    Returns:
+        Distances and middles; NaN for parallel rays. Two rays of the same object point pass at distance 0:
+        the epipolar condition in mm.
+    """
+    base = right_center - left_center
+    cosine = _dot(left, right)
+    along_left, along_right = _dot(left, base), _dot(right, base)
+    slenderness = 1.0 - cosine * cosine
+    # Rays less than 1e-6 rad apart: their closest approach is rounding alone.
+    slenderness = np.where(slenderness > 1e-12, slenderness, np.nan)
+    reach_left = (along_left - cosine * along_right) / slenderness
+    reach_right = (cosine * along_left - along_right) / slenderness
+    on_left = reach_left[..., np.newaxis] * left
+    on_right = reach_right[..., np.newaxis] * right
+    middle = left_center + 0.5 * (on_left + on_right + base)
+    return Approach(_dot(np.cross(left, right), base) / np.sqrt(slenderness), middle)
+
+
+def _dot(first: Array, second: Array) -> Array:
+    return (first * second).sum(axis=-1)
