@@ -6,6 +6,7 @@ from dataclasses import MISSING, fields
 
 from pydantic import TypeAdapter
 
+from grabberd.core.channels.vacuum import LEAST_KPA, MOST_KPA
 from grabberd.schemas.forms import (
     Form,
     Schema,
@@ -19,7 +20,6 @@ from grabberd.schemas.forms import (
     positive,
     text,
 )
-from grabberd.vacuum_units import LEAST_KPA, MOST_KPA
 from grabberd_liner.analysis import UNSEEN
 from grabberd_liner.analysis.wall.material import LAWS, Material
 from grabberd_liner.chain.analysis.inputs import MOST_PHASES

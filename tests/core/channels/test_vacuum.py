@@ -6,9 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grabberd.core.channels import Anomaly, Dating, LoggerInfo, Quantity, Readings
-from grabberd.core.channels.vacuum import IMPOSSIBLE, Channel, Reference, VacuumChannels
+from grabberd.core.channels.vacuum import IMPOSSIBLE, PRESSURE_UNITS, Channel, Reference, VacuumChannels
 from grabberd.errors import InputError
-from grabberd.vacuum_units import PRESSURE_UNITS
 
 INFO = LoggerInfo("fake", "bench", ("p1", "p2"), ("mbar", None), 100.0, Dating.MONOTONIC, 1000)
 

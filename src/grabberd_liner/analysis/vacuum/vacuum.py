@@ -12,8 +12,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.channels.vacuum import LEAST_KPA, MOST_KPA
 from grabberd.errors import InputError
-from grabberd.vacuum_units import LEAST_KPA, MOST_KPA
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.pulsation.phases import ISO_THRESHOLD_KPA
 from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog

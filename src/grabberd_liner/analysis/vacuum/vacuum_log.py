@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.channels.vacuum import LEAST_KPA, MOST_KPA, likely_unit
 from grabberd.errors import InputError
-from grabberd.vacuum_units import LEAST_KPA, MOST_KPA, likely_unit
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from grabberd.vacuum_units import PRESSURE_UNITS, likely_unit
+from grabberd.core.channels.vacuum import PRESSURE_UNITS, likely_unit
 
 
 @pytest.mark.parametrize(
