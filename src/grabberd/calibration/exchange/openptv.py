@@ -1,8 +1,8 @@
 """The documented path of the reader of OpenPTV's files."""
 
+from grabberd.core.calibration.adjustment.network import matched
 from grabberd.core.calibration.exchange import (
     Sensor,
-    matched,
     read_calibration_points,
     read_orientation,
     read_targets,

@@ -208,29 +208,6 @@ def read_calibration_points(text: str) -> tuple[NDArray[np.int32], Array]:
     return rows[:, 0].astype(np.int32), rows[:, 1:]
 
 
-def matched(
-    projected_px: Array, observed_px: Array, gate_px: float
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Pair known points with the image points nearest to where they are expected.
-
-    Args:
-        projected_px: (K, 2) expected positions of the known points.
-        observed_px: (N, 2) image points.
-        gate_px: Greatest distance.
-
-    Returns:
-        Indices of known points and of their image points; only pairs that are each other's nearest.
-    """
-    if not len(projected_px) or not len(observed_px):
-        return np.empty(0, np.intp), np.empty(0, np.intp)
-    apart = np.linalg.norm(projected_px[:, np.newaxis] - observed_px, axis=2)
-    apart = np.where(np.isnan(apart), np.inf, apart)
-    nearest = apart.argmin(axis=1)
-    known = np.arange(len(projected_px))
-    mutual = (apart.argmin(axis=0)[nearest] == known) & (apart[known, nearest] <= gate_px)
-    return known[mutual], nearest[mutual]
-
-
 def _distortion(added: str, name: str) -> tuple[float, ...]:
     """b1…b9 of the added parameters, to first order in shear and scale."""
     if not added.strip():

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.calibration.adjustment.adjustment import Adjustment, AdjustmentSettings, adjust
+from grabberd.core.calibration.adjustment.adjustment import Adjustment, AdjustmentSettings, adjust, divided
 from grabberd.core.calibration.adjustment.network import Network
 from grabberd.core.calibration.collocation import Collocation, Components, Solution, evidence_of, most_likely
 from grabberd.core.geometry import LocalField, parameter_derivatives, rays
@@ -135,19 +135,7 @@ def _refined(adjustment: Adjustment, network: Network, components: Components) -
         corrected = replace(weighted, xy_px=network.xy_px - signal, views=adjustment.views)
         adjustment = adjust(corrected, adjustment.unknowns, _SETTLED)
         solution = Solution(_collocation(adjustment, network), components)
-    return _certain(adjustment), solution
-
-
-def _certain(adjustment: Adjustment) -> Adjustment:
-    """Copy with σ0 = 1."""
-    variance = adjustment.sigma0**2
-    return replace(
-        adjustment,
-        covariance=adjustment.covariance / variance,
-        place_covariance_mm2=adjustment.place_covariance_mm2 / variance,
-        place_coupling=adjustment.place_coupling / variance,
-        sigma0=1.0,
-    )
+    return replace(divided(adjustment, adjustment.sigma0**2), sigma0=1.0), solution
 
 
 def _field(solution: Solution, adjustment: Adjustment, view: int, lines: int) -> LocalField:

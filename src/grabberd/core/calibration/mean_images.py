@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.calibration.adjustment.network import matched
 from grabberd.errors import MeasurementError
 
 Array = NDArray[np.float64]
@@ -186,7 +187,7 @@ def _added(sums: _Sums, field: FieldImages, gate_px: float) -> _Sums:
     """Add a field to the clusters by Welford's running mean; blobs seen for the first time become
     clusters.
     """
-    cluster, blob = _pairs(sums.xy_px, field.xy_px, gate_px)
+    cluster, blob = matched(sums.xy_px, field.xy_px, gate_px)
     new = np.setdiff1d(np.arange(len(field.xy_px)), blob)
     grown = sums.joined(_Sums.new(len(new)))
     cluster, blob = np.append(cluster, np.arange(len(sums.fields), len(grown.fields))), np.append(blob, new)
@@ -200,22 +201,11 @@ def _added(sums: _Sums, field: FieldImages, gate_px: float) -> _Sums:
     return grown
 
 
-def _pairs(first: Array, second: Array, gate_px: float) -> tuple[Indices, Indices]:
-    """Indices of pairs that are each other's nearest, within the gate."""
-    if not len(first) or not len(second):
-        return np.empty(0, np.intp), np.empty(0, np.intp)
-    between = np.linalg.norm(first[:, np.newaxis] - second, axis=2)
-    nearest = between.argmin(axis=1)
-    index = np.arange(len(first))
-    mutual = (between.argmin(axis=0)[nearest] == index) & (between[index, nearest] <= gate_px)
-    return index[mutual], nearest[mutual]
-
-
 def _check_field(kept: _Sums, field: FieldImages, name: str, settings: MeansSettings) -> None:
     """Check that a field shows the same targets as the others, at the same positions."""
     if not len(field.xy_px):
         return
-    cluster, blob = _pairs(kept.xy_px, field.xy_px, settings.gate_px)
+    cluster, blob = matched(kept.xy_px, field.xy_px, settings.gate_px)
     hint = "keep calibration frame and rig still, and repeat the capture"
     gone = 1.0 - len(cluster) / max(len(kept.fields), 1)
     elsewhere = 1.0 - len(blob) / len(field.xy_px)
@@ -238,7 +228,7 @@ def _check_field_order(parities: Sequence[_Sums]) -> None:
     """Check that both parities show the targets at the same height."""
     if len(parities) < 2:
         return
-    first, second = _pairs(parities[0].xy_px, parities[1].xy_px, _FIELD_ORDER_GATE_PX)
+    first, second = matched(parities[0].xy_px, parities[1].xy_px, _FIELD_ORDER_GATE_PX)
     lower = parities[1].xy_px[second, 1] - parities[0].xy_px[first, 1]
     if len(lower) and abs(float(np.median(lower))) > 1.0:
         raise MeasurementError(
@@ -273,7 +263,7 @@ def _same(parities: Sequence[_Sums], gate_px: float) -> Indices:
     first, *others = parities
     same, xy_px = np.arange(len(first.fields))[np.newaxis], first.xy_px
     for other in others:
-        target, index = _pairs(xy_px, other.xy_px, gate_px)
+        target, index = matched(xy_px, other.xy_px, gate_px)
         new = np.setdiff1d(np.arange(len(other.fields)), index)
         own = np.full(len(xy_px) + len(new), -1)
         own[target], own[len(xy_px) :] = index, new

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc, stdtr
 
-from grabberd.core.calibration.adjustment.adjustment import Adjustment, AdjustmentSettings, adjust
+from grabberd.core.calibration.adjustment.adjustment import Adjustment, AdjustmentSettings, adjust, divided
 from grabberd.core.calibration.adjustment.network import Network, Unknowns
 from grabberd.core.geometry import PARAMETERS, Rig, View, parameter_slopes
 
@@ -176,15 +176,8 @@ def with_stated_covariance(adjusted: Adjustment, unknowns: Unknowns) -> Adjustme
     """
     whole = adjust(adjusted.network.starting_from(adjusted.views), unknowns, _SETTLED)
     trusted = min(whole.sigma0, 1.0) ** 2
-    return replace(
-        whole,
-        views=adjusted.views,
-        xyz_mm=adjusted.xyz_mm,
-        covariance=whole.covariance / trusted,
-        place_covariance_mm2=whole.place_covariance_mm2 / trusted,
-        place_coupling=whole.place_coupling / trusted,
-        sigma0=max(whole.sigma0, 1.0),
-    )
+    whole = divided(whole, trusted)
+    return replace(whole, views=adjusted.views, xyz_mm=adjusted.xyz_mm, sigma0=max(whole.sigma0, 1.0))
 
 
 COMPARED = (*PARAMETERS[:3], *PARAMETERS[9:])

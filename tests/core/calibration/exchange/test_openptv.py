@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from grabberd.core.calibration.adjustment.network import matched
 from grabberd.core.calibration.exchange import (
     Sensor,
-    matched,
     read_calibration_points,
     read_orientation,
     read_targets,

@@ -318,6 +318,16 @@ class Propagated:
     influence: Array
 
 
+def divided(adjustment: Adjustment, variance: float) -> Adjustment:
+    """Copy with all covariances divided by a variance."""
+    return replace(
+        adjustment,
+        covariance=adjustment.covariance / variance,
+        place_covariance_mm2=adjustment.place_covariance_mm2 / variance,
+        place_coupling=adjustment.place_coupling / variance,
+    )
+
+
 def intersect_network(network: Network) -> Array:
     """Intersect all targets from their image points alone, with the views held: (T, 3) positions.
 

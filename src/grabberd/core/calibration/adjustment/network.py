@@ -216,3 +216,35 @@ def _check_names(views: Sequence[View], free: Collection[str], shared: Collectio
             f"{', '.join(single)} cannot be shared without being adjusted in all views",
             "adjust the parameter in all views, or do not share it",
         )
+
+
+def matched(
+    projected_px: Array, observed_px: Array, gate_px: float
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Pair known points with the image points nearest to where they are expected.
+
+    Args:
+        projected_px: (K, 2) expected positions of the known points.
+        observed_px: (N, 2) image points.
+        gate_px: Greatest distance.
+
+    Returns:
+        Indices of known points and of their image points; only pairs that are each other's nearest.
+    """
+    if not len(projected_px) or not len(observed_px):
+        return np.empty(0, np.intp), np.empty(0, np.intp)
+    apart_px = np.linalg.norm(projected_px[:, np.newaxis] - observed_px, axis=2)
+    nearest = mutual_nearest(np.where(np.isnan(apart_px), np.inf, apart_px), gate_px)
+    known = np.flatnonzero(nearest >= 0)
+    return known, nearest[known]
+
+
+def mutual_nearest(apart_px: Array, gate_px: float) -> NDArray[np.intp]:
+    """(K,) column that is nearest to each row of distances (K, N), if that row is also nearest to it.
+
+    −1 where it is not, or is farther than the gate.
+    """
+    nearest = apart_px.argmin(axis=1)
+    row = np.arange(len(apart_px))
+    mutual = (apart_px.argmin(axis=0)[nearest] == row) & (apart_px[row, nearest] <= gate_px)
+    return np.where(mutual, nearest, -1)

@@ -5,10 +5,12 @@ ranking of hypotheses: the winner, and the best one that contradicts it.
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.calibration.adjustment.network import mutual_nearest
 from grabberd.core.calibration.adjustment.starting_values import resect
 from grabberd.core.calibration.identification.hypothesis_growth import (
     QUICK,
@@ -113,11 +115,7 @@ class Explainer:
 
     def _assigned(self, view: View, gate_px: float) -> Indices:
         """(B,) the target that is a blob's nearest, if the blob is also the target's."""
-        between = self._between(view)
-        nearest = between.argmin(axis=1)
-        blobs = np.arange(len(between))
-        mutual = between.argmin(axis=0)[nearest] == blobs
-        return np.where(mutual & (between[blobs, nearest] <= gate_px), nearest, -1)
+        return mutual_nearest(self._between(view), gate_px)
 
     def _between(self, view: View) -> Array:
         """(B, T) distances of blobs from predictions in px; given targets have distance 0."""
@@ -208,14 +206,9 @@ def _challengers(explainer: Explainer, winner: Hypothesis) -> list[Hypothesis]:
     targets = np.argsort(away, kind="stable")[: _CHALLENGED + 1]
     views: list[View] = []
     for one in HANDEDNESS:
-        half = replace(explainer.half, view=_undistorted(winner.view)).handed(one)
+        half = replace(explainer.half, view=replace(winner.view, b=(0.0,) * 9)).handed(one)
         views += regrow(half, explainer.xyz_mm, int(anchor), targets).views(explainer.xyz_mm, _FINALISTS)
     return [explainer.explain(view) for view in views]
 
 
-def _undistorted(view: View) -> View:
-    return replace(view, b=(0.0,) * len(view.b))
-
-
-def _cost(hypothesis: Hypothesis) -> float:
-    return hypothesis.cost
+_cost = attrgetter("cost")
