@@ -77,7 +77,7 @@ def frame(  # noqa: PLR0913, PLR0917 - options of a command
         sigma_mm=(OBJECT_SIGMA_MM if is_object else CERTIFIED_SIGMA_MM) if sigma_mm is None else sigma_mm,
     )
     model = designed_grid(design)
-    remarks = () if is_object else calibration_frame_remarks(model)
+    remarks = () if is_object else tuple(calibration_frame_remarks(model))
     text = "\n".join(_lines(model, remarks, is_object=is_object)) + "\n"
     with storage_errors(out):
         write_synced(out, text.encode(), PUBLIC)

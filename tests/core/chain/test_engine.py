@@ -113,7 +113,7 @@ def test_progressive_pictures_are_taken_many_in_one_call(liner, bits):
 
 def test_who_was_found_is_counted_alike(liner, monkeypatch):
     def coverage():
-        tally = CoverageTally.of(liner.setup.calibration, liner.setup.object_model)
+        tally = CoverageTally(liner.setup.calibration, liner.setup.object_model)
         for _ in measure_fields(liner.packed(1, "doubled"), liner.setup, tally):
             pass
         return tally.result()

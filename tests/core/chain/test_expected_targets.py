@@ -15,7 +15,7 @@ FIELDS = 48
 def test_a_corner_that_turns_away_before_it_was_ever_seen_is_not_missed(begun_at):
     """The wall's last corners face both views at no time, but are predicted there while it closes."""
     scene = take_scene(FIELDS, liner={"start_s": 1.0 - begun_at})
-    tally = CoverageTally.of(scene.setup.calibration, scene.setup.object_model)
+    tally = CoverageTally(scene.setup.calibration, scene.setup.object_model)
     list(measure_fields(scene.packed(8, "field"), scene.setup, tally))
     coverage = tally.result()
     assert coverage.target[coverage.found < coverage.expected].tolist() == []

@@ -10,6 +10,7 @@ import pytest
 from grabberd.archive.measure_setups import INSTALLED_LOCATORS, location_settings
 from grabberd.core.field import Field, quantise
 from grabberd.core.measurement import METHODS, measure
+from grabberd.core.measurement.location import for_progressive
 from grabberd.errors import InputError
 
 LOCATOR = """
@@ -55,7 +56,7 @@ def test_it_locates_in_place_of_the_programs_own(bits: int) -> None:
 
 
 def test_lines_of_progressive_pictures_do_not_shift_for_it_either() -> None:
-    settings = location_settings({"method": "shifted"}).for_progressive
+    settings = for_progressive(location_settings({"method": "shifted"}))
     assert settings.line_jitter_px == 0.0
     assert settings.locator is INSTALLED_LOCATORS.load("shifted")
 

@@ -6,6 +6,7 @@ objects that are made of them when somebody asks.
 
 import ctypes
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -342,20 +343,16 @@ class Engine:
         )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class _Taken:
     """Fields of a call, and room for what comes of them: `kept` by their results, or only `held` for now."""
 
-    def __init__(
-        self,
-        room: int,
-        data: tuple[NDArray[np.uint8], ...],
-        about: Array,
-        index: Indices,
-        kept: Array,
-        held: Array,
-    ) -> None:
-        self.room, self.data = room, data
-        self.about, self.index, self.kept, self.held = about, index, kept, held
+    room: int
+    data: tuple[NDArray[np.uint8], ...]
+    about: Array
+    index: Indices
+    kept: Array
+    held: Array
 
     def arrays(self, done: int) -> tuple[NDArray[Any], ...]:
         """The kernel's, but for those of fields that are done."""

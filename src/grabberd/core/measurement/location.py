@@ -1,5 +1,6 @@
 """Location: from a packed field to its blobs (paper 3.5)."""
 
+from dataclasses import replace
 from functools import cache, lru_cache
 from importlib import import_module
 from typing import cast
@@ -41,13 +42,14 @@ def measure(packed: PackedField, windows: NDArray[np.float64] | None, settings: 
 
 
 @lru_cache(maxsize=16)
-def _for_progressive(settings: LocationSettings) -> LocationSettings:
-    return settings.for_progressive
+def for_progressive(settings: LocationSettings) -> LocationSettings:
+    """The settings for progressive pictures, whose lines do not shift."""
+    return replace(settings, line_jitter_px=0.0, line_shifts=None)
 
 
 def settings_for(packed: PackedField, settings: LocationSettings) -> LocationSettings:
     """The settings as they apply to a field: lines of a progressive picture do not shift."""
-    return _for_progressive(settings) if packed.parity == PROGRESSIVE else settings
+    return for_progressive(settings) if packed.parity == PROGRESSIVE else settings
 
 
 def measure_by_numpy(packed: PackedField, settings: LocationSettings) -> Blobs:

@@ -81,11 +81,6 @@ class LocationSettings:
             raise ValueError(f"{lengths} are out of range (above 0; at least 0)")
 
     @property
-    def for_progressive(self) -> "LocationSettings":
-        """The settings for progressive pictures, whose lines do not shift."""
-        return replace(self, line_jitter_px=0.0, line_shifts=None)
-
-    @property
     def limits_px(self) -> tuple[float, float]:
         """Least and greatest diameter of a target's blob, frame pixels."""
         return self._limits(*USUAL_LIMITS_PX)

@@ -197,18 +197,12 @@ _MEET = 0.5
 class CoverageTally:
     """Counts over one run."""
 
-    def __init__(self, rig: Rig, lines: int, model: ObjectModel) -> None:
-        """Begin before the first field.
-
-        Args:
-            rig: Left and right view.
-            lines: Lines of the frame.
-            model: The object.
-        """
-        self._model = model
+    def __init__(self, calibration: Calibration, model: ObjectModel) -> None:
+        """Begin before the first field, for a calibration's rig and an object."""
+        self._model, rig = model, Rig.of(calibration)
         # (V, 1, 2) corners of each half: the first and last column, and line, of the frame.
         self._low_px = np.array([[[view.first_column - 0.5, -0.5]] for view in rig.views])
-        self._high_px = np.array([[[view.end_column - 0.5, lines - 0.5]] for view in rig.views])
+        self._high_px = np.array([[[view.end_column - 0.5, calibration.lines - 0.5]] for view in rig.views])
         self._facing = Facing(rig, model)
         # Where nothing is tracked, the object file alone says what should be seen.
         nominal_px = project_all(rig, model.xyz_mm).transpose(1, 2, 0)
@@ -222,11 +216,6 @@ class CoverageTally:
         self._n, self._field_expected, self._field_found = array("q"), array("q"), array("q")
         self._square_px2, self._points = array("d"), array("q")
         self._variances_px2 = array("d")
-
-    @classmethod
-    def of(cls, calibration: Calibration, model: ObjectModel) -> "CoverageTally":
-        """Begin a tally for a calibration's rig."""
-        return cls(Rig.of(calibration), calibration.lines, model)
 
     def add(self, n: int, field: FieldSeen, correspondence: Correspondence) -> None:
         """Count a field.

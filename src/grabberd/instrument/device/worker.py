@@ -251,7 +251,7 @@ class Worker(threading.Thread):
         coverage: Coverage | None = None
         try:
             assert self._setup is not None, "a capture is measured only where there is a setup"
-            tally = CoverageTally.of(self._setup.calibration, self._setup.object_model)
+            tally = CoverageTally(self._setup.calibration, self._setup.object_model)
             self.rig.begin(self._setup, capture=True)
             interlaced = not self._pipeline.is_progressive
             self.field_order.begin(self._setup, capture=True, interlaced=interlaced)

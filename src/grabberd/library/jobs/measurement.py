@@ -90,7 +90,7 @@ def measure_file(progress: Progress, *, path: Path, made_with: JsonObject) -> Me
         order = FieldOrderCheck(setup.object_model.target) if reader.meta.is_interlaced else None
         received = reader.received(and_damaged=made_with["settings"].get(INCLUDE_DAMAGED, False))
         fields = counted(received, reader.field_count, progress)
-        tally = CoverageTally.of(setup.calibration, setup.object_model)
+        tally = CoverageTally(setup.calibration, setup.object_model)
         points = _counted_points(measure_fields(fields, setup, tally, FIELDS_AT_ONCE), counts, order)
         created = iso_utc(SystemClock().utc_now())
 

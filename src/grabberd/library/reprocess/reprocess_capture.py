@@ -108,7 +108,7 @@ def _measured(task: CaptureTask) -> TaskResult:
             return TaskResult("unchanged")
         setup = measure_setup(made_with, made_with["settings"])
         _check_rig(setup, reader)
-        tally = CoverageTally.of(setup.calibration, setup.object_model)
+        tally = CoverageTally(setup.calibration, setup.object_model)
         order = FieldOrderCheck(setup.object_model.target) if reader.meta.is_interlaced else None
         include_damaged = made_with["settings"].get(INCLUDE_DAMAGED, False)
         groups = _rows(reader, setup, tally, order, and_damaged=include_damaged)

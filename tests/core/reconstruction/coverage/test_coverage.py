@@ -45,7 +45,7 @@ def covered(fields=FIELDS, change=untouched, calibrated=None, object_model=MODEL
     known = calibrated or calibration()
     rig = Rig.of(known)
     tracker = Tracker(rig, object_model, ImageNoise.of(rig, object_model, 0.12, 2))
-    tally, track = CoverageTally(rig, lines, object_model), tracker.start()
+    tally, track = CoverageTally(replace(known, lines=lines), object_model), tracker.start()
     for n, (blobs, whose) in enumerate(scenes(fields)):
         shown = change(n, blobs, whose)
         track, points = tracker.step(track, *shown, np.inf if n == 0 else 0.02)
@@ -184,7 +184,7 @@ def test_what_turns_away_from_a_view_is_not_expected():
     assert len(turned.visible) < len(MODEL)
     rig = Rig.of(calibration())
     tracker = Tracker(rig, MODEL, ImageNoise.of(rig, MODEL, 0.12, 2))
-    tally, track = CoverageTally(rig, 576, MODEL), tracker.start()
+    tally, track = CoverageTally(calibration(), MODEL), tracker.start()
     rng = np.random.default_rng(1)
     for n in range(30):
         seen = see(*wall(min(6.0, 0.4 * n)), rng, noise=0.5, missing=0.0, false=0.0)

@@ -1,14 +1,14 @@
 """Design of a calibration frame or an object: a grid of targets, with steps in depth that make it unique."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.calibration import IdentificationSettings, Symmetry, check_depth, undecided
+from grabberd.core.calibration import IdentificationSettings, check_depth, undecided
 from grabberd.core.geometry import PARAMETERS
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import InputError, RankDeficient
@@ -83,12 +83,8 @@ def designed_grid(design: GridDesign) -> ObjectModel:
     )
 
 
-def calibration_frame_remarks(model: ObjectModel) -> tuple[str, ...]:
-    """Reasons for which calibration will refuse a calibration frame: a plane, symmetries, too few targets."""
-    return tuple(_remarks(model))
-
-
-def _remarks(model: ObjectModel) -> Iterator[str]:
+def calibration_frame_remarks(model: ObjectModel) -> Iterator[str]:
+    """Yield why calibration will refuse a calibration frame: a plane, symmetries, too few targets."""
     criteria = IdentificationSettings()
     if len(model) < criteria.least_targets:
         yield f"it has {len(model)} targets, and calibration needs {criteria.least_targets} in each view"
@@ -101,15 +97,12 @@ def _remarks(model: ObjectModel) -> Iterator[str]:
     if len(model) > MOST_EXAMINED:
         yield f"it has more than {MOST_EXAMINED} targets: whether it can be told from itself was not examined"
     elif alike := undecided(model, criteria.margin, handed=False):
+        mirrors_alone = all(one.kind == "mirror" for one in alike)
         yield (
             f"it cannot be told from itself: {'; '.join(dict.fromkeys(map(str, alike)))}; give each target a "
             "depth of its own, add targets that stand out"
-            + (", or state the handedness of both views" if _mirrors_alone(alike) else "")
+            + (", or state the handedness of both views" if mirrors_alone else "")
         )
-
-
-def _mirrors_alone(alike: Sequence[Symmetry]) -> bool:
-    return all(one.kind == "mirror" for one in alike)
 
 
 def _check(design: GridDesign) -> None:

@@ -34,7 +34,7 @@ def _binary(seen: Seen) -> Located:
 
 
 def _grey(seen: Seen) -> Located:
-    packed, noise = seen.packed, seen.settings.noise_levels
+    packed = seen.packed
     centres, weight = grey_centres(packed, seen.runs, seen.label, len(seen.shapes))
     background = background_in(packed)
     sigma = grey_sigma_px(
@@ -42,7 +42,7 @@ def _grey(seen: Seen) -> Located:
         weight,
         packed.y_step,
         doubled=packed.is_doubled,
-        noise=background.noise if noise is None else noise,
+        noise=noise_of(seen),
         threshold_height=max(0.0, packed.threshold - background.level),
     )
     return Located(centres, sigma)

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.measurement.locators.locator import Located, Seen, Windows, windows_of
-from grabberd.core.measurement.noise import LEAST_NOISE, background_in, binary_sigma_px
+from grabberd.core.measurement.locators.locator import Located, Seen, Windows, noise_of, windows_of
+from grabberd.core.measurement.noise import LEAST_NOISE, binary_sigma_px
 
 Array = NDArray[np.float64]
 
@@ -72,10 +72,7 @@ def _signal(windows: Windows) -> Array:
 def _noise_levels(seen: Seen) -> float:
     """Standard deviation of a pixel in grey values, quantisation included."""
     rounding = LEAST_NOISE * (256 >> seen.packed.bits)
-    known = seen.settings.noise_levels
-    if seen.packed.bits == 1:
-        return rounding
-    return float(np.hypot(background_in(seen.packed).noise if known is None else known, rounding))
+    return rounding if seen.packed.bits == 1 else float(np.hypot(noise_of(seen), rounding))
 
 
 class _Crossings(NamedTuple):
