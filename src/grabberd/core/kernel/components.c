@@ -1,4 +1,4 @@
-/* Connected components of set pixels, and what is summed over their runs (as labels.py). */
+/* Connected components of set pixels, and what is summed over their runs (as labelling.py). */
 #include "runs.h"
 
 /* Sums over the runs of a component, from the corner at its first run on: whole numbers, and so exact. */

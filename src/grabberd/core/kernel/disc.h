@@ -1,4 +1,4 @@
-/* The image of a disc that is fitted to a window of a field (as disc_image.py). */
+/* The image of a disc that is fitted to a window of a field (as template.py). */
 #ifndef GRABBERD_DISC_H
 #define GRABBERD_DISC_H
 

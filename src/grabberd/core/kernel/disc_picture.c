@@ -1,4 +1,4 @@
-/* A disc's picture and its slopes by the numbers that describe it (as disc_image.py). */
+/* A disc's picture and its slopes by the numbers that describe it (as template.py). */
 #include "disc.h"
 
 typedef uint64_t Pairs __attribute__((vector_size(32)));

@@ -15,7 +15,7 @@ WIDE static float background_of(const Sheet *sheet) {
     return value + 1.0f;
 }
 
-/* Mean and variance from a sum of weights, and of these times places and their squares (as weighted.moments). */
+/* Mean and variance from a sum of weights, and of these times places and their squares (as centroid.moments). */
 static void moments(double total, double first, double second, double *mean, double *variance) {
     double least = (double)1e-6f;
     *mean = first / (total + least);

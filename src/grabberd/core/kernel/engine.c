@@ -1,4 +1,4 @@
-/* From a packed field to its points, in one call (as processes.measure and Tracker.step). */
+/* From a packed field to its points, in one call (as measure.measure_fields and Tracker.step). */
 #include "engine.h"
 
 #include "module.h"
@@ -21,7 +21,7 @@ static int locate_grey(const Engine *engine, const GreyPicture *picture, Way *wa
     return status;
 }
 
-/* The blobs that lie in the columns of a view as a whole (as measure.whole_blobs), less its local field. */
+/* The blobs that lie in the columns of a view as a whole (as locating.whole_blobs), less its local field. */
 static int64_t whole_ones(const Engine *engine, int view, const Way *way) {
     const LocalField *local = engine->world->rig.local + view;
     const double *xy = way->blobs, *sigma = xy + 2 * engine->room, *rest = sigma + 2 * engine->room;

@@ -27,7 +27,7 @@ typedef struct {
     const uint8_t *before;
 } Stages;
 
-/* The copy of a field, and what is remembered of its stream (as checks.stale_rows). */
+/* The copy of a field, and what is remembered of its stream (as content_check.StaleRows). */
 typedef struct {
     uint64_t *words;      /* (rows, words in a row), filled up with zeros */
     const uint64_t *good; /* the last good field of the same parity, or NULL */

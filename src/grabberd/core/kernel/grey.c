@@ -1,4 +1,4 @@
-/* Grey values of a packed field: those above the threshold, and the background (as mask.py, background.py). */
+/* Grey values of a packed field: those above the threshold, and the background (as labelling.target_bits, noise.background_in). */
 #include "grey.h"
 
 enum { CHUNK = 64, SAMPLED_EVERY_PX = 32 };

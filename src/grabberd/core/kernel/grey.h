@@ -13,7 +13,7 @@ typedef struct {
     int64_t bits, rows, stride, columns, parity, y0, y_step, threshold;
 } GreyPicture;
 
-/* How targets are located; `edge`: pairs of what is there of an edge and how fast that changes (disc_image.edge_table). */
+/* How targets are located; `edge`: pairs of what is there of an edge and how fast that changes (template.edge_table). */
 typedef struct {
     double min_diameter_px, max_diameter_px, line_jitter_px, spread_px, noise_levels; /* noise NaN: not known */
     int64_t shifts_solved, jitter_known;

@@ -1,4 +1,4 @@
-/* Pairs of blobs whose rays meet, and the targets that may be there (as hypotheses.hypotheses). */
+/* Pairs of blobs whose rays meet, and the targets that may be there (as agreement.hypotheses). */
 #include "agreement.h"
 
 /* The right view's rays as coordinate arrays, with what each pair needs of them. */

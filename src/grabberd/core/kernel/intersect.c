@@ -77,7 +77,7 @@ WIDE static void adjust(const Rig *rig, Pairs *pairs, int64_t groups) {
     }
 }
 
-/* As image_noise.whitening: pointing, and what both views share by line jitter. */
+/* As view_blobs.ImageNoise.whitening: pointing, and what both views share by line jitter. */
 static void weigh(const World *world, const double *sigma[VIEWS], const double *common[VIEWS], const double y[VIEWS],
                   double reach_px, Pairs *pairs, int lane) {
     double shared[VIEWS], variance[VIEWS], overlap, apart = y[0] - y[1];

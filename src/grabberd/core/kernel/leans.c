@@ -1,4 +1,4 @@
-/* Leans of discs as quadratics in their places, one for either half of the picture, and as unknowns beside the shifts (as leans.py). */
+/* Leans of discs as quadratics in their places, one for either half of the picture, and as unknowns beside the shifts (as line_shifts.Leans). */
 #include "leans.h"
 
 enum { ONE_HALF = TERMS / 2, ENOUGH = 12 };

@@ -1,4 +1,4 @@
-/* Weights of all places that explain a blob's bits, and their mean (as locale.py, locale_posterior.py). */
+/* Weights of all places that explain a blob's bits, and their mean (as locale.py). */
 #include "likelihood.h"
 
 #include "lanes.h"

@@ -1,4 +1,4 @@
-/* Mean of all positions that explain a blob's bits (as locale.py, locale_posterior.py). */
+/* Mean of all positions that explain a blob's bits (as locale.py). */
 #include "likelihood.h"
 
 enum { NOISE_BLOBS = 24 };

@@ -1,7 +1,7 @@
 /* From a packed field of 1 bit to its blobs, in one call (as location.measure). */
 #include "kernel.h"
 
-/* As sigma.binary_sigma_px. */
+/* As noise.binary_sigma_px. */
 static void start(const Picture *picture, const Component *own, Place *place) {
     double root = sqrt(sqrt(4 / PI * own->area_px)), y_step = (double)picture->y_step;
     double x = is_doubled(picture) ? 0.235 : 0.2122 * sqrt(y_step), y = is_doubled(picture) ? 0.244 : 0.2122 * y_step;

@@ -1,5 +1,5 @@
 /* A live field's content: rows that were delivered before, a picture that the grabber draws, and what a sideways
-   shift is found by (as checks.stale_rows, checks.no_picture and checks.shifted_rows). */
+   shift is found by (as content_check.StaleRows, content_check.no_picture and shifted_rows.py). */
 #include "field.h"
 
 enum { EVIDENCE = 40, EDGE_ROWS = 4, FEW = 16, SNOW_SIGMA = 25 };

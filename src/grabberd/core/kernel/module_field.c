@@ -54,7 +54,7 @@ PyObject *pack_of(PyObject *self, PyObject *arguments) {
     return sound ? done(status, &(Findings){0, -1, -1}) : NULL;
 }
 
-/* Its parts stand in one array (checks.stale_rows). */
+/* Its parts stand in one array (content_check.StaleRows). */
 static bool is_look(const Lines *lines, const Py_buffer *copy, const Py_buffer *good, const Py_buffer *memory, const Py_buffer *means,
                     Look *look) {
     int64_t rows = lines->rows, count = words_of(lines->columns), size = (Py_ssize_t)sizeof(uint64_t);

@@ -1,4 +1,4 @@
-/* Assignment of blobs to targets (as prediction.Prediction.nearest), searched only where they may be. */
+/* Assignment of blobs to targets (as correspondence.Prediction.nearest), searched only where they may be. */
 #include "space.h"
 
 /* Blobs by cells of a grid over the places where there are any. */

@@ -1,4 +1,4 @@
-/* Rows of a field: copied out of a driver's buffer, doubled, quantised and packed (as field.field). */
+/* Rows of a field: copied out of a driver's buffer, doubled, quantised and packed (as field.py). */
 #include "field.h"
 
 WIDE static void every_other(const uint8_t *restrict from, int64_t columns, uint8_t *restrict to) {

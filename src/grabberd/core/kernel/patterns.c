@@ -1,4 +1,4 @@
-/* Bit patterns of blobs, prepared for lookup in the tables of their kind (as locale_patterns.py, Entries). */
+/* Bit patterns of blobs, prepared for lookup in the tables of their kind (as locale.Entries). */
 #include "patterns.h"
 
 static const double STEPS_X = 10, STEPS_Y = 8, WIDE_PX = 0.5, HIGH_PX = 0.25, HALF = 5.0;

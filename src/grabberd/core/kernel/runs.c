@@ -1,4 +1,4 @@
-/* Runs of set pixels, found in the packed bits, each with the number of what it is connected with (as runs.py, labels.py). */
+/* Runs of set pixels, found in the packed bits, each with the number of what it is connected with (as labelling.py). */
 #include "runs.h"
 
 enum { WORD_BYTES = 8, WORD_BITS = 64, RUNS_A_BYTE = 4, BLOCK_BYTES = 32 };

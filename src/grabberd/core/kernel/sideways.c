@@ -1,4 +1,4 @@
-/* Whether, where and how far rows are shifted sideways, by the means of small blocks (as checks.shifted_rows). All sums
+/* Whether, where and how far rows are shifted sideways, by the means of small blocks (as shifted_rows.py). All sums
    are of whole numbers, so their order is of no importance. */
 #include "field.h"
 

@@ -4,7 +4,7 @@
 
 #include "kernel.h"
 
-/* As reconstruction.miss.Miss; where both views have no blob, both bits are set. */
+/* As points.Miss; where both views have no blob, both bits are set. */
 enum { NO_BLOB = 1, RAYS_APART = 4, OFF_PLACE = 5 };
 enum { VIEWS = 2, PARAMETERS = 18, MOST_ERRORS = 2 * PARAMETERS, FOUR = 4, FOUND_NUMBERS = 32, FOUND_INDICES = 5 };
 typedef double Four __attribute__((vector_size(32)));
@@ -78,7 +78,7 @@ INLINE Four root4(Four value) {
     return root;
 }
 
-/* As model.linearise: what lies in or behind the plane of the projection centre gives NaN. */
+/* As functional_model.linearise: what lies in or behind the plane of the projection centre gives NaN. */
 INLINE void linearise(const Rig *rig, int view, const Four point[3], Image4 *seen) {
     Four camera[3], one[15], value[8], slope[2][3];
     for (int k = 0; k < 3; k++) seen->away[k] = point[k] - rig->center_mm[view][k];

@@ -89,7 +89,7 @@ static void adopt(Step *step, const Anew *anew) {
     memcpy(step->expected_mm, anew->expected_mm, 3 * targets * sizeof(double));
 }
 
-/* True if the followed targets agree with the identified ones about blobs and are clearly more (as tracker._better). */
+/* True if the followed targets agree with the identified ones about blobs and are clearly more (as tracking._better). */
 static bool are_better(const Step *step, const Anew *anew) {
     const Found *own = &step->found, *other = &anew->found;
     int64_t common = 0, k = 0;
@@ -169,7 +169,7 @@ static int recall_own(Step *step) {
     return recall(step->following->predictors, step->found.target, step->sighting.count, &step->sighting.say);
 }
 
-/* As tracker._unsteady_s. */
+/* As tracking._unsteady_s. */
 static double unsteady_s(double elapsed_s) { return larger(elapsed_s, OFTEN_S * OFTEN_S / larger(elapsed_s, SHORTEST_S)); }
 
 /* As Tracker._continued. */

@@ -1,4 +1,4 @@
-/* Windows around the components of a target's size (as windows.py). */
+/* Windows around the components of a target's size (as locator.windows_of). */
 #include "grey.h"
 
 static const double BEYOND_PX = 1.2, BEYOND_MORE_PX = 3.9, LARGEST_SHARE = 0.5, ALL_BUT_THE_LARGEST = 0.9;
