@@ -9,7 +9,7 @@ lengths are in m there and in mm here; pixels keep their origin, so principal po
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,7 +154,19 @@ def read_orientation(name: str, text: str, added: str, sensor: Sensor) -> View:
     if distance <= 0:
         raise InputError(f"the principal distance of orientation {name} is {distance}", _HINT)
     principal = pixels_from_sensor(np.array([[xh, yh]]), sensor.columns, sensor.lines, sensor.pixel_mm)[0]
-    x, y, z = values[:3]
+    view = _view(name, sensor, distance, principal, values[:3], axes_from_openptv(left @ right))
+    return replace(view, b=_distortion(added, name))
+
+
+def _view(
+    name: str,
+    sensor: Sensor,
+    f_mm: float,
+    principal_px: Sequence[float],
+    center_mm: Sequence[float],
+    axes: Array,
+) -> View:
+    """Right-handed view without distortion."""
     plain = View(
         name=name,
         first_column=0,
@@ -162,18 +174,17 @@ def read_orientation(name: str, text: str, added: str, sensor: Sensor) -> View:
         pixel_x_mm=sensor.pixel_mm[0],
         pixel_y_mm=sensor.pixel_mm[1],
         handedness=1,
-        f_mm=distance,
-        x0_px=float(principal[0]),
-        y0_px=float(principal[1]),
+        f_mm=f_mm,
+        x0_px=float(principal_px[0]),
+        y0_px=float(principal_px[1]),
         omega_rad=0.0,
         phi_rad=0.0,
         kappa_rad=0.0,
-        X0_mm=x,
-        Y0_mm=y,
-        Z0_mm=z,
-        b=_distortion(added, name),
+        X0_mm=center_mm[0],
+        Y0_mm=center_mm[1],
+        Z0_mm=center_mm[2],
     )
-    return plain.with_axes(axes_from_openptv(left @ right))
+    return plain.with_axes(axes)
 
 
 def read_targets(text: str) -> tuple[NDArray[np.int32], Array]:
@@ -283,16 +294,17 @@ def read_photomodeler(
     sigma_px = lines.numbers(2)[1]
     camera = lines.numbers(5)
     lines.next()
-    pitch_mm = camera[4] / image_lines
+    sensor = Sensor(int(columns), int(image_lines), (camera[4] / image_lines,) * 2)
+    middle_px = 0.5 * sensor.columns, 0.5 * sensor.lines
     views = []
     while line := lines.next():
         name = line.split(maxsplit=1)[-1].replace("\\", "/").rpartition("/")[2].rpartition(".")[0]
-        outer = lines.numbers(7)[1:]
+        _, x, y, z, kappa, phi, omega, *_ = lines.numbers(7)
         for _ in range(4):
             lines.next()
-        views.append(
-            _view(name, outer, f_mm or camera[0], (int(columns), int(image_lines)), pitch_mm, polynomial)
-        )
+        center_mm, axes = (_MM * x, _MM * y, _MM * z), axes_from_omega_phi_kappa(omega, phi, kappa)
+        view = _view(name, sensor, f_mm or camera[0], middle_px, center_mm, axes)
+        views.append(replace(view, polynomial=polynomial))
     stated = {
         int(number): ControlPoint((_MM * x, _MM * y, _MM * z), (_MM * sx, _MM * sy, _MM * sz))
         for number, x, y, z, sx, sy, sz, *_ in lines.block(7)
@@ -300,36 +312,6 @@ def read_photomodeler(
     objects = np.array([values[:4] for values in lines.block(4)]).reshape(-1, 4)
     marks = np.array([values[:4] for values in lines.block(4)]).reshape(-1, 4)
     return _network(tuple(views), objects, marks, sigma_px, {**stated, **control})
-
-
-def _view(
-    name: str,
-    outer: list[float],
-    f_mm: float,
-    size: tuple[int, int],
-    pitch_mm: float,
-    polynomial: Polynomial,
-) -> View:
-    x, y, z, kappa, phi, omega = outer[:6]
-    plain = View(
-        name=name,
-        first_column=0,
-        end_column=size[0],
-        pixel_x_mm=pitch_mm,
-        pixel_y_mm=pitch_mm,
-        handedness=1,
-        f_mm=f_mm,
-        x0_px=0.5 * size[0],
-        y0_px=0.5 * size[1],
-        omega_rad=0.0,
-        phi_rad=0.0,
-        kappa_rad=0.0,
-        X0_mm=_MM * x,
-        Y0_mm=_MM * y,
-        Z0_mm=_MM * z,
-        polynomial=polynomial,
-    )
-    return plain.with_axes(axes_from_omega_phi_kappa(omega, phi, kappa))
 
 
 def _network(

@@ -97,7 +97,7 @@ class Explainer:
         """Refine a rough view to a hypothesis by alternately predicting targets and assigning blobs."""
         view = start
         for share in _GATES:
-            target = self._assigned(view, share * self.half.spacing_px)
+            target = mutual_nearest(self._between(view), share * self.half.spacing_px)
             known = np.flatnonzero(target >= 0)
             targets_mm, seen_px = self.xyz_mm[target[known]], self.half.xy_px[known]
             view = resect(view, targets_mm, seen_px, self.sigma_px, prior=start, most_steps=_STEPS).view
@@ -112,10 +112,6 @@ class Explainer:
         near = self._between(view) <= self.gate_px
         alone = near & (near.sum(axis=1, keepdims=True) == 1) & (near.sum(axis=0) == 1)
         return np.where(alone.any(axis=1), alone.argmax(axis=1), -1)
-
-    def _assigned(self, view: View, gate_px: float) -> Indices:
-        """(B,) the target that is a blob's nearest, if the blob is also the target's."""
-        return mutual_nearest(self._between(view), gate_px)
 
     def _between(self, view: View) -> Array:
         """(B, T) distances of blobs from predictions in px; given targets have distance 0."""
