@@ -71,7 +71,6 @@ def test_the_printed_b1_is_a_scale_and_confounded_with_the_focal_length():
     (vector,) = null_vectors_of(printed_b1(TRUE[0]), PARAMETERS)
     assert set(vector.parameters) == {"f_mm", "b1"}
     assert np.abs(vector.shares) == pytest.approx([0.707, 0.707], abs=0.02)
-    assert vector.singular < 1e-6
     assert "f_mm" in str(vector)
 
 

@@ -30,12 +30,10 @@ class NullVector:
     Attributes:
         parameters: Names of the parameters involved, the greatest share first.
         shares: Their components in the unit vector, each parameter in units of its own effect.
-        singular: The singular value, as a share of the largest.
     """
 
     parameters: tuple[str, ...]
     shares: tuple[float, ...]
-    singular: float
 
     def __str__(self) -> str:
         return " + ".join(
@@ -89,8 +87,7 @@ def null_vectors(matrix: Array, diagonal: Array, names: Sequence[str]) -> tuple[
     if not len(squares):
         return ()
     null = squares <= THRESHOLD**2 * max(squares[-1], 0.0)
-    singular = float(np.sqrt(max(squares[0], 0.0) / squares[-1])) if squares[-1] > 0 else 0.0
-    return tuple(_named(vector, names, singular) for vector in _plain(vectors[:, null]).T)
+    return tuple(_named(vector, names) for vector in _plain(vectors[:, null]).T)
 
 
 def _plain(basis: Array) -> Array:
@@ -105,9 +102,9 @@ def _plain(basis: Array) -> Array:
     return basis / np.sqrt((basis * basis).sum(axis=0))
 
 
-def _named(vector: Array, names: Sequence[str], singular: float) -> NullVector:
+def _named(vector: Array, names: Sequence[str]) -> NullVector:
     order = [index for index in np.argsort(-np.abs(vector)) if abs(vector[index]) >= _NAMED]
-    return NullVector(tuple(names[i] for i in order), tuple(float(vector[i]) for i in order), singular)
+    return NullVector(tuple(names[i] for i in order), tuple(float(vector[i]) for i in order))
 
 
 def _deficient(nulls: Sequence[NullVector]) -> RankDeficient:
