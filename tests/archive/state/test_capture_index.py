@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 
 from archive.captures import slot, slots, write
-from grabberd.archive import CaptureIndex, CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.guarded_database import open_tables
 from grabberd.archive.state import capture_index
+from grabberd.archive.state.capture_index import CaptureIndex
 from grabberd.archive.state.index_entries import read_entries
 from grabberd.core.ledger import Outcome
 from grabberd.errors import NotFound, StorageError

@@ -8,7 +8,7 @@ import pytest
 from capturing import capture
 from running import PATIENCE_S, configuration, running, sealed
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.schema import create
 from grabberd.config import default_config_file
 from grabberd.errors import CaptureRunning, Conflict, NotFound

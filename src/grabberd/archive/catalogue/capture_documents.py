@@ -11,8 +11,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from grabberd.archive import CaptureMeta, CaptureReader, RunInfo
-from grabberd.archive.capture.meta import SEALED
+from grabberd.archive.capture.meta import SEALED, CaptureMeta
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.rows import RunInfo
 from grabberd.archive.capture.schema import reading_errors
 from grabberd.archive.state.index_entries import IndexEntry
 from grabberd.core.channels.account import Account
