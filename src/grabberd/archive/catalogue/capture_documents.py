@@ -13,6 +13,7 @@ from typing import Any
 
 from grabberd.archive.capture.meta import SEALED, CaptureMeta
 from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.recorded_channels import verdict_on
 from grabberd.archive.capture.rows import RunInfo
 from grabberd.archive.capture.schema import reading_errors
 from grabberd.archive.state.index_entries import IndexEntry
@@ -243,11 +244,7 @@ def channels_summary(account: Account | None, *, sealed: bool) -> ChannelsSummar
     if account is None:
         return None
     names = [one.name for one in account.channels]
-    if sealed:
-        return ChannelsSummary.model_validate(
-            {"names": names, "verdict": account.verdict, "in_words": account.in_words}
-        )
-    return ChannelsSummary(names=names, verdict=None, in_words="being recorded")
+    return ChannelsSummary.model_validate({"names": names, **verdict_on(account, sealed=sealed)})
 
 
 KEPT = 4096

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.catalogue.archive import Archive
+from grabberd.archive.export.point_grid import known_model
 from grabberd.archive.state.index_entries import IndexEntry, check_widths
-from grabberd.core.reconstruction.object_model import ObjectModel
 from grabberd.core.reconstruction.section_width import SectionWidth, section_widths
 from grabberd.errors import GrabberdError, NotFound
 
@@ -41,7 +41,7 @@ class WidthCourses:
         path = self._archive.sealed_path(capture_id)
         entry = self._archive.index.get(capture_id)
         if not entry.widths:
-            entry = entry._replace(widths=width_course_text(path))
+            entry = entry._replace(widths=json.dumps(width_course(path)))
             self._keep(entry)
         return check_widths(entry.widths)
 
@@ -82,7 +82,7 @@ def width_course(path: Path) -> list[float | None]:
             run = reader.run(None)
         except NotFound:
             return []
-        model = _model(run.made_with.get("object"))
+        model = known_model(run)
         if model is None:
             return []
         first_n = reader.first_n or 0
@@ -93,20 +93,6 @@ def width_course(path: Path) -> list[float | None]:
         found = {n: section_widths(points, model) for n, _, points in timed}
     numbers = range(begin, begin + fields, _EVERY)
     return _best([found.get(n, []) for n in numbers if n <= max(found, default=-1)][:MOST])
-
-
-def width_course_text(path: Path) -> str:
-    """The same as JSON."""
-    return json.dumps(width_course(path))
-
-
-def _model(document: object) -> ObjectModel | None:
-    if not isinstance(document, dict):
-        return None
-    try:
-        return ObjectModel.from_document(document)
-    except GrabberdError:  # of an earlier version: there is no width to be known
-        return None
 
 
 def _best(fields: list[list[SectionWidth]]) -> list[float | None]:

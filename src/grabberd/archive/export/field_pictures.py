@@ -39,7 +39,12 @@ def field_png(path: Path, n: int, opened: Opened = CaptureReader) -> bytes:
         CaptureFileError, NotFound: No such file or field.
     """
     with opened(path) as reader:
-        return grey_png(unpack(reader.field(n).numbered.packed).luma)
+        return picture_png(reader.field(n))
+
+
+def picture_png(field: RecordedField) -> bytes:
+    """A field that was read, likewise."""
+    return grey_png(unpack(field.numbered.packed).luma)
 
 
 def export_png(

@@ -281,34 +281,23 @@ def _channels(reader: CaptureReader) -> Struct:
     Times count from the first field, as those of the points.
     """
     rows = [_channel(reader, one) for one in reader.channels.all]
-    return {name: _cell_column([row[name] for row in rows]) for name in (rows[0] if rows else ())}
+    return {name: _cells([(row[name],) for row in rows], 1) for name in (rows[0] if rows else ())}
 
 
 def _channel(reader: CaptureReader, channel: RecordedChannel) -> dict[str, Any]:
-    groups, calibration = list(reader.channels.groups(channel)), channel.calibration
-    begin_ns = reader.first_time_ns or 0
-    time_s = [(one.time_ns - begin_ns) / 1e9 for one in groups]
-    sigma_s = [np.full(len(one.time_ns), one.time_sigma_ns / 1e9) for one in groups]
-    value = np.concatenate([np.empty(0), *(one.value for one in groups)])
+    readings, calibration = reader.channels.readings(channel), channel.calibration
     return {
         "name": channel.name,
         "quantity": str(channel.quantity),
         "logger": channel.logger,
-        "time_s": mat_column(np.concatenate([np.empty(0), *time_s])),
-        "sigma_time_s": mat_column(np.concatenate([np.empty(0), *sigma_s])),
-        "vacuum_kpa": mat_column(calibration.kpa(value) if channel.quantity.is_vacuum else np.empty(0)),
-        "value": mat_column(value),
+        "time_s": mat_column(readings.time_s),
+        "sigma_time_s": mat_column(readings.time_sigma_ns / 1e9),
+        "vacuum_kpa": mat_column(readings.kpa if channel.quantity.is_vacuum else np.empty(0)),
+        "value": mat_column(readings.value),
         "unit": calibration.unit,
         "sigma_vacuum_kpa": calibration.sigma_kpa,
         "sigma_delay_s": calibration.delay_sigma_ms / 1e3,
     }
-
-
-def _cell_column(values: list[Any]) -> NDArray[Any]:
-    cells = np.empty((len(values), 1), object)
-    for row, value in enumerate(values):
-        cells[row, 0] = value
-    return cells
 
 
 def _points(grid: PointGrid) -> Struct:

@@ -44,6 +44,15 @@ def csv_text(columns: Sequence[Column], parts: Iterable[Rows]) -> Iterator[str]:
         yield _lines(zip(*(_texts(column, rows[column.name].tolist()) for column in columns), strict=True))
 
 
+def write_csv(file: IO[bytes], texts: Iterable[str]) -> int:
+    """Writes the texts of `csv_text` into an open file; returns the number of rows."""
+    lines = 0
+    for text in texts:
+        file.write(text.encode())
+        lines += text.count("\n")
+    return lines - 1  # the head
+
+
 def _lines(rows: Iterable[Sequence[str]]) -> str:
     text = io.StringIO()
     csv.writer(text).writerows(rows)
