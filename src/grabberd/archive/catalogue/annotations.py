@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.state_database import AnnotationStore
@@ -10,21 +10,8 @@ from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.document import MOST_LABELS, MOST_MARKS
 from grabberd.errors import Conflict, InputError
 
-
-class Jobs(Protocol):
-    """The part of the job runner that tells which captures are in use."""
-
-    def busy_subjects(self) -> set[str]:
-        """Returns the ids of the captures that unfinished jobs work on."""
-        ...
-
-    def check_idle(self, subject: str) -> None:
-        """Raises Conflict if an unfinished job works on a capture."""
-        ...
-
-    def forget_capture(self, capture_id: str) -> None:
-        """Forgets what is known of a capture that is deleted."""
-        ...
+if TYPE_CHECKING:
+    from grabberd.work.job_queue import JobQueue
 
 
 class CaptureAnnotations:
@@ -43,7 +30,7 @@ class CaptureAnnotations:
         self,
         archive: Archive,
         annotations: AnnotationStore,
-        jobs: Jobs,
+        jobs: "JobQueue",
         remove_results: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._archive = archive

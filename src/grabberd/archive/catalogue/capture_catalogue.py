@@ -19,6 +19,7 @@ from grabberd.archive.catalogue.capture_query import (
     Order,
     Position,
     conditions_of,
+    marks,
     plain_conditions,
     sort_key,
 )
@@ -161,7 +162,7 @@ class CaptureCatalogue:
                 self._connection.execute("ROLLBACK")
 
     def _put(self, rows: Iterable[Row]) -> None:
-        insert = f"INSERT INTO captures ({', '.join(_COLUMNS)}) VALUES ({_marks(_COLUMNS)})"  # noqa: S608
+        insert = f"INSERT INTO captures ({', '.join(_COLUMNS)}) VALUES ({marks(_COLUMNS)})"  # noqa: S608
         for row in rows:
             self._remove([row.id])
             text = " ".join([row.note, *row.labels, *row.labels.values()]).casefold()
@@ -175,8 +176,8 @@ class CaptureCatalogue:
     def _kind(self, row: Row) -> int:
         """Number of the combination of a capture's values."""
         names, values = ", ".join(FACETS), [getattr(row, name) for name in FACETS]
-        self._execute(f"INSERT OR IGNORE INTO kinds ({names}) VALUES ({_marks(FACETS)})", *values)  # noqa: S608
-        own = f"SELECT kind FROM kinds WHERE ({names}) = ({_marks(FACETS)})"  # noqa: S608 - constants
+        self._execute(f"INSERT OR IGNORE INTO kinds ({names}) VALUES ({marks(FACETS)})", *values)  # noqa: S608
+        own = f"SELECT kind FROM kinds WHERE ({names}) = ({marks(FACETS)})"  # noqa: S608 - constants
         return int(self._execute(own, *values).fetchone()[0])
 
     def _remove(self, ids: Iterable[str]) -> None:
@@ -287,10 +288,6 @@ def _counts(kinds: Iterable[tuple[Any, ...]], place: int) -> list[Count]:
 
 def _day(quarter: str, zone: tzinfo) -> str:
     return datetime.fromisoformat(f"{quarter}:00+00:00").astimezone(zone).date().isoformat()
-
-
-def _marks(values: Iterable[object]) -> str:
-    return ", ".join("?" for _ in values)
 
 
 def _key(order: Order) -> tuple[str, str, tuple[str, ...]]:

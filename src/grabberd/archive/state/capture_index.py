@@ -174,14 +174,6 @@ class CaptureIndex:
         # Not LIKE, in which the _ and % of an id stand for any letters.
         return self._select("WHERE substr(id, 1, ?) = ? ORDER BY id", len(text), text)
 
-    def file_of(self, capture_id: str) -> Path:
-        """Path of a capture's file.
-
-        Raises:
-            NotFound: No capture has that id.
-        """
-        return self.directory / self.get(capture_id).file
-
     def _entries(self, unsealed: Iterable[Path], known: Mapping[str, IndexEntry]) -> Iterator[IndexEntry]:
         sealed = self._named(self.directory.glob(f"*{SUFFIX}"))
         kept = {path: known[path.name] for path in sealed if path.name in known}
@@ -235,13 +227,10 @@ class CaptureIndex:
             return
         paths = sorted(self._kept_out)
         entries = [entry_of(path) for path in paths if os.path.lexists(path)]
-        self._write(entries)
+        self._change(lambda connection: connection.executemany(_INSERT, entries))
         self._kept_out.difference_update(paths)
         for entry in entries:
             self.changed(entry.id)
-
-    def _write(self, entries: "builtins.list[IndexEntry]") -> None:
-        self._change(lambda connection: connection.executemany(_INSERT, entries))
 
     def _change(self, act: Callable[[sqlite3.Connection], object]) -> None:
         """Changes the index, but not while a new one takes its place."""
