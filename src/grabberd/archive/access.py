@@ -27,12 +27,25 @@ from grabberd.documents.enums import Role
 from grabberd.errors import AccessExpired, Conflict, InputError, StorageError
 from grabberd.files.disk import OWNER_ONLY
 
+log = logging.getLogger(__name__)
 SECRET_BYTES = 32
 """256 random bits, which nobody guesses; see `hash_of`."""
 SESSION_LIFE = timedelta(days=30)
 REMEMBERED = 256
 """Tokens and sessions whose holders are remembered."""
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+FILE = "machine.key"
+"""Name of the file with the key of the machine."""
+PREFIX = "grabberd_"
+"""Prefix of every secret, by which one that strays into a file or a log is recognised."""
+T = TypeVar("T")
+_HEAD = 40
+"""Bytes of the database's header that hold all that is read here."""
+_FORMATS = slice(18, 20)
+_ROLLBACK_JOURNAL = b"\x01\x01"
+"""Write and read format of a file without a write-ahead log, which would not count its changes here."""
+_CHANGES = slice(24, 40)
+"""The change counter and what follows it: the bytes by which SQLite itself knows that its cache is old."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,13 +238,6 @@ def _identity(found: Holder | None, by: Literal["token", "session"]) -> Identity
     return None if found is None else Identity(Role(found.role), by, found.name, found.expires_utc)
 
 
-log = logging.getLogger(__name__)
-
-FILE = "machine.key"
-PREFIX = "grabberd_"
-"""Prefix of every secret, by which one that strays into a file or a log is recognised."""
-
-
 class MachineKey:
     """A file with a secret that is created anew at every start and is valid until the daemon ends.
 
@@ -275,17 +281,6 @@ def readable_key(directory: Path) -> Path | None:
     """Path of a daemon's key, or None if there is none or this user may not read it."""
     path = directory / FILE
     return path if os.access(path, os.R_OK) else None
-
-
-T = TypeVar("T")
-
-_HEAD = 40
-"""Bytes of the header that hold all that is read here."""
-_FORMATS = slice(18, 20)
-_ROLLBACK_JOURNAL = b"\x01\x01"
-"""Write and read format of a file without a write-ahead log, which would not count its changes here."""
-_CHANGES = slice(24, 40)
-"""The change counter and what follows it: the bytes by which SQLite itself knows that its cache is old."""
 
 
 class Version(NamedTuple):

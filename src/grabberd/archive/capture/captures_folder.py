@@ -16,9 +16,14 @@ from urllib.parse import quote_from_bytes
 from grabberd.errors import Cause, StorageError
 from grabberd.files.disk import DirectoryLock, storage_errors, write_through
 
+log = logging.getLogger(__name__)
 ANY = ""
 """Remembered in place of an id: whatever folder is there is accepted, or a new one made."""
 ACCEPT = "if it is meant to be so: grabberd storage accept"
+_PLAIN = " !#$&'()+,-.=@[]^_`{}~"
+"""Characters that a name keeps, beside letters and digits, when it has to be made plain."""
+LONGEST_BYTES = 200
+"""Of a name; longer ones leave no room for the endings that are added to them; file systems end at 255."""
 
 
 class CapturesFolder:
@@ -117,12 +122,6 @@ def id_of(folder: Path) -> str | None:
     with suppress(OSError, ValueError):
         return DirectoryLock(folder).path.read_text(encoding="ascii").strip() or None
     return None
-
-
-log = logging.getLogger(__name__)
-_PLAIN = " !#$&'()+,-.=@[]^_`{}~"
-LONGEST_BYTES = 200
-"""Longer names leave no room for the endings that are added to them; file systems end at 255."""
 
 
 def is_plain(name: str) -> bool:

@@ -23,6 +23,10 @@ FIELD_COLUMNS = "n, time_ns, sequence, parity, y0, y_step, threshold, outcome, r
 _FIELD = tuple(FIELD_COLUMNS.split(", "))
 _UINT32 = np.dtype("<u4")
 NO_COLUMNS = PointColumns("", *(b"" for _ in COLUMNS))
+MOST_FIELDS = 32
+"""Fields of a group: a commit has 25 of them at 50 Hz, give or take a few."""
+LARGEST_GROUP = 16 << 20
+"""Bytes of a group's pictures, unless it has one field alone; as many as the largest picture."""
 
 
 class PictureGroup(NamedTuple):
@@ -141,12 +145,6 @@ def measured_points(group: PointGroup) -> Points:
         ValueError: They are damaged.
     """
     return decode_points(group.columns, group.points)
-
-
-MOST_FIELDS = 32
-"""Fields of a group: a commit has 25 of them at 50 Hz, give or take a few."""
-LARGEST_GROUP = 16 << 20
-"""Bytes of a group's pictures, unless it has one field alone; as many as the largest picture."""
 
 
 def pictures_size(count: int, rows: int, columns: int, bits: int) -> int:

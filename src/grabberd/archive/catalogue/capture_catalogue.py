@@ -56,6 +56,7 @@ _FEW = 2500
 """Captures from which on it is quicker to go through all labels at once."""
 _QUARTER_MIN = 15
 """Every zone's day begins at a quarter of an hour."""
+_UNKNOWN = -1
 
 
 class Row(NamedTuple):
@@ -299,9 +300,6 @@ def _key(order: Order) -> tuple[str, str, tuple[str, ...]]:
     if order.by == "time":
         return "created_utc", "", ()
     return (order.by if order.descending else f"iif({order.by} < 0, {_LONGEST}, {order.by})"), "", ()
-
-
-_UNKNOWN = -1
 
 
 class Results(Protocol):

@@ -37,6 +37,14 @@ from grabberd.errors import ReadingGivenUp, StorageError
 from grabberd.files.disk import storage_errors
 from grabberd.files.patience import CURRENT, Patience, check_patience, within
 
+AXES = ("x", "y", "z")
+KEPT = 4096
+"""Number of captures whose descriptions are cached."""
+LONGEST_S = 25.0
+"""Time to describe one capture: less than a request for a list has, so that no file takes all of it."""
+TOO_SLOW_FOR_S = 600.0
+"""Time for which a file that took longer than that is not tried again."""
+
 
 def ledger_document(ledger: Ledger, rate_hz: float) -> LedgerDocument:
     """A ledger, with its gaps at the times that the rate gives them."""
@@ -182,9 +190,6 @@ def _first_field_s(meta: CaptureMeta, first_time_ns: int | None) -> float | None
     return (first_time_ns - meta.start_ns) / 1e9
 
 
-AXES = ("x", "y", "z")
-
-
 def coverage_summary(stored: Mapping[str, Any] | None) -> CoverageSummary | None:
     """The coverage in short; None for a run that was not counted.
 
@@ -245,14 +250,6 @@ def channels_summary(account: Account | None, *, sealed: bool) -> ChannelsSummar
         return None
     names = [one.name for one in account.channels]
     return ChannelsSummary.model_validate({"names": names, **verdict_on(account, sealed=sealed)})
-
-
-KEPT = 4096
-"""Number of captures whose descriptions are cached."""
-LONGEST_S = 25.0
-"""Time to describe one capture: less than a request for a list has, so that no file takes all of it."""
-TOO_SLOW_FOR_S = 600.0
-"""Time for which a file that took longer than that is not tried again."""
 
 
 class Descriptions:

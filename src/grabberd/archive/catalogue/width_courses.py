@@ -16,6 +16,12 @@ from grabberd.core.reconstruction.section_width import SectionWidth, section_wid
 from grabberd.errors import GrabberdError, NotFound
 
 log = logging.getLogger(__name__)
+SPAN_S = 6.0
+"""Time that is looked at, in the middle of the capture: several pulsations, whatever its length."""
+MOST = 60
+"""Widths of a course."""
+_EVERY = 5
+"""Fields from one number to the next: odd, so that both parities are seen."""
 
 
 class WidthCourses:
@@ -62,13 +68,6 @@ class WidthCourses:
             self._archive.index.keep_widths(entry, entry.widths)
         except GrabberdError as error:  # a full disk: it is made again for the next one who asks
             log.info("the widths of capture %s are not kept: %s", entry.id, error.message)
-
-
-SPAN_S = 6.0
-"""Time that is looked at, in the middle of the capture: several pulsations, whatever its length."""
-MOST = 60
-_EVERY = 5
-"""Fields from one number to the next: odd, so that both parities are seen."""
 
 
 def width_course(path: Path) -> list[float | None]:

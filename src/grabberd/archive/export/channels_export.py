@@ -42,6 +42,10 @@ CHANNEL_COLUMNS = (
     Column("dating", "", "U", "source of the times: arrival, own_clock or monotonic"),
     Column("logger", "", "U", "name of the logger"),
 )
+_NAMES = [column.name for column in CHANNEL_COLUMNS]
+Array = NDArray[np.float64]
+MOST_PER_FIELD = 40
+"""Samples to each field: 2000 a second."""
 
 
 def channel_rows(reader: CaptureReader) -> Iterator[Rows]:
@@ -72,9 +76,6 @@ def _rows(channel: RecordedChannel, readings: RecordedReadings, reader: CaptureR
         "dating": same(str(readings.dating)),
         "logger": same(channel.logger),
     }
-
-
-_NAMES = [column.name for column in CHANNEL_COLUMNS]
 
 
 def channels_csv(path: Path) -> Generator[str, None, None]:
@@ -131,12 +132,6 @@ def _write_parquet(reader: CaptureReader, file: IO[bytes]) -> int:
     metadata = {"grabberd": json.dumps(about, ensure_ascii=False)}
     parts = regrouped(CHANNEL_COLUMNS, channel_rows(reader), ROWS_AT_ONCE)
     return write_parquet(file, CHANNEL_COLUMNS, parts, metadata)
-
-
-Array = NDArray[np.float64]
-
-MOST_PER_FIELD = 40
-"""Samples to each field: 2000 a second."""
 
 
 class ChannelSamples(NamedTuple):

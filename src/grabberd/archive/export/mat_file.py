@@ -35,6 +35,16 @@ _CELL_BYTES = 64
 
 Struct = Mapping[str, Any]
 """Fields of a variable by name: arrays, texts, numbers, lists, mappings, None or further structs of them."""
+_HEAD_BYTES = 128
+_BEGINS = b"MATLAB 5.0 MAT-file"
+_MATRIX, _STRUCT = 14, 2
+_DTYPES = {column.name: column.dtype for column in POINT_COLUMNS}
+CELL_BYTES = sum(np.dtype(_DTYPES[name]).itemsize for names in GRID_ARRAYS.values() for name in names)
+"""Bytes of the points of one target in one field."""
+_HINT = "take csv or parquet, which have no such limit"
+_REMOTE_HINT = "download the capture, and write it there: grabberd export CAPTURE --format mat --out FOLDER"
+STREAM_BYTES = 600_000_000
+"""Bytes of the points of a download: the process that makes it shares the memory of the daemon."""
 
 
 def write_mat(file: IO[bytes], variables: Mapping[str, Struct]) -> None:
@@ -120,11 +130,6 @@ def _bytes(value: object) -> int:
     return value.nbytes if isinstance(value, np.ndarray) else 4 * len(str(value))
 
 
-_HEAD_BYTES = 128
-_BEGINS = b"MATLAB 5.0 MAT-file"
-_MATRIX, _STRUCT = 14, 2
-
-
 class _Array(NamedTuple):
     """The beginning of an array, and the place in the file where it ends."""
 
@@ -198,15 +203,6 @@ def _values(file: IO[bytes]) -> bytes:
     values = file.read(size)
     file.seek(-size % 8, os.SEEK_CUR)
     return values
-
-
-_DTYPES = {column.name: column.dtype for column in POINT_COLUMNS}
-CELL_BYTES = sum(np.dtype(_DTYPES[name]).itemsize for names in GRID_ARRAYS.values() for name in names)
-"""Bytes of one target in one field."""
-_HINT = "take csv or parquet, which have no such limit"
-_REMOTE_HINT = "download the capture, and write it there: grabberd export CAPTURE --format mat --out FOLDER"
-STREAM_BYTES = 600_000_000
-"""Bytes of the points of a download: the process that makes it shares the memory of the daemon."""
 
 
 def points_mat(path: Path, run: int | None, file: IO[bytes]) -> int:

@@ -35,6 +35,12 @@ from grabberd.files.disk import new_folder, storage_errors
 
 POINTS_A_GROUP = 40_000
 """Points in a row group of Parquet, and so in memory at once: about ten seconds of them."""
+LEDGER = "ledger.csv"
+LEDGER_COLUMNS = ("first_n", "count", "outcome", "cause", "reason")
+LEFT_OUT = "left_out.csv"
+LEFT_OUT_COLUMNS = Damage._fields
+REBASE = "rebase"
+"""Outcome of a row that counts no fields: a change of what numbers and times go by from that field on."""
 
 
 def points_csv(
@@ -240,14 +246,6 @@ def points_file(
         with checked_file(directory / name, check) as file:
             yield file
         write_left_out_file(left_out, directory)
-
-
-LEDGER = "ledger.csv"
-LEDGER_COLUMNS = ("first_n", "count", "outcome", "cause", "reason")
-LEFT_OUT = "left_out.csv"
-LEFT_OUT_COLUMNS = Damage._fields
-REBASE = "rebase"
-"""Outcome of a row that counts no fields: a change of what numbers and times go by from that field on."""
 
 
 def write_ledger_file(reader: CaptureReader, directory: Path) -> None:

@@ -53,6 +53,10 @@ CREATE TABLE captures (
     calibration TEXT NOT NULL DEFAULT '', widths TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
 CREATE INDEX newest ON captures (created_utc DESC);
 """
+PATIENCE_S = 2.0
+"""How long a request waits for the index; a thousand captures are read in about a second."""
+PAUSE_S = 10.0
+"""Time between two attempts: each reads every capture file."""
 
 
 class Unusable(Exception):
@@ -302,12 +306,6 @@ def _set_aside(reading: Reading) -> bool:
 def _forget(database: Path) -> None:
     for path in (database, database.with_name(database.name + JOURNAL)):
         path.unlink(missing_ok=True)
-
-
-PATIENCE_S = 2.0
-"""How long a request waits for the index; a thousand captures are read in about a second."""
-PAUSE_S = 10.0
-"""Time between two attempts: each reads every capture file."""
 
 
 class IndexKeeper:
