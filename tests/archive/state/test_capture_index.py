@@ -345,7 +345,7 @@ def test_what_was_kept_out_and_is_gone_meanwhile_is_not_entered(tmp_path, monkey
     index.rebuild()
     path = write(tmp_path, slots(2))
     with monkeypatch.context() as patch:
-        patch.setattr(index, "_write", lambda _: (_ for _ in ()).throw(StorageError("full", "mend")))
+        patch.setattr(index, "_change", lambda _: (_ for _ in ()).throw(StorageError("full", "mend")))
         with pytest.raises(StorageError):
             index.add(path)
     path.unlink()

@@ -105,11 +105,7 @@ class CaptureAnnotations:
 def _merged(document: CaptureDocument, labels: Mapping[str, str | None]) -> dict[str, str]:
     merged = {**document.labels, **labels}
     kept = {name: value for name, value in merged.items() if value is not None}
-    if len(kept) > MOST_LABELS:
-        raise InputError(
-            f"capture {document.id} would have {len(kept)} labels; the limit is {MOST_LABELS}",
-            "remove some first, by setting them to null",
-        )
+    _check_few(document, "labels", len(kept), MOST_LABELS)
     return kept
 
 
@@ -124,9 +120,13 @@ def _marked(
             f"capture {document.id} has no field {beyond[0]}", f"its fields are numbered 0 to {total - 1}"
         )
     kept = {n: name for n, name in {**marks, **changed}.items() if name is not None}
-    if len(kept) > MOST_MARKS:
+    _check_few(document, "marks", len(kept), MOST_MARKS)
+    return kept
+
+
+def _check_few(document: CaptureDocument, what: str, count: int, most: int) -> None:
+    if count > most:
         raise InputError(
-            f"capture {document.id} would have {len(kept)} marks; the limit is {MOST_MARKS}",
+            f"capture {document.id} would have {count} {what}; the limit is {most}",
             "remove some first, by setting them to null",
         )
-    return kept
