@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.core.field import unpack
 from grabberd.errors import CaptureFileError
 from grabberd_fake.faults import PERIOD_NS

@@ -6,7 +6,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from grabberd.archive import CaptureReader, RecordedField
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.rows import RecordedField
 from grabberd.clock import Clock, SystemClock
 from grabberd.core.field import FieldOrder, unpack
 from grabberd.core.ledger import Outcome

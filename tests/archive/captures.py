@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from grabberd.archive import CaptureMeta, CaptureReader, CaptureWriter
+from grabberd.archive.capture.meta import CaptureMeta
 from grabberd.archive.capture.point_codec import quantised
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.core.field import Field, NumberedField, double_lines, quantise
 from grabberd.core.ledger import LedgerEntry, Outcome, Slot
 from grabberd.core.reconstruction.points import Points

@@ -1,7 +1,7 @@
 import pytest
 
 from archive.captures import MADE_WITH, META, meta
-from grabberd.archive import CaptureWriter
+from grabberd.archive.capture.writer import CaptureWriter
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 from archive.captures import MADE_WITH, ledger_of, meta, slot
 from core.chain.milking import model
 from core.geometry.rigs import calibration
-from grabberd.archive import CaptureWriter
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.core.ledger import Outcome
 
 

@@ -3,12 +3,12 @@
 import numpy as np
 
 from archive.captures import MADE_WITH, META, PERIOD_NS, START_NS, batches, ledger_of, meta, points
-from grabberd.archive import CaptureWriter
 from grabberd.archive.capture.reading_groups import (
     ChannelCalibration,
     RecordedChannel,
     RecordedReadings,
 )
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.core.channels import Dating, Quantity
 from grabberd.core.channels.account import Account, ChannelAccount, ChannelLedger
 

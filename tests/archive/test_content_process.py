@@ -12,9 +12,9 @@ import cv2
 import pytest
 
 from archive.captures import slots, write
-from grabberd.archive import points_csv
 from grabberd.archive.content_process import CONTENTS, PIECE_BYTES, ContentServer
 from grabberd.archive.export.page_documents import PointsQuery
+from grabberd.archive.export.points_export import points_csv
 from grabberd.errors import (
     CaptureFileError,
     Cause,

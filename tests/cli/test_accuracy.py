@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.cli.app import app
 from grabberd.config import shipped_configs
 from grabberd.errors import InputError, NotReady

@@ -8,7 +8,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner, Result
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.cli.app import app
 from grabberd.config import shipped_configs
 from grabberd.core.geometry import Calibration, project, rotation_matrix

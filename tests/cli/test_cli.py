@@ -15,7 +15,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from archive.captures import regrouped
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.cli import main
 from grabberd.cli.app import app
 from grabberd.config import shipped_configs

@@ -17,7 +17,7 @@ from archive.milkings import milking
 from cli.examples import Example, commands, examples
 from core.chain.milking import still
 from grabberd import example
-from grabberd.archive import CaptureWriter
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.cli.app import app
 from grabberd.client.daemon import Daemon as Client
 from grabberd.config import shipped_configs

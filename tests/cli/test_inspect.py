@@ -13,7 +13,7 @@ from typer.testing import CliRunner, Result
 from core.chain.drawn_footage import footage
 from drivers.replay.videos import by_ffmpeg, needs_ffmpeg
 from drivers.v4l2.bench import Bench, camera
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.cli.app import app
 from grabberd.core.field import unpack
 

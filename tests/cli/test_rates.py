@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from core.chain.sized_pictures import Picture
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.catalogue.capture_documents import describe
 from grabberd.cli.app import app
 from grabberd.core.reconstruction import ObjectModel

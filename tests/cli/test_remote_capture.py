@@ -11,7 +11,7 @@ import pytest
 from running import PATIENCE_S
 from typer.testing import CliRunner, Result
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.cli.app import app
 from grabberd.errors import Conflict, GrabberdError
 from server.api.daemons import Daemon, serving

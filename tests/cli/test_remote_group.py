@@ -8,7 +8,7 @@ import pytest
 from several import sealed_all, service_of, wait_until_they_accept
 from typer.testing import CliRunner, Result
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.cli.app import app
 from grabberd.errors import Conflict, GrabberdError, StorageError
 from grabberd.instrument.capture.capture_request import CaptureRequest

@@ -13,8 +13,8 @@ from typer.testing import CliRunner, Result
 
 from archive.captures import meta, slots, write
 from archive.first_format import write_first_format
-from grabberd.archive import CaptureWriter
 from grabberd.archive.capture.captures_folder import CapturesFolder
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.state.state_backups import CAPTURES_FOLDER, StateBackups, origin_of
 from grabberd.archive.state.state_database import Annotation, AnnotationStore, StateStore
 from grabberd.cli.app import app

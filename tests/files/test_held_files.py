@@ -11,11 +11,12 @@ import pytest
 
 from archive.another_process import CHANGE, COMMIT, COUNT, LOCKED, another_process
 from archive.captures import MADE_WITH, META, ledger_of, meta, points, slots, write
-from grabberd.archive import CaptureReader, CaptureWriter, guarded_database
-from grabberd.archive.capture.reader import stat_at_rest
+from grabberd.archive import guarded_database
+from grabberd.archive.capture.reader import CaptureReader, stat_at_rest
 from grabberd.archive.capture.runs import append_run
 from grabberd.archive.capture.schema import TABLES
 from grabberd.archive.capture.verification import verify
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.guarded_database import open_tables, read_header
 from grabberd.errors import StorageError
 from grabberd.files.held_files import HeldConnection, connect, create, hold

@@ -10,8 +10,8 @@ import pytest
 from calibrators import SHIFT_MM, calibration, exact, failed
 from running import PATIENCE_S, configuration, running, sealed, wait_until_it_accepts
 
-from grabberd.archive import CaptureReader
 from grabberd.archive.calibrations.calibration_frames import calibration_frame_document
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.state.calibration_store import CalibrationRecord
 from grabberd.config import GlassConfig, default_config_file
 from grabberd.documents.enums import JobState

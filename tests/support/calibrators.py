@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.config import shipped_configs
 from grabberd.core.geometry import Calibration
 from grabberd.documents.calibration_reports import CalibrationReport

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from running import configuration, sealed
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.config import ThresholdConfig, default_config_file
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.instrument.setup import set_up

@@ -5,7 +5,9 @@ from pathlib import Path
 
 from slots import STREAM, ManualClock, Source
 
-from grabberd.archive import CaptureMeta, CaptureReader, CaptureWriter
+from grabberd.archive.capture.meta import CaptureMeta
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.catalogue.disk_guard import DiskGuard
 from grabberd.core.ledger import Slot
 from grabberd.instrument.acquisition import Ring

@@ -25,13 +25,27 @@ from grabberd.archive.state.token_store import GUARDED, Holder, TokenRow, TokenS
 from grabberd.clock import SystemClock, UtcClock, iso_utc
 from grabberd.documents.enums import Role
 from grabberd.errors import AccessExpired, Conflict, InputError, StorageError
+from grabberd.files.disk import OWNER_ONLY
 
+log = logging.getLogger(__name__)
 SECRET_BYTES = 32
 """256 random bits, which nobody guesses; see `hash_of`."""
 SESSION_LIFE = timedelta(days=30)
 REMEMBERED = 256
 """Tokens and sessions whose holders are remembered."""
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+FILE = "machine.key"
+"""Name of the file with the key of the machine."""
+PREFIX = "grabberd_"
+"""Prefix of every secret, by which one that strays into a file or a log is recognised."""
+T = TypeVar("T")
+_HEAD = 40
+"""Bytes of the database's header that hold all that is read here."""
+_FORMATS = slice(18, 20)
+_ROLLBACK_JOURNAL = b"\x01\x01"
+"""Write and read format of a file without a write-ahead log, which would not count its changes here."""
+_CHANGES = slice(24, 40)
+"""The change counter and what follows it: the bytes by which SQLite itself knows that its cache is old."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,26 +124,17 @@ class Access:
         """
         self._store.open()
 
-    @property
-    def needs_token(self) -> bool:
+    def needs_token(self, *, at_once: bool = False) -> bool:
         """True if nobody is let in without a token.
 
         There are some, expired ones included, or there may have been before they were lost with the database.
-
-        Raises:
-            StorageError: The tokens cannot be read, and there were some when they could be.
-        """
-        return self.is_guarded()
-
-    def is_guarded(self, *, at_once: bool = False) -> bool:
-        """See `needs_token`.
 
         Args:
             at_once: True if the disk must not be waited for, as in all the following.
 
         Raises:
             NotRemembered: It would have to be.
-            StorageError: See `needs_token`.
+            StorageError: The tokens cannot be read, and there were some when they could be.
         """
         try:
             self._is_open = not self._guarded.get(GUARDED, self._store.guards, at_once=at_once)
@@ -178,7 +183,7 @@ class Access:
 
         Raises:
             AccessExpired: The token has expired.
-            NotRemembered: See `is_guarded`.
+            NotRemembered: See `needs_token`.
         """
         if self.key.fits(secret):
             return AS_THE_DAEMON
@@ -195,7 +200,7 @@ class Access:
         """Identity of a session's holder; None if there is no such session, or it has ended.
 
         Raises:
-            NotRemembered: See `is_guarded`.
+            NotRemembered: See `needs_token`.
         """
         digest, now = hash_of(secret), self._now()
         found = self._holders.get(
@@ -233,14 +238,6 @@ def _identity(found: Holder | None, by: Literal["token", "session"]) -> Identity
     return None if found is None else Identity(Role(found.role), by, found.name, found.expires_utc)
 
 
-log = logging.getLogger(__name__)
-
-FILE = "machine.key"
-PREFIX = "grabberd_"
-"""Prefix of every secret, by which one that strays into a file or a log is recognised."""
-OWNER_ONLY = 0o600
-
-
 class MachineKey:
     """A file with a secret that is created anew at every start and is valid until the daemon ends.
 
@@ -256,7 +253,7 @@ class MachineKey:
 
     def make(self) -> None:
         """Creates a new key; if the disk cannot be written there is none, and a warning is logged."""
-        secret = PREFIX + secrets.token_urlsafe(32)
+        secret = PREFIX + secrets.token_urlsafe(SECRET_BYTES)
         try:
             # Never written into an existing file: somebody may hold that open, with other rights.
             self.path.unlink(missing_ok=True)
@@ -266,7 +263,7 @@ class MachineKey:
         except OSError as error:
             log.warning("%s cannot be written: %s; diagnostics take a token", self.path.name, error.strerror)
             return
-        self._hash = _hash(secret)
+        self._hash = hash_of(secret)
 
     def remove(self) -> None:
         """Invalidates the key and removes its file; safe twice."""
@@ -277,28 +274,13 @@ class MachineKey:
 
     def fits(self, secret: str) -> bool:
         """True if a secret is the key; takes the same time whichever part of it is wrong."""
-        return self._hash is not None and hmac.compare_digest(self._hash, _hash(secret))
+        return self._hash is not None and hmac.compare_digest(self._hash, hash_of(secret))
 
 
 def readable_key(directory: Path) -> Path | None:
     """Path of a daemon's key, or None if there is none or this user may not read it."""
     path = directory / FILE
     return path if os.access(path, os.R_OK) else None
-
-
-def _hash(secret: str) -> bytes:
-    return hashlib.sha256(secret.encode("utf-8", "replace")).digest()
-
-
-T = TypeVar("T")
-
-_HEAD = 40
-"""Bytes of the header that hold all that is read here."""
-_FORMATS = slice(18, 20)
-_ROLLBACK_JOURNAL = b"\x01\x01"
-"""Write and read format of a file without a write-ahead log, which would not count its changes here."""
-_CHANGES = slice(24, 40)
-"""The change counter and what follows it: the bytes by which SQLite itself knows that its cache is old."""
 
 
 class Version(NamedTuple):

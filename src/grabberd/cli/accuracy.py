@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from grabberd.archive import CaptureReader
+    from grabberd.archive.capture.reader import CaptureReader
     from grabberd.core.chain.accuracy import Compared, Investigation, InvestigationSettings
     from grabberd.core.chain.measure import MeasureSetup
     from grabberd.core.reconstruction.accuracy import Axes, PointingPrecision, RigidMotion, Truth
@@ -65,8 +65,8 @@ def accuracy(  # noqa: PLR0913, PLR0917 - options of a command
 
     Example: grabberd accuracy object.grab --calibration rig.calibration.json --truth truth.csv
     """
-    from grabberd.archive import CaptureReader  # noqa: PLC0415
     from grabberd.archive.capture.digests import Damage, left_out_in_words  # noqa: PLC0415
+    from grabberd.archive.capture.reader import CaptureReader  # noqa: PLC0415
     from grabberd.archive.input_files import read_truth  # noqa: PLC0415
     from grabberd.core.chain.accuracy import InvestigationSettings, investigate  # noqa: PLC0415
 

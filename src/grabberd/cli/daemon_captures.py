@@ -7,7 +7,7 @@ from typing import Any
 import typer
 from rich.progress import Progress, SpinnerColumn, TimeElapsedColumn
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.cli.options import check_absent, end_as_ctrl_c_does, group_file, warn
 from grabberd.cli.terminal import progress_console
 from grabberd.client.daemon import Daemon

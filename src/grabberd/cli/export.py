@@ -1,6 +1,5 @@
 """`grabberd export`: writes a capture in other formats."""
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
@@ -33,25 +32,21 @@ def export(
 
     Example: grabberd export liner.grab --format ply --field 25 --out open-liner
     """
-    from grabberd import archive as storage  # noqa: PLC0415 - the command line starts without numpy
+    # The command line starts without numpy.
     from grabberd.archive.capture.digests import Damage, left_out_in_words  # noqa: PLC0415
+    from grabberd.archive.export.field_pictures import export_png  # noqa: PLC0415
+    from grabberd.archive.export.formats import POINT_EXPORTS  # noqa: PLC0415
+    from grabberd.archive.export.points_export import export_ply  # noqa: PLC0415
 
     if field is not None and format != "ply":
         raise typer.BadParameter("--field requires --format ply", param_hint="--field")
     left_out: list[Damage] = []
     _warn_of_changes(capture)
     if format == "png":
-        words = f"{out}: {storage.export_png(capture, out, left_out)} pictures and fields.csv"
+        words = f"{out}: {export_png(capture, out, left_out)} pictures and fields.csv"
     else:
-        writers: dict[str, Callable[[Path, Path, int | None, list[Damage] | None], int]] = {
-            "csv": storage.export_csv,
-            "parquet": storage.export_parquet,
-            "hdf5": storage.export_hdf5,
-            "mat": storage.export_mat,
-            "c3d": storage.export_c3d,
-            "ply": partial(storage.export_ply, field=field),
-        }
-        points = writers[format](capture, out, run, left_out if field is None else None)
+        write = partial(export_ply, field=field) if format == "ply" else POINT_EXPORTS[format]
+        points = write(capture, out, run, left_out if field is None else None)
         words = f"{out}/points.{'h5' if format == 'hdf5' else format}: {points} points"
     typer.echo(words)
     warn(left_out_in_words(left_out))
@@ -61,10 +56,10 @@ def export(
 
 def _warn_of_changes(capture: Path) -> None:
     """Say what the disk has changed beside fields and points; it does not keep them from being exported."""
-    from grabberd import archive as storage  # noqa: PLC0415
+    from grabberd.archive.capture.reader import CaptureReader  # noqa: PLC0415
     from grabberd.errors import CaptureFileError  # noqa: PLC0415
 
-    with storage.CaptureReader(capture) as reader:
+    with CaptureReader(capture) as reader:
         try:
             reader.check_unchanged()
         except CaptureFileError as error:

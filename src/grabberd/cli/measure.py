@@ -49,7 +49,7 @@ def measure(
     Example: grabberd measure liner.grab --calibration rig.calibration.json --object liner-object.yaml
     --propose-object liner-object-seen.yaml
     """
-    from grabberd.archive import CaptureReader  # noqa: PLC0415
+    from grabberd.archive.capture.reader import CaptureReader  # noqa: PLC0415
     from grabberd.archive.measure_setups import settings_of_capture  # noqa: PLC0415
     from grabberd.files.documents import read_documents  # noqa: PLC0415
     from grabberd.library.jobs.measurement import measure_file  # noqa: PLC0415

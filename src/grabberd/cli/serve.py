@@ -68,7 +68,7 @@ def serve(
     try:
         # Without tokens only this computer is served, and only the open database tells if there are any.
         service.open()
-        sockets.check_private(listening, service.access.needs_token, file)
+        sockets.check_private(listening, service.access.needs_token(), file)
         service.start()  # before the server, so that a failure to start is reported in plain words
     except StorageError as error:
         if error.__cause__ is None:  # not a fault of the disk: another program still holds the folder

@@ -1,12 +1,15 @@
 """A capture file: its fields, points, ledger and runs; measured, judged and exported."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from grabberd import archive as storage
-from grabberd.archive import CaptureMeta, CaptureReader, RunInfo
+from grabberd.archive.capture.meta import CaptureMeta
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.rows import RunInfo
+from grabberd.archive.export.field_pictures import export_png
+from grabberd.archive.export.formats import POINT_EXPORTS
 from grabberd.archive.input_files import read_truth
 from grabberd.archive.measure_setups import settings_of_capture
 from grabberd.core.chain.accuracy import Investigation, InvestigationSettings, investigate
@@ -20,15 +23,6 @@ from grabberd.library.tables import Chosen, PointTable, read_points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-_EXPORTS: Mapping[str, Callable[[Path, Path, int | None], int]] = {
-    "csv": storage.export_csv,
-    "parquet": storage.export_parquet,
-    "hdf5": storage.export_hdf5,
-    "mat": storage.export_mat,
-    "c3d": storage.export_c3d,
-    "ply": storage.export_ply,
-}
 
 
 @dataclass(frozen=True)
@@ -207,11 +201,11 @@ class Capture:
         """
         out = Path(folder)
         if file_format == "png":
-            storage.export_png(self.path, out)
-        elif file_format in _EXPORTS:
-            _EXPORTS[file_format](self.path, out, run)
+            export_png(self.path, out)
+        elif file_format in POINT_EXPORTS:
+            POINT_EXPORTS[file_format](self.path, out, run, None)
         else:
-            known = ", ".join([*_EXPORTS, "png"])
+            known = ", ".join([*POINT_EXPORTS, "png"])
             raise InputError(f"a capture cannot be written as {file_format}", f"choose from {known}")
         return out
 

@@ -8,7 +8,8 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive import CaptureReader, RecordedField
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.rows import RecordedField
 from grabberd.core.field import PackedField, unpack
 from grabberd.core.ledger import Outcome
 

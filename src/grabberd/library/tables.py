@@ -4,7 +4,7 @@ They are numpy arrays, and data frames where pandas is installed.
 """
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive import CaptureReader
 from grabberd.archive.capture.checked_rows import END
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.export.point_grid import GridTargets, known_model
 from grabberd.archive.export.points_columns import POINT_COLUMNS, rows_by_group
 from grabberd.archive.export.points_export import points_about
-from grabberd.core.chain.columns import LABELS, WORD, Column, Rows
+from grabberd.core.chain.columns import LABELS, WORD, Column, joined
 from grabberd.errors import ExtraMissing, InputError, NotFound
 
 if TYPE_CHECKING:
@@ -207,18 +207,13 @@ def read_points(reader: CaptureReader, chosen: Chosen) -> PointTable:
     run = reader.run(chosen.run)
     end_n = END if chosen.end_n is None else chosen.end_n
     reader.check_points(run.run, chosen.first_n, end_n)
-    rows = _joined(rows_by_group(reader, run.run, chosen.first_n, end_n, chosen.every))
-    if rows is None:
+    parts = rows_by_group(reader, run.run, chosen.first_n, end_n, chosen.every)
+    some = [rows for rows in parts if len(rows["n"])]
+    if not some:
         raise NotFound(
             f"run {run.run} of capture {reader.meta.id} has no points in the fields that were asked for",
             "its fields are numbered from 0 on; capture.ledger says which did not come",
         )
+    rows = joined(POINT_COLUMNS, some)
     targets = GridTargets.of(known_model(run), np.unique(rows["target"]).astype(np.int64))
     return PointTable(rows, points_about(reader, run.run), targets)
-
-
-def _joined(parts: Iterable[Rows]) -> Rows | None:
-    some = [one for one in parts if len(one["n"])]
-    if not some:
-        return None
-    return {one.name: np.concatenate([rows[one.name] for rows in some]) for one in POINT_COLUMNS}

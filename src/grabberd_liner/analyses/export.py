@@ -240,9 +240,11 @@ def _names(table: Table) -> list[str]:
 
 def _hdf5(folder: Path, analysis: _Analysis) -> list[Path]:
     grid: ArrayGroup = (_GRID_MEANING.format(0), {name: getattr(analysis.grid, name) for name in _GRID})
-    tables, path = analysis.tables.values(), folder / HDF5_NAME
-    with checked_path(path, hdf5_check(tables, ["grid"])) as part:
-        write_hdf5(part, tables, analysis.about, {"grid": grid})
+    tables, path = analysis.tables, folder / HDF5_NAME
+    columns = {name: table.columns for name, table in tables.items()}
+    check = hdf5_check(columns, {name: len(table) for name, table in tables.items()}, ["grid"])
+    with checked_path(path, check) as part:
+        write_hdf5(part, tables.values(), analysis.about, {"grid": grid})
     return [path]
 
 

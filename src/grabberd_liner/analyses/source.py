@@ -7,8 +7,9 @@ from pathlib import Path
 from textwrap import shorten
 from typing import Any
 
-from grabberd.archive import CaptureReader, RunInfo
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.recorded_channels import ChannelReadings
+from grabberd.archive.capture.rows import RunInfo
 from grabberd.archive.measure_setups import measure_setup
 from grabberd.core.chain.measure import MeasureSetup, single_view_images
 from grabberd.core.channels import Dating, Quantity

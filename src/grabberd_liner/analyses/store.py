@@ -17,11 +17,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from grabberd.archive.state.result_folders import ResultFolders
 from grabberd.errors import ExtraMissing, NotFound
 from grabberd.files.checked_file import Check, checked_file, text_check, write_checked
 from grabberd.files.disk import storage_errors, sync_directory
 from grabberd_liner.analyses.documents import AnalysisList, AnalysisRow, PulsationDocument, is_outdated
+from grabberd_liner.result_folders import ResultFolders
 
 if TYPE_CHECKING:
     from grabberd_liner.chain.analysis.analysis_document import TargetMap

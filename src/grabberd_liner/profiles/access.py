@@ -143,7 +143,7 @@ def labels_of_file(capture: Path, config: Path | None) -> dict[str, str]:
         CaptureFileError: The capture cannot be read.
         StorageError: The state cannot be read.
     """
-    from grabberd.archive import CaptureReader  # noqa: PLC0415
+    from grabberd.archive.capture.reader import CaptureReader  # noqa: PLC0415
     from grabberd.archive.state.state_backups import STATE  # noqa: PLC0415
     from grabberd.archive.state.state_database import AnnotationStore  # noqa: PLC0415
 

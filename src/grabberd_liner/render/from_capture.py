@@ -11,7 +11,7 @@ import typer
 from numpy.typing import NDArray
 from rich.progress import Progress
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.export.pictures import MOST_PER_S, write_animation, write_pictures
 from grabberd.archive.measure_setups import measure_setup
 from grabberd.cli.options import print_json

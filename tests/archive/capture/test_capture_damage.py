@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from archive.captures import numbers, slot, slots, write
-from grabberd.archive import CaptureReader
-from grabberd.archive.capture.reader import stat_at_rest
+from grabberd.archive.capture.reader import CaptureReader, stat_at_rest
 from grabberd.archive.capture.schema import connect
 from grabberd.errors import CaptureFileError, GrabberdError, StorageError
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from archive.captures import ledger_of, meta, same_field, slot, slots, write
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.schema import APPLICATION_ID
 from grabberd.core.ledger import Outcome
 from grabberd.errors import NotFound

@@ -7,8 +7,10 @@ import sqlite3
 import pytest
 
 from archive.captures import META, ledger_of, slot, write
-from grabberd.archive import CaptureReader, CaptureWriter, export_png
 from grabberd.archive.capture.crash_recovery import recover
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.writer import CaptureWriter
+from grabberd.archive.export.field_pictures import export_png
 from grabberd.core.ledger import Ledger, LedgerEvent, Rebase
 from grabberd.errors import CaptureFileError
 

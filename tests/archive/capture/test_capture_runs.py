@@ -8,9 +8,10 @@ from contextlib import closing
 import pytest
 
 from archive.captures import MADE_WITH, ledger_of, points, slots, write
-from grabberd.archive import CaptureReader, append_run
 from grabberd.archive.capture.groups import MOST_FIELDS
 from grabberd.archive.capture.point_table import GROUPED
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.runs import append_run
 from grabberd.archive.capture.schema import connect
 from grabberd.errors import CaptureFileError, NotFound, StorageError
 

@@ -5,8 +5,9 @@ import threading
 import pytest
 
 from archive.captures import ledger_of, meta, numbers, slot, slots
-from grabberd.archive import CaptureReader, CaptureWriter
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.schema import JOURNAL_BYTES
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.guarded_database import JOURNAL
 from grabberd.core.ledger import Ledger, LedgerEntry, Outcome
 from grabberd.errors import StorageError

@@ -10,12 +10,13 @@ import pytest
 from archive.capture.groups.test_quanta import ARRAYS
 from archive.captures import same_field, slot, slots, write
 from archive.first_format import write_first_format
-from grabberd.archive import CaptureReader, append_run
 from grabberd.archive.capture import conversion
 from grabberd.archive.capture.content_digest import content_sha256
 from grabberd.archive.capture.conversion import convert
 from grabberd.archive.capture.meta import read_conversion
 from grabberd.archive.capture.point_codec import quantised
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.runs import append_run
 from grabberd.archive.capture.schema import connect, format_of
 from grabberd.archive.capture.verification import verify
 from grabberd.core.ledger import Outcome

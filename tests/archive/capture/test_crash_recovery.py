@@ -9,8 +9,9 @@ from datetime import datetime, timedelta
 import pytest
 
 from archive.captures import MADE_WITH, META, PERIOD_NS, START_NS, ledger_of, meta, points, slot, slots, write
-from grabberd.archive import CaptureReader, CaptureWriter, recover
-from grabberd.archive.capture.crash_recovery import set_aside
+from grabberd.archive.capture.crash_recovery import recover, set_aside
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.clock import Now
 from grabberd.core.ledger import Ledger, LedgerEntry, Outcome
 from grabberd.errors import LaterVersion, StorageError

@@ -8,9 +8,11 @@ import pytest
 
 from archive.capture.test_conversion import NOW, points_of
 from archive.captures import computed_points, same_field, slot
-from grabberd.archive import CaptureReader, append_run, recover
 from grabberd.archive.capture.conversion import convert
+from grabberd.archive.capture.crash_recovery import recover
 from grabberd.archive.capture.point_codec import quantised
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.runs import append_run
 from grabberd.archive.capture.verification import verify
 from grabberd.archive.measure_setups import measure_setup
 from grabberd.core.chain.measure import measure_fields

@@ -9,8 +9,8 @@ from contextlib import closing, suppress
 import pytest
 
 from archive.captures import slots, write
-from grabberd.archive import CaptureReader
 from grabberd.archive.capture.checked_rows import some_rows
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.runs import append_run
 from grabberd.archive.capture.schema import TABLES
 from grabberd.errors import CaptureFileError, GrabberdError

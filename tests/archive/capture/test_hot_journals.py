@@ -5,9 +5,12 @@ import shutil
 import pytest
 
 from archive.captures import MADE_WITH, META, meta, points, slots, write
-from grabberd.archive import CaptureReader, CaptureWriter, append_run, recover
+from grabberd.archive.capture.crash_recovery import recover
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.runs import append_run
 from grabberd.archive.capture.schema import DAMAGED, connect
 from grabberd.archive.capture.verification import verify
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.guarded_database import JOURNAL
 from grabberd.archive.state.index_entries import read_entries
 from grabberd.errors import StorageError

@@ -12,9 +12,12 @@ import numpy as np
 import pytest
 
 from archive.captures import meta, points, slots, write
-from grabberd.archive import CaptureReader, CaptureWriter, append_run, content_process
+from grabberd.archive import content_process
 from grabberd.archive.capture import group_content
 from grabberd.archive.capture.groups import PointGroup, measured_points
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.runs import append_run
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.content_process import KEPT_S, MOST, KeptReaders
 from grabberd.core.reconstruction import Points
 from grabberd.errors import CaptureFileError

@@ -9,7 +9,8 @@ import pytest
 
 from archive.capture.writing_child import READINGS_A_FIELD, write_fields
 from archive.captures import points
-from grabberd.archive import CaptureReader, recover
+from grabberd.archive.capture.crash_recovery import recover
+from grabberd.archive.capture.reader import CaptureReader
 
 ROUNDS, AT_ONCE = 5, 4
 LAST_SECOND = 50

@@ -3,8 +3,9 @@
 import pytest
 
 from archive.captures import ledger_of, points, slots, write
-from grabberd.archive import CaptureReader, append_run
 from grabberd.archive.capture import runs, schema
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.runs import append_run
 from grabberd.errors import StorageError
 
 OTHER_PICTURES = "UPDATE pictures SET data = substr(data, 1, 8) WHERE first_n = NEW.first_n"

@@ -3,8 +3,9 @@
 import pytest
 
 from archive.captures import meta, slots, write
-from grabberd.archive import CaptureReader, CaptureWriter
 from grabberd.archive.capture.crash_recovery import interrupted_captures, recording_folder, seal
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.errors import CaptureFileError, StorageError
 
 

@@ -8,8 +8,11 @@ import pytest
 
 from archive.captures import MADE_WITH, META, ledger_of, meta, points, same_field, slot, slots, write
 from archive.first_format import write_first_format
-from grabberd.archive import CaptureReader, CaptureWriter, append_run, recover
+from grabberd.archive.capture.crash_recovery import recover
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.runs import append_run
 from grabberd.archive.capture.verification import verify
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.errors import CaptureFileError, GrabberdError
 
 COMMITS = ([*slots(4), slot(6, lost=2)], [slot(n) for n in range(7, 11)])

@@ -4,7 +4,7 @@ import time
 
 from archive.captures import MADE_WITH, META, ledger_of, meta, points, slot
 from archive.readings import CHANNELS, readings
-from grabberd.archive import CaptureWriter
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.core.channels.account import Account, ChannelAccount, ChannelLedger
 
 FIELDS_A_SECOND = 50

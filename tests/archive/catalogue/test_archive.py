@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from archive.captures import meta, slots, write
-from grabberd.archive import CaptureReader, CaptureWriter
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.errors import NotFound, ReadingGivenUp
 from grabberd.files.patience import Patience, within

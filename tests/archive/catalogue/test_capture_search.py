@@ -78,7 +78,7 @@ def test_those_of_a_day_are_found_whatever_came_later(archive: Archive) -> None:
     assert found(archive, **day) == ["c3", "c2"]
     query = CaptureQuery(limit=1, **day)
     first = list_captures(archive, query)
-    assert found(archive, after=first.after, **day) == ["c2"]
+    assert found(archive, after=first.found.after, **day) == ["c2"]
     assert [one.id for one in first.captures] == ["c3"]
 
 
@@ -126,14 +126,14 @@ def test_a_running_capture_that_is_in_the_index_already_is_listed_once(archive: 
 def test_the_last_page_says_that_it_is_the_last(archive: Archive) -> None:
     page = list_captures(archive, CaptureQuery(limit=3))
     assert [one.id for one in page.captures] == ["c5", "c4", "c3"]
-    assert page.after == Position("2026-03-03T09:00:00.000Z", "c3")
-    last = list_captures(archive, CaptureQuery(limit=2, after=page.after))
-    assert ([one.id for one in last.captures], last.after) == (["c2", "c1"], None)
+    assert page.found.after == Position("2026-03-03T09:00:00.000Z", "c3")
+    last = list_captures(archive, CaptureQuery(limit=2, after=page.found.after))
+    assert ([one.id for one in last.captures], last.found.after) == (["c2", "c1"], None)
 
 
 def test_totals_are_those_of_all_pages(archive: Archive) -> None:
     page = list_captures(archive, CaptureQuery(limit=1, search="day"))
-    assert (len(page.captures), page.total, page.in_all) == (1, 4, 5)
+    assert (len(page.captures), page.found.total, page.found.in_all) == (1, 4, 5)
 
 
 def test_a_capture_that_is_deleted_while_it_is_listed_is_left_out(archive: Archive) -> None:
@@ -143,7 +143,7 @@ def test_a_capture_that_is_deleted_while_it_is_listed_is_left_out(archive: Archi
 
 def test_a_capture_that_was_removed_by_hand_is_not_counted(archive: Archive) -> None:
     (archive.directory / "c3.grab").unlink()
-    assert list_captures(archive, CaptureQuery()).total == 4
+    assert list_captures(archive, CaptureQuery()).found.total == 4
 
 
 def test_what_is_said_of_a_capture_later_is_found_at_once(archive: Archive) -> None:

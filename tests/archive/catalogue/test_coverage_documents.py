@@ -6,7 +6,7 @@ from typing import get_args
 import pytest
 
 from archive.captures import MADE_WITH, slots, write
-from grabberd.archive import append_run
+from grabberd.archive.capture.runs import append_run
 from grabberd.archive.catalogue.capture_documents import describe, whole_coverage, whole_run
 from grabberd.core.reconstruction.points import Miss
 from grabberd.documents.coverage import MissReason

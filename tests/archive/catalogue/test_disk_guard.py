@@ -11,7 +11,7 @@ from recording_rig import Rig, wait_until_written
 from running import PATIENCE_S, configuration, sealed, wait_until_it_accepts
 from slots import slot
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.catalogue.disk_guard import GB, DiskGuard, bytes_per_field
 from grabberd.config import default_config_file
 from grabberd.errors import Cause, StorageError

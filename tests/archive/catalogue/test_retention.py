@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from queued_jobs import jobs_in
-from running import PATIENCE_S, configuration
+from running import configuration, until
 from slots import ManualClock
 
 from archive.captures import slots, write
@@ -288,8 +288,7 @@ def test_a_service_removes_by_itself_what_its_configuration_says(tmp_path: Path)
     write(barn.archive.directory, slots(2), name="new", id="new", created_utc=f"{datetime.now(UTC):%FT%TZ}")
     service.start()
     try:
-        with service.retention.applied:
-            assert service.retention.applied.wait_for(lambda: service.retention.removed == 2, PATIENCE_S)
+        until(lambda: service.retention.removed == 2)
         assert barn.files == {"new"}
         assert service.state().storage.removed == 2
     finally:

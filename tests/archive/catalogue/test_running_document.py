@@ -6,7 +6,8 @@ from pathlib import Path
 from running import PATIENCE_S, running, sealed
 
 from archive.captures import meta
-from grabberd.archive import CaptureReader, CaptureWriter
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.catalogue.capture_documents import describe
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.instrument.capture.recording import Recording

@@ -5,13 +5,13 @@ from collections.abc import Iterator
 from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from archive.captures import slots, write
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.catalogue.scrub import KEY, Scrub
+from grabberd.archive.state.state_database import StateStore
 from grabberd.errors import Cause
 from grabberd.fault_board import FaultBoard
 
@@ -29,13 +29,6 @@ class Clock:
         return self.moment
 
 
-class Store(dict[str, Any]):
-    """Keeps settings."""
-
-    def put(self, values: Any) -> None:
-        self.update(values)
-
-
 class Barn:
     """A folder of two captures, and what scrubs it."""
 
@@ -43,7 +36,9 @@ class Barn:
         folder.mkdir()
         for name in ("c1", "c2"):
             write(folder, slots(3), name=name, id=name, measured=range(3), fields_a_commit=1)
-        self.clock, self.store, self.faults, self.recording = Clock(), Store(), FaultBoard(), False
+        self.clock, self.faults, self.recording = Clock(), FaultBoard(), False
+        self.store = StateStore(folder / "state.sqlite")
+        self.store.open()
         self.archive = Archive(folder, list)
         self.archive.open()
         self.scrub = self.started()
@@ -122,7 +117,7 @@ def test_a_clock_that_was_set_back_does_not_put_it_off_for_years(barn: Barn) -> 
     barn.scrub.look()
     barn.clock.moment -= timedelta(days=3650)
     assert barn.scrub.look()
-    assert barn.store[KEY]["ended_utc"].startswith("2016")
+    assert barn.store.get(KEY)["ended_utc"].startswith("2016")
 
 
 def test_a_round_that_was_broken_off_is_not_taken_for_one(barn: Barn) -> None:

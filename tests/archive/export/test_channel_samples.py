@@ -5,7 +5,7 @@ import pytest
 
 from archive.captures import PERIOD_NS, START_NS, slot, slots, write
 from archive.readings import STEP_NS, readings, write_with_channels
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.export.channels_export import channel_samples
 
 FIELDS = 50

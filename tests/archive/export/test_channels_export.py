@@ -10,9 +10,10 @@ import pytest
 
 from archive.captures import META, PERIOD_NS, START_NS, slots, write
 from archive.readings import CHANNELS, SIGMA_NS, STEP_NS, readings, write_with_channels
-from grabberd.archive import CaptureReader, export_csv, export_parquet
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.export.channels_export import CHANNEL_COLUMNS, channels_csv
 from grabberd.archive.export.page_documents import channels_json
+from grabberd.archive.export.points_export import export_csv, export_parquet
 from grabberd.core.channels.account import AnomalyCount
 from grabberd.errors import CaptureFileError
 

@@ -79,7 +79,7 @@ def png():
 KINDS = {
     "csv": (lambda _: text(), csv_check(NAMES, five)),
     "parquet": (parquet, parquet_check(NAMES, five)),
-    "hdf5": (hdf5, hdf5_check([TABLE], ["grid"])),
+    "hdf5": (hdf5, hdf5_check({"points": COLUMNS}, {"points": 5}, ["grid"])),
     "ply": (lambda _: ply(), ply_check(five, 1)),
     "mat": (mat, mat_check(STRUCTS)),
     "c3d": (lambda _: c3d(), c3d_check(2, 5, 9)),

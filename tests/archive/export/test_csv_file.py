@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from archive.captures import slots, write
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.export.points_export import LEDGER, write_ledger_file
 from grabberd.archive.export.table_files import cell, csv_text
 from grabberd.core.chain.columns import Column

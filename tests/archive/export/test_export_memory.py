@@ -9,8 +9,9 @@ import pytest
 
 from archive.captures import slots
 from archive.first_format import write_first_format
-from grabberd.archive import points_c3d, points_csv, points_ply
+from grabberd.archive.export.c3d_file import points_c3d
 from grabberd.archive.export.page_documents import PointsQuery, points_json
+from grabberd.archive.export.points_export import points_csv, points_ply
 
 FIELDS = 2_000
 MOST = 3 << 20

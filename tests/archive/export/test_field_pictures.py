@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from archive.captures import COLUMNS, ROWS, packed, slot, slots, write
-from grabberd.archive import export_png, field_png
+from grabberd.archive.export.field_pictures import export_png, field_png
 from grabberd.core.field import Field, quantise, unpack
 from grabberd.core.ledger import Outcome
 from grabberd.errors import InputError, NotFound, StorageError

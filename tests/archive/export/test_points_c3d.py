@@ -8,8 +8,15 @@ import pytest
 from archive.captures import MADE_WITH, META, points, slot, slots, write
 from archive.milkings import object_document
 from archive.readings import readings, write_with_channels
-from grabberd.archive import export_c3d, points_c3d
-from grabberd.archive.export.c3d_file import MOST_FRAMES, Markers, c3d_frames, c3d_head, c3d_padding
+from grabberd.archive.export.c3d_file import (
+    MOST_FRAMES,
+    Markers,
+    c3d_frames,
+    c3d_head,
+    c3d_padding,
+    export_c3d,
+    points_c3d,
+)
 from grabberd.core.ledger import Outcome
 from grabberd.errors import InputError, NotFound, StorageError
 

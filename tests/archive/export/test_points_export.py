@@ -13,9 +13,15 @@ import numpy as np
 import pytest
 
 from archive.captures import META, meta, points, slots, write
-from grabberd.archive import export_csv, export_parquet, export_ply, points_csv, points_ply
 from grabberd.archive.export.child_stream import parquet_stream
 from grabberd.archive.export.points_columns import POINT_COLUMNS
+from grabberd.archive.export.points_export import (
+    export_csv,
+    export_parquet,
+    export_ply,
+    points_csv,
+    points_ply,
+)
 from grabberd.errors import CaptureFileError, ExtraMissing, NotFound, StorageError
 
 NUMPY = {"int": "<i4", "float": "<f4", "double": "<f8"}

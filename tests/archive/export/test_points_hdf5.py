@@ -7,7 +7,7 @@ import pytest
 
 from archive.captures import META, points, slots, write
 from archive.readings import readings, write_with_channels
-from grabberd.archive import export_hdf5
+from grabberd.archive.export.hdf5_file import export_hdf5
 from grabberd.archive.export.points_columns import POINT_COLUMNS
 from grabberd.errors import StorageError
 

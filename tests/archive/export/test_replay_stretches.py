@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from archive.captures import slot, slots, write
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.export.replay_stretches import Stretch, replay_pictures, replay_points
 from grabberd.core.field import unpack
 from grabberd.core.ledger import Outcome

@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 
 from archive.captures import slot, slots, write
-from grabberd.archive import CaptureIndex, CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.guarded_database import open_tables
 from grabberd.archive.state import capture_index
+from grabberd.archive.state.capture_index import CaptureIndex
 from grabberd.archive.state.index_entries import read_entries
 from grabberd.core.ledger import Outcome
 from grabberd.errors import NotFound, StorageError
@@ -22,7 +23,7 @@ def test_it_is_made_from_the_files(archive):
     index.rebuild()
     assert [entry.id for entry in index.list()] == ["c3", "c2", "c1"]
     assert index.get("c2").device == "teatcup"
-    assert index.file_of("c2") == archive / "c2.grab"
+    assert index.get("c2").file == "c2.grab"
 
 
 def test_making_it_again_forgets_what_is_gone(archive):
@@ -133,8 +134,8 @@ def test_damaged_files_are_listed_as_damaged_and_never_fatal(archive):
         index.rebuild()
         states = {entry.id: entry.state for entry in index.list()}
         assert states == {"c3": "sealed", "c2": "sealed", "c1": "damaged", "old": "damaged"}
-    assert index.file_of("c1").read_bytes() == b"garbage"
-    assert index.file_of("c1") == archive / "damaged" / "c1.grab"
+    assert (archive / index.get("c1").file).read_bytes() == b"garbage"
+    assert index.get("c1").file == "damaged/c1.grab"
     assert "cannot be read" in (archive / "damaged" / "c1.grab.txt").read_text()
 
 
@@ -158,7 +159,7 @@ def test_a_name_that_cannot_be_shown_is_changed_and_nothing_is_lost(archive):
     Path(os.fsdecode(os.fsencode(archive) + b"/damaged/\xfe.grab")).write_bytes(b"garbage")
     index = CaptureIndex(archive)
     index.rebuild()
-    assert index.file_of("c1") == archive / "st%FF%0Aick.grab"
+    assert index.get("c1").file == "st%FF%0Aick.grab"
     assert index.get("%FE").file == "damaged/%FE.grab"
 
 
@@ -247,7 +248,7 @@ def test_a_file_of_a_later_version_is_listed_where_it_is(archive):
     index = CaptureIndex(archive)
     index.rebuild()
     assert index.get("c1").state == "damaged"
-    assert index.file_of("c1") == archive / "c1.grab"
+    assert index.get("c1").file == "c1.grab"
 
 
 def test_a_copy_hides_no_capture(archive):
@@ -331,7 +332,7 @@ def test_what_a_full_disk_kept_out_is_entered_as_soon_as_there_is_room(tmp_path,
         raise StorageError("index.sqlite cannot be used: database or disk is full", "mend the disk")
 
     with monkeypatch.context() as patch:
-        patch.setattr(index, "_write", full)
+        patch.setattr(index, "_change", full)
         with pytest.raises(StorageError, match="full"):
             index.add(path)
         assert index.list() == []
@@ -344,7 +345,7 @@ def test_what_was_kept_out_and_is_gone_meanwhile_is_not_entered(tmp_path, monkey
     index.rebuild()
     path = write(tmp_path, slots(2))
     with monkeypatch.context() as patch:
-        patch.setattr(index, "_write", lambda _: (_ for _ in ()).throw(StorageError("full", "mend")))
+        patch.setattr(index, "_change", lambda _: (_ for _ in ()).throw(StorageError("full", "mend")))
         with pytest.raises(StorageError):
             index.add(path)
     path.unlink()

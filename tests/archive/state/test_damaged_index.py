@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from archive.captures import slots, write
-from grabberd.archive import CaptureIndex
+from grabberd.archive.state.capture_index import CaptureIndex
 
 
 def test_a_damaged_index_is_made_again(archive):

@@ -12,8 +12,13 @@ import numpy as np
 import pytest
 
 from archive.captures import points, slots, write
-from grabberd.archive import CaptureIndex, CaptureReader, append_run, export_csv, export_png, recover
 from grabberd.archive.capture.codec import decode_points
+from grabberd.archive.capture.crash_recovery import recover
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.runs import append_run
+from grabberd.archive.export.field_pictures import export_png
+from grabberd.archive.export.points_export import export_csv
+from grabberd.archive.state.capture_index import CaptureIndex
 from grabberd.archive.state.state_database import (
     MIGRATIONS,
     Annotation,

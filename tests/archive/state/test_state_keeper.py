@@ -205,7 +205,7 @@ def test_two_daemons_do_not_share_a_state_directory(rig: Rig) -> None:
 @pytest.mark.parametrize("running", [False, True])
 def test_lost_tokens_let_nobody_in_and_a_new_one_does(rig: Rig, running: bool) -> None:
     secret = rig.access.add("tablet", Role.ADMIN)
-    assert rig.access.needs_token
+    assert rig.access.needs_token()
     rig.clock.advance(10)
     rig.keeper.look()
     if not running:
@@ -213,10 +213,10 @@ def test_lost_tokens_let_nobody_in_and_a_new_one_does(rig: Rig, running: bool) -
     rig.damage(backups=True)
     if not running:
         rig.start()
-    assert rig.access.needs_token
+    assert rig.access.needs_token()
     assert rig.access.of_token(secret) is None
     rig.restart()
-    assert rig.access.needs_token, "after a restart as well"
+    assert rig.access.needs_token(), "after a restart as well"
     new = rig.access.add("tablet", Role.ADMIN)
     assert rig.access.of_token(new)
 
@@ -232,16 +232,16 @@ def test_restored_tokens_are_valid_as_they_were(rig: Rig) -> None:
 
 
 def test_a_machine_without_tokens_is_served_while_the_state_cannot_be_read(rig: Rig) -> None:
-    assert not rig.access.needs_token
+    assert not rig.access.needs_token()
     rig.folder.rename(rig.folder.with_name("away"))
-    assert not rig.access.needs_token
+    assert not rig.access.needs_token()
     rig.folder.with_name("away").rename(rig.folder)
 
 
 def test_one_with_tokens_is_not(rig: Rig) -> None:
     rig.access.add("tablet", Role.ADMIN)
-    assert rig.access.needs_token
+    assert rig.access.needs_token()
     rig.folder.rename(rig.folder.with_name("away"))
     with pytest.raises(StorageError):
-        assert rig.access.needs_token
+        assert rig.access.needs_token()
     rig.folder.with_name("away").rename(rig.folder)

@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from running import PATIENCE_S
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.client.daemon import Daemon as Asked
 from grabberd.core.reconstruction.points import Points
 from grabberd.instrument.capture.capture_request import CaptureRequest

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core.chain.milking import whole
-from grabberd.core.chain.columns import Column, TableSpec, joined, json_values, make_table
+from grabberd.core.chain.columns import Column, TableSpec, joined, json_values, make_table, regrouped
 from grabberd_liner.chain.analysis.columns import TABLES
 from grabberd_liner.chain.analysis.tables import tables
 
@@ -39,6 +39,12 @@ def test_a_large_table_comes_in_parts():
     parts = list(table.parts(2))
     assert [len(rows["count"]) for rows in parts] == [2, 2, 1]
     assert joined([COUNT], parts)["count"].tolist() == [0, 1, 2, 3, 4]
+
+
+def test_small_parts_become_few_large_ones():
+    parts = [{"count": np.arange(first, first + 2)} for first in range(0, 10, 2)]
+    found = [rows["count"].tolist() for rows in regrouped([COUNT], parts, 3)]
+    assert found == [[0, 1, 2, 3], [4, 5, 6, 7], [8, 9]]
 
 
 def test_a_single_value_is_a_row():

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from drivers.replay.pictures import COLUMNS, frames, luma, png
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.cli.app import app
 from grabberd.core.field import unpack
 from grabberd.errors import PictureError

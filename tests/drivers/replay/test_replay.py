@@ -6,7 +6,7 @@ import pytest
 from archive.captures import meta, same_field, slot, slots, write
 from drivers.replay.pictures import frames, luma, manifest, png
 from drivers.replay.playing import PERIOD_NS, play, rows
-from grabberd.archive import export_png
+from grabberd.archive.export.field_pictures import export_png
 from grabberd.core.field import FieldOrder, double_lines, quantise, unpack
 from grabberd.core.ledger import Outcome
 from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused, PictureError, StreamEnded

@@ -9,7 +9,8 @@ from typing import Any
 import typer
 from fastapi import FastAPI
 
-from grabberd.archive import CaptureReader, CaptureWriter
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.state.state_database import Outbox
 from grabberd.cli import main
 from grabberd.cli.app import app

@@ -8,7 +8,7 @@ import pytest
 from running import PATIENCE_S
 from several import UNPLUGGED, sealed_all, several, wait_until_they_accept
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.schema import create
 from grabberd.archive.catalogue.disk_guard import GB, DiskGuard, bytes_per_field
 from grabberd.config import LocationConfig, load_config, shipped_configs

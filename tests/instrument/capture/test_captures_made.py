@@ -7,7 +7,7 @@ import pytest
 from capturing import capture, thresholds_of
 from running import PATIENCE_S, live, running, sealed
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.config import ThresholdConfig
 from grabberd.instrument.capture.capture_request import CaptureRequest
 

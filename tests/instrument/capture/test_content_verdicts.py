@@ -10,7 +10,8 @@ import pytest
 from capturing import capture, replaying
 from running import live
 
-from grabberd.archive import CaptureReader, export_png
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.export.field_pictures import export_png
 from grabberd.archive.measure_setups import INCLUDE_DAMAGED
 from grabberd.config import RingConfig
 from grabberd.core.field import unpack

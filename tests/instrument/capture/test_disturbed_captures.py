@@ -6,7 +6,7 @@ import pytest
 from capturing import capture
 from running import PATIENCE_S, live, running, sealed, until
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.config import CaptureConfig, RingConfig
 from grabberd.core.ledger import Outcome
 from grabberd.documents.enums import DeviceState

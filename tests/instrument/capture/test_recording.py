@@ -8,7 +8,8 @@ from recording_rig import PATIENCE_S, Rig, wait_until_written
 from slots import PERIOD_NS, damaged, slot, without_signal
 
 from archive.captures import points
-from grabberd.archive import export_csv, export_png, points_csv
+from grabberd.archive.export.field_pictures import export_png
+from grabberd.archive.export.points_export import export_csv, points_csv
 from grabberd.core.chain.measure import MeasuredField
 from grabberd.errors import DeviceLost, DeviceRefused, PictureError, StorageError, StreamEnded
 from grabberd.instrument.capture.recording import WAIT_S

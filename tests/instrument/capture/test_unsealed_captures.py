@@ -8,8 +8,8 @@ import pytest
 from recording_rig import PATIENCE_S, Rig
 from slots import slot
 
-from grabberd.archive import CaptureReader
 from grabberd.archive.capture import writer
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.errors import Cause, StorageError
 from grabberd.fault_board import FaultBoard
 from grabberd.instrument.capture.recording import Recording

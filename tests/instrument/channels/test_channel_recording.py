@@ -10,7 +10,7 @@ from scripted_loggers import CHANNELS, COLUMNS, CONFIG, INFO, STEP_NS, ScriptedL
 from simulated_time import SimulatedClock
 from slots import PERIOD_NS, slot
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.verification import verify
 from grabberd.core.channels import Anomaly, Dating
 from grabberd.documents.enums import DeviceState

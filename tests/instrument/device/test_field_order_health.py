@@ -8,7 +8,7 @@ import pytest
 from measured_fields import SETUP, measured_field
 from running import running, sealed
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.catalogue.capture_documents import describe
 from grabberd.core.reconstruction.field_order import FieldOrderFit, Order
 from grabberd.instrument.capture.capture_request import CaptureRequest

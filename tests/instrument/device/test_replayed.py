@@ -8,7 +8,7 @@ import pytest
 from capturing import capture, fixed_threshold, points_of, replaying, thresholds_of
 from running import PATIENCE_S, running, sealed
 
-from grabberd.archive import export_png
+from grabberd.archive.export.field_pictures import export_png
 from grabberd.config import ThresholdConfig
 from grabberd.documents.enums import JobState
 from grabberd.errors import CalibrationMismatch

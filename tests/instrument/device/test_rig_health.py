@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from running import running, sealed
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.core.reconstruction.drift_check import RigFit, RigVerdict
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.instrument.device.field_watch import RigHealth, fit_document

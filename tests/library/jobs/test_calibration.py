@@ -10,7 +10,8 @@ from calibrators import calibration, exact, without_result
 from slots import slot
 
 from grabberd import reports
-from grabberd.archive import CaptureMeta, CaptureWriter
+from grabberd.archive.capture.meta import CaptureMeta
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.state.calibration_store import CalibrationStore
 from grabberd.core.ledger import Ledger
 from grabberd.documents.requests import CalibrationOptions

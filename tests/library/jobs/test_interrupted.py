@@ -8,7 +8,7 @@ from running import running, sealed
 
 from archive.milkings import milking
 from core.chain.milking import field, still
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.errors import MeasurementError
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.library.jobs import measurement as measuring

@@ -9,12 +9,12 @@ import pytest
 from archive.captures import ledger_of, meta
 from archive.milkings import object_document
 from core.chain.fake_scene import Scene, take_scene
-from grabberd.archive import CaptureWriter
 from grabberd.archive.capture.reading_groups import (
     ChannelCalibration,
     RecordedChannel,
     RecordedReadings,
 )
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.core.channels import Quantity, Readings
 from grabberd.core.ledger import Outcome, Slot
 from grabberd.errors import InputError

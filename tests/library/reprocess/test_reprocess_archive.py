@@ -16,8 +16,9 @@ from reprocessing import CALIBRATION, FIELDS, add_capture, archive, files, measu
 
 from archive.captures import regrouped
 from grabberd import __version__
-from grabberd.archive import CaptureReader, append_run
 from grabberd.archive.capture.content_digest import document_sha256
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.runs import append_run
 from grabberd.archive.export.dataset import DataSet
 from grabberd.archive.export.points_columns import DATASET_COLUMNS
 from grabberd.archive.measure_setups import measure_setup

@@ -9,7 +9,7 @@ import pytest
 from archive.captures import ledger_of, meta
 from archive.milkings import object_document
 from core.chain.fake_scene import Scene, take_scene
-from grabberd.archive import CaptureWriter
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.core.ledger import Outcome, Slot
 from grabberd.documents.document import JsonObject
 from grabberd.errors import AnalysisError, InputError

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from simulated_time import SMALL, NoCaptures, SimulatedClock, Until
 
-from grabberd.archive import CaptureMeta, CaptureWriter
+from grabberd.archive.capture.meta import CaptureMeta
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.config import RingConfig
 from grabberd.core.ledger import Slot
 from grabberd.instrument.acquisition import RingReader, StreamInfo

@@ -7,13 +7,15 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from grabberd.archive import CaptureMeta, CaptureReader, CaptureWriter
 from grabberd.archive.capture.codec import ZLIB, decode_field, encode_points
 from grabberd.archive.capture.codec import decode_points as decode_single
 from grabberd.archive.capture.groups import decode_pictures, encode_pictures
+from grabberd.archive.capture.meta import CaptureMeta
 from grabberd.archive.capture.point_codec import decode_points
 from grabberd.archive.capture.point_codec import encode_points as encode_group
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.schema import RESERVE_BYTES
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.measure_setups import measure_setup
 from grabberd.config import shipped_configs
 from grabberd.core.chain.measure import measure_fields

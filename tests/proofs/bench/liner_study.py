@@ -15,7 +15,7 @@ import numpy as np
 import yaml
 from tests.proofs.bench.liner_study_tables import Found, tables
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.config import default_config_file
 from grabberd_fake.documents import object_document
 from grabberd_fake.liner_truth import quantities_of

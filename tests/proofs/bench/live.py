@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.instrument.capture.capture_request import CaptureRequest
 
 from .daemon import Cost, Daemon, daemon, resident_mb

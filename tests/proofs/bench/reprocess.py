@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
 
-from grabberd.archive import CaptureMeta, CaptureWriter
+from grabberd.archive.capture.meta import CaptureMeta
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.export.dataset import DataSet
 from grabberd.config import default_config_file, load_config, shipped_configs
 from grabberd.core.field import Field, NumberedField, double_lines, quantise

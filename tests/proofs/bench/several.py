@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.config import default_config_file, load_config
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.instrument.capture.recording import Recording

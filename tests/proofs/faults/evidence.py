@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.core.field import NumberedField, unpack
 from grabberd.core.ledger import Ledger, LedgerEntry
 from grabberd_fake import read_stamp

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import grabberd_fake.grabber
-from grabberd.archive import CaptureWriter
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.cli import main
 from grabberd.clock import SystemClock
 

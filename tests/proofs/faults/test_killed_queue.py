@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.config import default_config_file, load_config
 from grabberd_liner.analyses.store import AnalysisStore
 

@@ -11,7 +11,7 @@ from archive.captures import slots
 from archive.readings import write_with_channels
 from drivers.replay.pictures import frames
 from drivers.replay.videos import avi, coded, y4m
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.state.backup import back_up
 from grabberd.archive.state.state_database import StateStore
 from grabberd.config import default_config_file

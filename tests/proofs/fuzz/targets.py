@@ -11,8 +11,8 @@ from typing import NamedTuple
 import yaml
 from pydantic import ValidationError
 
-from grabberd.archive import CaptureReader
 from grabberd.archive.capture.crash_recovery import recover
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.input_files import read_identifications, read_truth
 from grabberd.archive.state.backup import restore
 from grabberd.archive.state.index_entries import entry_of

@@ -18,7 +18,7 @@ from tests.proofs.faults.observer import Observer, observing
 from tests.proofs.faults.playing import Shortage, play
 from tests.proofs.faults.suffering import BEFORE_S, PERIOD_S, Act, judged, recovered
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.state.state_backups import STATE, accept_state
 from grabberd.errors import GrabberdError
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.core.field import unpack
 from grabberd_fake import FakeOptions
 from grabberd_fake.faults import PERIOD_NS

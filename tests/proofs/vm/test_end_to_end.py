@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from proofs.vm import film
 from proofs.vm.guest import daemon, vivid
 from proofs.vm.machine import Machine

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from proofs.vm import film
 from proofs.vm.first_day import Walk, curl, screenshot
 from proofs.vm.guest import client, first_day, unit

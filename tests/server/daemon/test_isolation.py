@@ -12,7 +12,8 @@ from running import PATIENCE_S, configuration
 from scripted import INFO
 from several import sealed_all, service_of, several, wait_until_they_accept
 
-from grabberd.archive import CaptureReader, CaptureWriter
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.config import default_config_file
 from grabberd.documents.enums import DeviceState
 from grabberd.errors import ConfigError, DeviceRefused

@@ -8,7 +8,7 @@ import pytest
 from capturing import capture
 from running import PATIENCE_S, configuration, running, sealed
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.schema import create
 from grabberd.config import default_config_file
 from grabberd.errors import CaptureRunning, Conflict, NotFound
@@ -119,7 +119,7 @@ def test_stopping_the_service_seals_a_running_capture(tmp_path: Path) -> None:
         capture_id = service.capture_control.start(None, CaptureRequest()).id
         reader = service.instrument(None).pipeline.ring.reader()
         assert reader.take(PATIENCE_S)
-    path = service.archive.index.file_of(capture_id)
+    path = service.archive.path(capture_id)
     with CaptureReader(path) as file:
         assert file.meta.state == "sealed"
         assert file.meta.ended_because == "the daemon stopped"

@@ -8,30 +8,22 @@ A USB stick may bring any bytes as the name of a file; it gets one that can be s
 import logging
 import os
 import secrets
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Protocol
 from urllib.parse import quote_from_bytes
 
 from grabberd.errors import Cause, StorageError
 from grabberd.files.disk import DirectoryLock, storage_errors, write_through
 
+log = logging.getLogger(__name__)
 ANY = ""
 """Remembered in place of an id: whatever folder is there is accepted, or a new one made."""
 ACCEPT = "if it is meant to be so: grabberd storage accept"
-
-
-class Settings(Protocol):
-    """Store of values by key."""
-
-    def get(self, key: str) -> Any:
-        """The value of a key; None if there is none."""
-        ...
-
-    def put(self, values: Mapping[str, Any]) -> None:
-        """Writes some keys."""
-        ...
+_PLAIN = " !#$&'()+,-.=@[]^_`{}~"
+"""Characters that a name keeps, beside letters and digits, when it has to be made plain."""
+LONGEST_BYTES = 200
+"""Of a name; longer ones leave no room for the endings that are added to them; file systems end at 255."""
 
 
 class CapturesFolder:
@@ -54,16 +46,6 @@ class CapturesFolder:
         self._remembered = remembered
         self._remember = remember
         self._id: str | None = None
-
-    @classmethod
-    def kept_in(cls, settings: Settings, key: str, path: Path) -> "CapturesFolder":
-        """A folder whose id is remembered as a setting."""
-
-        def remembered() -> str | None:
-            known = settings.get(key)
-            return None if known is None else str(known)
-
-        return cls(path, remembered, lambda known: settings.put({key: known}))
 
     @property
     def in_place(self) -> bool:
@@ -140,12 +122,6 @@ def id_of(folder: Path) -> str | None:
     with suppress(OSError, ValueError):
         return DirectoryLock(folder).path.read_text(encoding="ascii").strip() or None
     return None
-
-
-log = logging.getLogger(__name__)
-_PLAIN = " !#$&'()+,-.=@[]^_`{}~"
-LONGEST_BYTES = 200
-"""Longer names leave no room for the endings that are added to them; file systems end at 255."""
 
 
 def is_plain(name: str) -> bool:

@@ -33,7 +33,8 @@ POINT = np.dtype(
 
 Positions are exact; single precision keeps seven digits of the rest, which is more than its accuracy.
 """
-_UPPER = np.triu_indices(3)
+UPPER = np.triu_indices(3)
+"""Indices of a covariance's six elements: xx, xy, xz, yy, yz, zz."""
 
 
 def decode_field(codec: str, data: bytes, rows: int, columns: int, bits: int) -> NDArray[np.uint8]:
@@ -93,8 +94,8 @@ def encode_points(points: Points) -> bytes:
     records = np.zeros(len(points), POINT)
     records["target"] = points.target
     records["xyz_mm"] = points.xyz_mm
-    records["covariance_mm2"] = points.covariance_mm2[:, *_UPPER]
-    records["calibration_covariance_mm2"] = points.calibration_covariance_mm2[:, *_UPPER]
+    records["covariance_mm2"] = points.covariance_mm2[:, *UPPER]
+    records["calibration_covariance_mm2"] = points.calibration_covariance_mm2[:, *UPPER]
     records["image_px"] = points.image_px
     records["residual_px"] = points.residual_px
     return zlib.compress(records.tobytes(), 1)
@@ -119,17 +120,18 @@ def decode_points(data: bytes, count: int) -> Points:
     return Points(
         target=records["target"].copy(),
         xyz_mm=records["xyz_mm"].copy(),
-        covariance_mm2=_symmetric(records["covariance_mm2"]),
-        calibration_covariance_mm2=_symmetric(records["calibration_covariance_mm2"]),
+        covariance_mm2=symmetric(records["covariance_mm2"]),
+        calibration_covariance_mm2=symmetric(records["calibration_covariance_mm2"]),
         image_px=records["image_px"].astype(np.float64),
         residual_px=records["residual_px"].astype(np.float64),
     )
 
 
-def _symmetric(upper: NDArray[np.floating]) -> NDArray[np.float64]:
-    full = np.empty((len(upper), 3, 3))
-    full[:, *_UPPER] = upper
-    full[:, _UPPER[1], _UPPER[0]] = upper
+def symmetric(elements: NDArray[np.floating]) -> NDArray[np.float64]:
+    """(N, 3, 3) matrices of their (N, 6) elements."""
+    full = np.empty((len(elements), 3, 3))
+    full[:, *UPPER] = elements
+    full[:, UPPER[1], UPPER[0]] = elements
     return full
 
 

@@ -4,10 +4,11 @@ Format 2 is read by `group_content`.
 """
 
 import sqlite3
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,39 +64,54 @@ def _part(points: Points, part: slice) -> Points:
     )
 
 
-class Content(Protocol):
+class Content(ABC):
     """Fields and points of one file.
 
     Damaged ones are errors, or are left out and noted, as the reader was told.
     """
 
+    def __init__(self, path: Path, connection: sqlite3.Connection, left_out: list[Damage] | None) -> None:
+        self._keeps = False
+        self._path = path
+        self._connection = connection
+        self._rows = CheckedRows(path, connection, left_out)
+
     @property
     def has_digests(self) -> bool:
         """False for files of earlier versions, in which a changed bit may go unnoticed."""
+        return self._rows.has_digests
 
     def keep_groups(self) -> None:
         """Keeps what is decoded last from now on: nobody changes the file as long as it is read."""
+        self._keeps = True
 
+    @abstractmethod
     def fields(self, first_n: int, end_n: int) -> Iterator[RecordedField]:
         """The fields with first_n ≤ n < end_n, in order."""
 
+    @abstractmethod
     def points(self, run: int, first_n: int, end_n: int, every: int) -> Iterator[PointArrays]:
         """Points of fields that are in the file, with first_n ≤ n < end_n and n a multiple of `every`."""
 
+    @abstractmethod
     def check_points(self, run: int, first_n: int, end_n: int) -> None:
         """Holds points against their digests, without decoding them."""
 
+    @abstractmethod
     def point_count(self, run: int, first_n: int, end_n: int, every: int) -> int:
         """Number of points, without reading them."""
 
+    @abstractmethod
     def point_span(self, run: int, first_n: int, end_n: int) -> tuple[int, int]:
         """Number of points of fields that are in the file, and the number after the last field with some."""
 
+    @abstractmethod
     def measured(self, run: int) -> int:
         """Reads and decodes all points of a run; returns the number of fields that have some."""
 
     def unaccounted(self) -> list[str]:
         """Lists in words what belongs to nothing else in the file."""
+        return []
 
 
 ALL_FIELDS = Kind(
@@ -123,21 +139,8 @@ _ALL_POINTS = Kind(
 )
 
 
-class RowContent:
-    """See `Content`."""
-
-    def __init__(self, path: Path, connection: sqlite3.Connection, left_out: list[Damage] | None) -> None:
-        self._path = path
-        self._connection = connection
-        self._rows = CheckedRows(path, connection, left_out)
-
-    @property
-    def has_digests(self) -> bool:
-        """See `Content`."""
-        return self._rows.has_digests
-
-    def keep_groups(self) -> None:
-        """Keeps nothing: each field has rows of its own."""
+class RowContent(Content):
+    """Fields and points of format 1: each field has rows of its own, of which nothing is kept."""
 
     def fields(self, first_n: int, end_n: int) -> Iterator[RecordedField]:
         """See `Content`."""
@@ -173,10 +176,6 @@ class RowContent:
         """See `Content`."""
         kind = _ALL_POINTS._replace(what="points" if run == 1 else f"points of run {run}")
         return sum(1 for _ in self._rows.each(kind, points_prefix(run), _decoded, 0, END, run=run))
-
-    def unaccounted(self) -> list[str]:
-        """See `Content`; every row has a digest of its own here."""
-        return []
 
 
 def _decoded(row: Row) -> Points:

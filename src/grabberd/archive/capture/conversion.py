@@ -15,7 +15,7 @@ import numpy as np
 from grabberd.archive.capture.content_digest import content_sha256
 from grabberd.archive.capture.digests import write_sealed_digest
 from grabberd.archive.capture.meta import CONVERSION, SEALED, Conversion, write_meta
-from grabberd.archive.capture.point_codec import quantised
+from grabberd.archive.capture.point_codec import COLUMNS, quantised
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.rows import RecordedField
 from grabberd.archive.capture.runs import alone
@@ -31,14 +31,6 @@ FOLDER = ".converting-"
 _FIELDS_A_COMMIT = 500
 _COPIED, _VERIFIED = 0.5, 0.75
 """Shares of the work."""
-_ARRAYS = (
-    "target",
-    "xyz_mm",
-    "covariance_mm2",
-    "calibration_covariance_mm2",
-    "image_px",
-    "residual_px",
-)
 T = TypeVar("T")
 Progress = Callable[[float], None]
 
@@ -185,7 +177,7 @@ def _compare_points(
 ) -> None:
     for (n, one), (now, other) in _pairs(part, before, after):
         expected = quantised(one)
-        arrays = ((getattr(expected, name), getattr(other, name)) for name in _ARRAYS)
+        arrays = ((getattr(expected, name), getattr(other, name)) for name in COLUMNS)
         if n != now or any(array.tobytes() != found.tobytes() for array, found in arrays):
             raise _mismatch(part, f"the points of field {n}")
 

@@ -29,6 +29,8 @@ from grabberd.files.disk import DirectoryLock, scratch_folder, storage_errors
 REASON = ".txt"
 INTERRUPTED = "the program ended while it was recording"
 UNSEALED = "the program ended before it was sealed"
+PREFIX = ".grabberd-"
+"""Beginning of the names of hidden folders that are recorded into."""
 
 
 class Tail(NamedTuple):
@@ -169,9 +171,6 @@ def numbered(name: str) -> Iterator[str]:
     """`NAME`, `NAME-2`, `NAME-3` and so on."""
     yield name
     yield from (f"{name}-{number}" for number in itertools.count(2))
-
-
-PREFIX = ".grabberd-"
 
 
 @contextmanager

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive.capture.checked_rows import END, CheckedRows, Kind, some_rows
-from grabberd.archive.capture.content import PointArrays
+from grabberd.archive.capture.checked_rows import END, Kind, some_rows
+from grabberd.archive.capture.content import Content, PointArrays
 from grabberd.archive.capture.digests import FIELDS, Damage, Row, points_prefix
 from grabberd.archive.capture.groups import (
     FIELD_COLUMNS,
@@ -125,25 +125,13 @@ class _RunArrays(NamedTuple):
         return self.arrays.select(wanted) if wanted.any() else None
 
 
-class GroupContent:
-    """See `Content`."""
+class GroupContent(Content):
+    """Fields and points of format 2: a group is decoded as a whole, and kept if that is asked for."""
 
     def __init__(self, path: Path, connection: sqlite3.Connection, left_out: list[Damage] | None) -> None:
-        self._path = path
-        self._connection = connection
-        self._rows = CheckedRows(path, connection, left_out)
-        self._keeps = False
+        super().__init__(path, connection, left_out)
         self._pictures: list[RecordedField] = []
         self._points: _RunArrays | None = None
-
-    @property
-    def has_digests(self) -> bool:
-        """See `Content`."""
-        return self._rows.has_digests
-
-    def keep_groups(self) -> None:
-        """See `Content`."""
-        self._keeps = True
 
     def fields(self, first_n: int, end_n: int) -> Iterator[RecordedField]:
         """See `Content`."""

@@ -5,7 +5,7 @@ A group holds what one commit adds, half a second at 50 Hz. An invalid row is an
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,8 @@ from grabberd.archive.capture.codec import MOST_POINTS, frame_of, unpacked
 from grabberd.archive.capture.digests import Row
 from grabberd.archive.capture.meta import LARGEST_N
 from grabberd.archive.capture.point_codec import COLUMNS, PointColumns, decode_points, encode_points
-from grabberd.archive.capture.rows import RecordedField, check_field, check_picture, text_of
+from grabberd.archive.capture.rows import RecordedField, check_field, check_picture, field_of
 from grabberd.core.field import NumberedField, PackedField, packed_shape
-from grabberd.core.ledger import Outcome
 from grabberd.core.reconstruction.points import Points
 
 FIELD_COLUMNS = "n, time_ns, sequence, parity, y0, y_step, threshold, outcome, reason"
@@ -24,6 +23,10 @@ FIELD_COLUMNS = "n, time_ns, sequence, parity, y0, y_step, threshold, outcome, r
 _FIELD = tuple(FIELD_COLUMNS.split(", "))
 _UINT32 = np.dtype("<u4")
 NO_COLUMNS = PointColumns("", *(b"" for _ in COLUMNS))
+MOST_FIELDS = 32
+"""Fields of a group: a commit has 25 of them at 50 Hz, give or take a few."""
+LARGEST_GROUP = 16 << 20
+"""Bytes of a group's pictures, unless it has one field alone; as many as the largest picture."""
 
 
 class PictureGroup(NamedTuple):
@@ -88,14 +91,9 @@ def recorded_fields(group: PictureGroup) -> list[RecordedField]:
     if (fields[0]["n"], fields[-1]["n"]) != (group.first_n, group.last_n):
         raise ValueError(f"a group of the fields {group.first_n!r} to {group.last_n!r} has others")
     pictures = decode_pictures(group.data, group.fields, group.rows, group.columns, group.bits)
-    return [_recorded(one, group, data) for one, data in zip(fields, pictures, strict=True)]
-
-
-def _recorded(cells: dict[str, Any], group: PictureGroup, data: NDArray[np.uint8]) -> RecordedField:
-    image = (cells[name] for name in ("parity", "y0", "y_step", "threshold"))
-    packed = PackedField(data, group.bits, group.columns, *image)
-    numbered = NumberedField(cells["n"], cells["time_ns"], cells["sequence"], packed)
-    return RecordedField(numbered, Outcome(cells["outcome"]), text_of(cells["reason"]))
+    return [
+        field_of(one, data, group.bits, group.columns) for one, data in zip(fields, pictures, strict=True)
+    ]
 
 
 def point_group(run: int, fields: Sequence[tuple[int, Points]]) -> PointGroup:
@@ -147,12 +145,6 @@ def measured_points(group: PointGroup) -> Points:
         ValueError: They are damaged.
     """
     return decode_points(group.columns, group.points)
-
-
-MOST_FIELDS = 32
-"""Fields of a group: a commit has 25 of them at 50 Hz, give or take a few."""
-LARGEST_GROUP = 16 << 20
-"""Bytes of a group's pictures, unless it has one field alone; as many as the largest picture."""
 
 
 def pictures_size(count: int, rows: int, columns: int, bits: int) -> int:

@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 
 from grabberd.archive.capture.codec import (
     MOST_POINTS,
+    UPPER,
     differences,
     frame_of,
     planes_of,
     read_planes,
     sums,
+    symmetric,
     unpacked,
 )
 from grabberd.core.reconstruction.points import Points
@@ -30,8 +32,6 @@ PER_PX = 1_000
 LARGEST_WHOLE = 2**31 - 1
 LARGEST_CHANGE = 1e-3
 """Change of an element of a covariance, relative to the variances of its row and its column."""
-UPPER = np.triu_indices(3)
-"""Indices of a covariance's six elements: xx, xy, xz, yy, yz, zz."""
 
 
 def quantised(points: Points) -> Points:
@@ -94,14 +94,6 @@ def rounded_covariance(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N, 6) elements of (N, 3, 3) covariances by rounded factors; those not near stay as they are."""
     half, near = factors(covariance)
     return np.where(near[:, None], product(half), covariance[:, *UPPER])
-
-
-def symmetric(elements: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 3, 3) matrices of their (N, 6) elements."""
-    full = np.empty((len(elements), 3, 3))
-    full[:, *UPPER] = elements
-    full[:, UPPER[1], UPPER[0]] = elements
-    return full
 
 
 WHOLE = (("xyz_mm", PER_MM, 3), ("image_px", PER_PX, 4), ("residual_px", PER_PX, 1))

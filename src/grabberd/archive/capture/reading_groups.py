@@ -25,6 +25,8 @@ LARGEST_SIGMA_NS = 10**12
 INSERT_CHANNEL = "INSERT OR REPLACE INTO channels VALUES (?, ?, ?, ?, ?, ?)"
 INSERT_READINGS = "INSERT INTO readings VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
 _GROUPS_EVER = 1 << 31
+MOST_READINGS = 1 << 14
+"""Readings of a group; half a second of 32 000 a second."""
 
 
 class ChannelCalibration(NamedTuple):
@@ -191,10 +193,6 @@ def _check_whole(number: object, end: int) -> None:
     # A number with a fraction would be looked for in the range one by one.
     if not isinstance(number, int) or number not in range(end):
         raise ValueError(f"the number of a group, or the σ of its times in ns, is {number!r}")
-
-
-MOST_READINGS = 1 << 14
-"""Readings of a group; half a second of 32 000 a second."""
 
 
 def encode_times(time_ns: NDArray[np.int64]) -> bytes:

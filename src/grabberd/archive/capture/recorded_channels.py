@@ -162,12 +162,16 @@ class RecordedChannels:
         Raises:
             NotFound: The capture has none of that name.
         """
-        channel = self.channel(name)
+        readings = self.readings(self.channel(name))
+        with reading_errors(self._path):
+            if (np.diff(readings.time_ns) <= 0).any():
+                raise ValueError(f"the times of channel {name} do not ascend from group to group")
+        return readings
+
+    def readings(self, channel: RecordedChannel) -> ChannelReadings:
+        """All readings of a channel, whether or not their times ascend from group to group."""
         groups = list(self.groups(channel))
         time_ns = np.concatenate([np.empty(0, np.int64), *(one.time_ns for one in groups)])
-        with reading_errors(self._path):
-            if (np.diff(time_ns) <= 0).any():
-                raise ValueError(f"the times of channel {name} do not ascend from group to group")
         sigma_ns = [np.full(len(one.time_ns), one.time_sigma_ns, np.int64) for one in groups]
         return ChannelReadings(
             channel=channel,
@@ -260,6 +264,15 @@ def _parts(alike: Iterable[RecordedReadings]) -> Iterator[RecordedReadings]:
     for first in range(0, len(time_ns), MOST_READINGS):
         part = slice(first, first + MOST_READINGS)
         yield RecordedReadings(time_ns[part], value[part], some[0].dating, sigma_ns)
+
+
+def verdict_on(account: Account | None, *, sealed: bool) -> dict[str, str | None]:
+    """Verdict on the channels of a capture, and the same in words, as documents have them."""
+    if account is None:
+        return {"verdict": None, "in_words": "no channels were recorded"}
+    if not sealed:
+        return {"verdict": None, "in_words": "being recorded"}
+    return {"verdict": account.verdict, "in_words": account.in_words}
 
 
 KEY = "channels"

@@ -9,6 +9,9 @@ from bisect import bisect_right
 from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from grabberd.archive.capture.codec import decode_field
 from grabberd.archive.capture.meta import LARGEST_N, LARGEST_TIME_NS, LONGEST_REASON
 from grabberd.core.field import BIT_DEPTHS, LARGEST_SIDE_PX, PROGRESSIVE, NumberedField, PackedField
@@ -70,6 +73,15 @@ def recorded_field(row: tuple[Any, ...]) -> RecordedField:
     check_field(cells)
     bits, columns = cells["bits"], cells["columns"]
     planes = decode_field(cells["codec"], cells["data"], cells["rows"], columns, bits)
+    return field_of(cells, planes, bits, columns)
+
+
+def field_of(cells: Mapping[str, Any], planes: NDArray[np.uint8], bits: int, columns: int) -> RecordedField:
+    """A field of its decoded picture, and of cells that were checked.
+
+    Raises:
+        ValueError: There is no such outcome, or the reason is no text.
+    """
     image = (cells[name] for name in ("parity", "y0", "y_step", "threshold"))
     packed = PackedField(planes, bits, columns, *image)
     numbered = NumberedField(cells["n"], cells["time_ns"], cells["sequence"], packed)

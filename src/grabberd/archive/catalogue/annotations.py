@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.state_database import AnnotationStore
@@ -10,21 +10,8 @@ from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.document import MOST_LABELS, MOST_MARKS
 from grabberd.errors import Conflict, InputError
 
-
-class Jobs(Protocol):
-    """The part of the job runner that tells which captures are in use."""
-
-    def busy_subjects(self) -> set[str]:
-        """Returns the ids of the captures that unfinished jobs work on."""
-        ...
-
-    def check_idle(self, subject: str) -> None:
-        """Raises Conflict if an unfinished job works on a capture."""
-        ...
-
-    def forget_capture(self, capture_id: str) -> None:
-        """Forgets what is known of a capture that is deleted."""
-        ...
+if TYPE_CHECKING:
+    from grabberd.work.job_queue import JobQueue
 
 
 class CaptureAnnotations:
@@ -43,7 +30,7 @@ class CaptureAnnotations:
         self,
         archive: Archive,
         annotations: AnnotationStore,
-        jobs: Jobs,
+        jobs: "JobQueue",
         remove_results: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._archive = archive
@@ -118,11 +105,7 @@ class CaptureAnnotations:
 def _merged(document: CaptureDocument, labels: Mapping[str, str | None]) -> dict[str, str]:
     merged = {**document.labels, **labels}
     kept = {name: value for name, value in merged.items() if value is not None}
-    if len(kept) > MOST_LABELS:
-        raise InputError(
-            f"capture {document.id} would have {len(kept)} labels; the limit is {MOST_LABELS}",
-            "remove some first, by setting them to null",
-        )
+    _check_few(document, "labels", len(kept), MOST_LABELS)
     return kept
 
 
@@ -137,9 +120,13 @@ def _marked(
             f"capture {document.id} has no field {beyond[0]}", f"its fields are numbered 0 to {total - 1}"
         )
     kept = {n: name for n, name in {**marks, **changed}.items() if name is not None}
-    if len(kept) > MOST_MARKS:
+    _check_few(document, "marks", len(kept), MOST_MARKS)
+    return kept
+
+
+def _check_few(document: CaptureDocument, what: str, count: int, most: int) -> None:
+    if count > most:
         raise InputError(
-            f"capture {document.id} would have {len(kept)} marks; the limit is {MOST_MARKS}",
+            f"capture {document.id} would have {count} {what}; the limit is {most}",
             "remove some first, by setting them to null",
         )
-    return kept

@@ -8,9 +8,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
-from grabberd.archive import CaptureIndex, recover
 from grabberd.archive.capture.captures_folder import CapturesFolder, plainly_named
-from grabberd.archive.capture.crash_recovery import reason_of
+from grabberd.archive.capture.crash_recovery import reason_of, recover
 from grabberd.archive.capture.schema import DAMAGED, PART, SUFFIX, part_path
 from grabberd.archive.catalogue.capture_catalogue import Library, Results
 from grabberd.archive.catalogue.capture_documents import (
@@ -18,7 +17,7 @@ from grabberd.archive.catalogue.capture_documents import (
     damaged_document,
     describe,
 )
-from grabberd.archive.state.capture_index import IndexKeeper, Unusable
+from grabberd.archive.state.capture_index import CaptureIndex, IndexKeeper, Unusable
 from grabberd.archive.state.index_entries import SEALED_ENTRY, IndexEntry
 from grabberd.archive.state.state_database import Annotation
 from grabberd.documents.captures import CaptureDocument, MarkDocument

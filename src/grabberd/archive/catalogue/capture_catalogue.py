@@ -19,6 +19,7 @@ from grabberd.archive.catalogue.capture_query import (
     Order,
     Position,
     conditions_of,
+    marks,
     plain_conditions,
     sort_key,
 )
@@ -55,6 +56,7 @@ _FEW = 2500
 """Captures from which on it is quicker to go through all labels at once."""
 _QUARTER_MIN = 15
 """Every zone's day begins at a quarter of an hour."""
+_UNKNOWN = -1
 
 
 class Row(NamedTuple):
@@ -161,7 +163,7 @@ class CaptureCatalogue:
                 self._connection.execute("ROLLBACK")
 
     def _put(self, rows: Iterable[Row]) -> None:
-        insert = f"INSERT INTO captures ({', '.join(_COLUMNS)}) VALUES ({_marks(_COLUMNS)})"  # noqa: S608
+        insert = f"INSERT INTO captures ({', '.join(_COLUMNS)}) VALUES ({marks(_COLUMNS)})"  # noqa: S608
         for row in rows:
             self._remove([row.id])
             text = " ".join([row.note, *row.labels, *row.labels.values()]).casefold()
@@ -175,8 +177,8 @@ class CaptureCatalogue:
     def _kind(self, row: Row) -> int:
         """Number of the combination of a capture's values."""
         names, values = ", ".join(FACETS), [getattr(row, name) for name in FACETS]
-        self._execute(f"INSERT OR IGNORE INTO kinds ({names}) VALUES ({_marks(FACETS)})", *values)  # noqa: S608
-        own = f"SELECT kind FROM kinds WHERE ({names}) = ({_marks(FACETS)})"  # noqa: S608 - constants
+        self._execute(f"INSERT OR IGNORE INTO kinds ({names}) VALUES ({marks(FACETS)})", *values)  # noqa: S608
+        own = f"SELECT kind FROM kinds WHERE ({names}) = ({marks(FACETS)})"  # noqa: S608 - constants
         return int(self._execute(own, *values).fetchone()[0])
 
     def _remove(self, ids: Iterable[str]) -> None:
@@ -289,10 +291,6 @@ def _day(quarter: str, zone: tzinfo) -> str:
     return datetime.fromisoformat(f"{quarter}:00+00:00").astimezone(zone).date().isoformat()
 
 
-def _marks(values: Iterable[object]) -> str:
-    return ", ".join("?" for _ in values)
-
-
 def _key(order: Order) -> tuple[str, str, tuple[str, ...]]:
     """The key of a list, and where it comes from; captures without one come last in either direction."""
     if order.by == "label":
@@ -302,9 +300,6 @@ def _key(order: Order) -> tuple[str, str, tuple[str, ...]]:
     if order.by == "time":
         return "created_utc", "", ()
     return (order.by if order.descending else f"iif({order.by} < 0, {_LONGEST}, {order.by})"), "", ()
-
-
-_UNKNOWN = -1
 
 
 class Results(Protocol):

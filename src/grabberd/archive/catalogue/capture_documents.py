@@ -11,8 +11,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from grabberd.archive import CaptureMeta, CaptureReader, RunInfo
-from grabberd.archive.capture.meta import SEALED
+from grabberd.archive.capture.meta import SEALED, CaptureMeta
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.recorded_channels import verdict_on
+from grabberd.archive.capture.rows import RunInfo
 from grabberd.archive.capture.schema import reading_errors
 from grabberd.archive.state.index_entries import IndexEntry
 from grabberd.core.channels.account import Account
@@ -34,6 +36,14 @@ from grabberd.documents.coverage import CoverageDocument, CoverageSummary, Targe
 from grabberd.errors import ReadingGivenUp, StorageError
 from grabberd.files.disk import storage_errors
 from grabberd.files.patience import CURRENT, Patience, check_patience, within
+
+AXES = ("x", "y", "z")
+KEPT = 4096
+"""Number of captures whose descriptions are cached."""
+LONGEST_S = 25.0
+"""Time to describe one capture: less than a request for a list has, so that no file takes all of it."""
+TOO_SLOW_FOR_S = 600.0
+"""Time for which a file that took longer than that is not tried again."""
 
 
 def ledger_document(ledger: Ledger, rate_hz: float) -> LedgerDocument:
@@ -180,9 +190,6 @@ def _first_field_s(meta: CaptureMeta, first_time_ns: int | None) -> float | None
     return (first_time_ns - meta.start_ns) / 1e9
 
 
-AXES = ("x", "y", "z")
-
-
 def coverage_summary(stored: Mapping[str, Any] | None) -> CoverageSummary | None:
     """The coverage in short; None for a run that was not counted.
 
@@ -242,19 +249,7 @@ def channels_summary(account: Account | None, *, sealed: bool) -> ChannelsSummar
     if account is None:
         return None
     names = [one.name for one in account.channels]
-    if sealed:
-        return ChannelsSummary.model_validate(
-            {"names": names, "verdict": account.verdict, "in_words": account.in_words}
-        )
-    return ChannelsSummary(names=names, verdict=None, in_words="being recorded")
-
-
-KEPT = 4096
-"""Number of captures whose descriptions are cached."""
-LONGEST_S = 25.0
-"""Time to describe one capture: less than a request for a list has, so that no file takes all of it."""
-TOO_SLOW_FOR_S = 600.0
-"""Time for which a file that took longer than that is not tried again."""
+    return ChannelsSummary.model_validate({"names": names, **verdict_on(account, sealed=sealed)})
 
 
 class Descriptions:

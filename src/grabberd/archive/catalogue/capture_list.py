@@ -10,7 +10,7 @@ from datetime import tzinfo
 from typing import NamedTuple
 
 from grabberd.archive.catalogue.archive import Archive
-from grabberd.archive.catalogue.capture_catalogue import Count, Facets
+from grabberd.archive.catalogue.capture_catalogue import Count, Facets, Found
 from grabberd.archive.catalogue.capture_query import CaptureQuery, Position
 from grabberd.archive.export.table_files import cells
 from grabberd.archive.state.index_entries import IndexEntry, check_widths
@@ -35,18 +35,12 @@ class CapturePage(NamedTuple):
 
     Attributes:
         captures: Their documents, in order.
-        after: Position to go on from; None on the last page.
-        total: Number of captures that match.
-        in_all: Number of captures.
-        facets: What those that match have in common; None where nobody asked.
+        found: What the library answered.
         widths_mm: Course of the wall's width by capture, as far as it is known.
     """
 
     captures: list[CaptureDocument]
-    after: Position | None
-    total: int
-    in_all: int
-    facets: Facets | None
+    found: Found
     widths_mm: dict[str, list[float | None]]
 
 
@@ -71,7 +65,7 @@ def list_captures(archive: Archive, query: CaptureQuery, days_in: tzinfo | None 
         if len(shown) == len(found.ids):
             break
     widths = {one: check_widths(entry.widths) for one, entry in entries.items() if entry.widths}
-    return CapturePage(shown, found.after, found.total, found.in_all, found.facets, widths)
+    return CapturePage(shown, found, widths)
 
 
 def _document(
@@ -99,12 +93,13 @@ def list_document(page: CapturePage, cursor: Callable[[Position | None], str | N
         page: The page.
         cursor: Returns the cursor of a position.
     """
+    found = page.found
     return CaptureList(
         captures=page.captures,
-        next=cursor(page.after),
-        total=page.total,
-        in_all=page.in_all,
-        facets=None if page.facets is None else _facets(page.facets),
+        next=cursor(found.after),
+        total=found.total,
+        in_all=found.in_all,
+        facets=None if found.facets is None else _facets(found.facets),
         widths_mm=page.widths_mm,
     )
 

@@ -9,7 +9,8 @@ from grabberd.errors import InputError
 
 KEY = 64
 """Characters of a label that it is sorted by; captures with the same sort by their ids."""
-_LABEL = "label."
+LABEL = "label."
+"""Before the name of a label, in the name of its order and of its facet."""
 _NUMBER = re.compile(r"\d+")
 SORTS = ("time", "length", "losses", "size")
 
@@ -42,8 +43,8 @@ class Order(NamedTuple):
             InputError: There is no such order.
         """
         by = text.removeprefix("-")
-        if by.startswith(_LABEL) and by != _LABEL:
-            return cls("label", text != by, by.removeprefix(_LABEL))
+        if by.startswith(LABEL) and by != LABEL:
+            return cls("label", text != by, by.removeprefix(LABEL))
         if by not in SORTS:
             hint = f"sort by {', '.join(SORTS)} or label.NAME; with a minus before it from the greatest down"
             raise InputError(f"captures cannot be sorted by {text!r}", hint)
@@ -107,10 +108,6 @@ def sort_key(value: str) -> str:
     return _NUMBER.sub(lambda found: found.group().zfill(8), value[:KEY].casefold())[:KEY]
 
 
-LABEL = "label."
-"""Before the name of a label, in the name of its facet."""
-
-
 class Condition(NamedTuple):
     """A condition on a row of the catalogue.
 
@@ -148,7 +145,7 @@ def conditions_of(query: CaptureQuery) -> list[Condition]:
 
 def _among(column: str, values: tuple[str, ...]) -> Iterator[Condition]:
     if values:
-        yield Condition(column, f"{column} IN ({_marks(values)})", values)
+        yield Condition(column, f"{column} IN ({marks(values)})", values)
 
 
 def _flag(column: str, value: bool | None) -> Iterator[Condition]:
@@ -165,9 +162,10 @@ def _day(query: CaptureQuery) -> Iterator[Condition]:
 
 def _label(name: str, values: tuple[str, ...]) -> Condition:
     sql = f"""row IN (SELECT row FROM labels JOIN pairs USING (pair)
-        WHERE name = ? AND value IN ({_marks(values)}))"""  # noqa: S608 - marks
+        WHERE name = ? AND value IN ({marks(values)}))"""  # noqa: S608 - marks
     return Condition(f"{LABEL}{name}", sql, (name, *values))
 
 
-def _marks(values: Iterable[str]) -> str:
+def marks(values: Iterable[object]) -> str:
+    """A mark for each value of a statement."""
     return ", ".join("?" for _ in values)

@@ -25,6 +25,11 @@ _LONGEST = 100
 """Characters of a name, of which file systems allow 255 bytes."""
 _UNFIT = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|]+')
 """Characters that no file name may have somewhere."""
+MISSING = "MISSING.txt"
+"""Name of the text that names what is not whole."""
+_PIECE = 1 << 18
+"""Bytes that are read at once."""
+_CHANGED = "it was changed while being sent, so its copy in this archive is unusable; download it again"
 
 
 def captures_zip(archive: Archive, captures: Sequence[str], zone: tzinfo) -> Iterator[bytes]:
@@ -77,13 +82,6 @@ def _free(name: str, taken: set[str]) -> str:
     free = next(one for one in numbers if one.casefold() not in taken)
     taken.add(free.casefold())
     return free
-
-
-MISSING = "MISSING.txt"
-"""Name of the text that names what is not whole."""
-_PIECE = 1 << 18
-"""Bytes that are read at once."""
-_CHANGED = "it was changed while being sent, so its copy in this archive is unusable; download it again"
 
 
 class Member(NamedTuple):

@@ -117,7 +117,6 @@ class Retention:
 
     Attributes:
         removed: Number of captures removed since the start; `removed_bytes`: their total size.
-        applied: Notified after every removal.
     """
 
     def __init__(
@@ -129,7 +128,6 @@ class Retention:
         spared: Callable[[], Collection[str]],
         delete: Callable[[str], None],
     ) -> None:
-        self.applied = threading.Condition()
         self.removed = 0
         self.removed_bytes = 0
         self._archive = archive
@@ -166,10 +164,8 @@ class Retention:
             self._delete(removal.id)
         except (Conflict, NotFound):  # pinned, submitted to a job or deleted since `spared` was read
             return False
-        with self.applied:
-            self.removed += 1
-            self.removed_bytes += removal.size_bytes
-            self.applied.notify_all()
+        self.removed += 1
+        self.removed_bytes += removal.size_bytes
         size_gb = removal.size_bytes / GB
         log.warning("capture %s was removed (%.3f GB): %s", removal.id, size_gb, removal.because)
         return True

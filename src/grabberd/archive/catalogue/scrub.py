@@ -5,11 +5,11 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any, Protocol
 
 from grabberd.archive.capture.verification import Verification, verify_files
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.index_entries import SEALED_ENTRY
+from grabberd.archive.state.state_database import StateStore
 from grabberd.clock import UtcClock, iso_utc
 from grabberd.errors import Cause, GrabberdError
 from grabberd.fault_board import FaultBoard
@@ -21,18 +21,6 @@ LOOK_S = 600.0
 ended: a disk that is read beside has less time for what is written."""
 KEY = "scrub"
 _NAMED = 3
-
-
-class Store(Protocol):
-    """Keeps when the last round ended, and what it found."""
-
-    def get(self, key: str) -> Any:
-        """Returns the value of a key; None if there is none."""
-        ...
-
-    def put(self, values: Mapping[str, Any]) -> None:
-        """Writes keys."""
-        ...
 
 
 class Scrub:
@@ -50,7 +38,7 @@ class Scrub:
     def __init__(
         self,
         archive: Archive,
-        store: Store,
+        store: StateStore,
         faults: FaultBoard,
         clock: UtcClock,
         busy: Callable[[], bool],

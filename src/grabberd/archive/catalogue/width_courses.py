@@ -10,12 +10,18 @@ from pathlib import Path
 
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.catalogue.archive import Archive
+from grabberd.archive.export.point_grid import known_model
 from grabberd.archive.state.index_entries import IndexEntry, check_widths
-from grabberd.core.reconstruction.object_model import ObjectModel
 from grabberd.core.reconstruction.section_width import SectionWidth, section_widths
 from grabberd.errors import GrabberdError, NotFound
 
 log = logging.getLogger(__name__)
+SPAN_S = 6.0
+"""Time that is looked at, in the middle of the capture: several pulsations, whatever its length."""
+MOST = 60
+"""Widths of a course."""
+_EVERY = 5
+"""Fields from one number to the next: odd, so that both parities are seen."""
 
 
 class WidthCourses:
@@ -41,7 +47,7 @@ class WidthCourses:
         path = self._archive.sealed_path(capture_id)
         entry = self._archive.index.get(capture_id)
         if not entry.widths:
-            entry = entry._replace(widths=width_course_text(path))
+            entry = entry._replace(widths=json.dumps(width_course(path)))
             self._keep(entry)
         return check_widths(entry.widths)
 
@@ -64,13 +70,6 @@ class WidthCourses:
             log.info("the widths of capture %s are not kept: %s", entry.id, error.message)
 
 
-SPAN_S = 6.0
-"""Time that is looked at, in the middle of the capture: several pulsations, whatever its length."""
-MOST = 60
-_EVERY = 5
-"""Fields from one number to the next: odd, so that both parities are seen."""
-
-
 def width_course(path: Path) -> list[float | None]:
     """Widths in mm between the outermost facing targets that are seen, ten a second; none without points.
 
@@ -82,7 +81,7 @@ def width_course(path: Path) -> list[float | None]:
             run = reader.run(None)
         except NotFound:
             return []
-        model = _model(run.made_with.get("object"))
+        model = known_model(run)
         if model is None:
             return []
         first_n = reader.first_n or 0
@@ -93,20 +92,6 @@ def width_course(path: Path) -> list[float | None]:
         found = {n: section_widths(points, model) for n, _, points in timed}
     numbers = range(begin, begin + fields, _EVERY)
     return _best([found.get(n, []) for n in numbers if n <= max(found, default=-1)][:MOST])
-
-
-def width_course_text(path: Path) -> str:
-    """The same as JSON."""
-    return json.dumps(width_course(path))
-
-
-def _model(document: object) -> ObjectModel | None:
-    if not isinstance(document, dict):
-        return None
-    try:
-        return ObjectModel.from_document(document)
-    except GrabberdError:  # of an earlier version: there is no width to be known
-        return None
 
 
 def _best(fields: list[list[SectionWidth]]) -> list[float | None]:

@@ -39,6 +39,13 @@ _GREATEST_COORDINATE = 32_000
 _INTEL = 84
 _TEXT, _WORD, _REAL = -1, 2, 4
 _HINT = "csv, parquet and mat have room for it"
+_Parameter = tuple[str, bytes]
+"""Name of a parameter and its type, dimensions, values and description."""
+FRAMES_AT_ONCE = 500
+"""Frames in memory at once: a gap of days is made of empty ones."""
+_LONGEST_LABEL = 32
+_Place = tuple[int, int | None, int | None]
+"""Id of a target, and its row and column on the target grid where they are known."""
 
 
 class Analog(NamedTuple):
@@ -154,10 +161,6 @@ def _parameters(markers: Markers, first_block: int) -> bytes:
     )
 
 
-_Parameter = tuple[str, bytes]
-"""Name of a parameter and its type, dimensions, values and description."""
-
-
 def _point(markers: Markers, first_block: int) -> list[_Parameter]:
     count = markers.frames
     parameters = [
@@ -237,12 +240,6 @@ def _encoded(text: str) -> bytes:
     return text.encode()[:_LONGEST_TEXT].decode(errors="ignore").encode()
 
 
-FRAMES_AT_ONCE = 500
-"""Frames in memory at once: a gap of days is made of empty ones."""
-
-_LONGEST_LABEL = 32
-
-
 def points_c3d(
     path: Path, run: int | None = None, left_out: list[Damage] | None = None
 ) -> Generator[bytes, None, None]:
@@ -313,10 +310,6 @@ def _markers(grid: PointGrid) -> Markers:
         scale_mm=c3d_scale_mm(grid.reach_mm, grid.sigma_mm),
         about={name: text for name, text in texts.items() if text},
     )
-
-
-_Place = tuple[int, int | None, int | None]
-"""Id of a target, and its row and column on the target grid where they are known."""
 
 
 def _places(targets: GridTargets) -> Iterator[_Place]:

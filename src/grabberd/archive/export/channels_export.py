@@ -17,8 +17,8 @@ from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.reading_groups import RecordedChannel, RecordedReadings
 from grabberd.archive.export.points_columns import moments
 from grabberd.archive.export.read_back import csv_check, parquet_check
-from grabberd.archive.export.table_files import csv_text, write_parquet
-from grabberd.core.chain.columns import ROWS_AT_ONCE, Column, Rows, joined
+from grabberd.archive.export.table_files import csv_text, write_csv, write_parquet
+from grabberd.core.chain.columns import ROWS_AT_ONCE, Column, Rows, regrouped
 from grabberd.files.checked_file import checked_file
 
 CHANNEL_COLUMNS = (
@@ -42,6 +42,10 @@ CHANNEL_COLUMNS = (
     Column("dating", "", "U", "source of the times: arrival, own_clock or monotonic"),
     Column("logger", "", "U", "name of the logger"),
 )
+_NAMES = [column.name for column in CHANNEL_COLUMNS]
+Array = NDArray[np.float64]
+MOST_PER_FIELD = 40
+"""Samples to each field: 2000 a second."""
 
 
 def channel_rows(reader: CaptureReader) -> Iterator[Rows]:
@@ -72,9 +76,6 @@ def _rows(channel: RecordedChannel, readings: RecordedReadings, reader: CaptureR
         "dating": same(str(readings.dating)),
         "logger": same(channel.logger),
     }
-
-
-_NAMES = [column.name for column in CHANNEL_COLUMNS]
 
 
 def channels_csv(path: Path) -> Generator[str, None, None]:
@@ -118,41 +119,19 @@ def export_channels(path: Path, directory: Path, suffix: str, left_out: list[Dam
         rows = 0
         check = (csv_check if suffix == "csv" else parquet_check)(_NAMES, lambda: rows)
         with checked_file(directory / f"channels.{suffix}", check) as file:
-            rows = _write_csv(reader, file) if suffix == "csv" else _write_parquet(reader, file)
+            if suffix == "csv":
+                rows = write_csv(file, csv_text(CHANNEL_COLUMNS, channel_rows(reader)))
+            else:
+                rows = _write_parquet(reader, file)
         return rows
-
-
-def _write_csv(reader: CaptureReader, file: IO[bytes]) -> int:
-    rows = -1  # the head
-    for text in csv_text(CHANNEL_COLUMNS, channel_rows(reader)):
-        file.write(text.encode())
-        rows += text.count("\n")
-    return rows
 
 
 def _write_parquet(reader: CaptureReader, file: IO[bytes]) -> int:
     calibrations = {one.name: one.calibration._asdict() for one in reader.channels.all}
     about = {"capture": reader.meta.id, "calibrations": calibrations}
     metadata = {"grabberd": json.dumps(about, ensure_ascii=False)}
-    return write_parquet(file, CHANNEL_COLUMNS, _parts(channel_rows(reader)), metadata)
-
-
-def _parts(groups: Iterator[Rows]) -> Iterator[Rows]:
-    """Groups joined until they have some thousand rows."""
-    some: list[Rows] = []
-    for rows in groups:
-        some.append(rows)
-        if sum(len(one["time_s"]) for one in some) >= ROWS_AT_ONCE:
-            yield joined(CHANNEL_COLUMNS, some)
-            some = []
-    if some:
-        yield joined(CHANNEL_COLUMNS, some)
-
-
-Array = NDArray[np.float64]
-
-MOST_PER_FIELD = 40
-"""Samples to each field: 2000 a second."""
+    parts = regrouped(CHANNEL_COLUMNS, channel_rows(reader), ROWS_AT_ONCE)
+    return write_parquet(file, CHANNEL_COLUMNS, parts, metadata)
 
 
 class ChannelSamples(NamedTuple):
@@ -183,18 +162,11 @@ def channel_samples(reader: CaptureReader, first_n: int, fields: int) -> Channel
     channels = reader.channels.all
     if not channels or not fields:
         return None
-    curves = [_curve(reader, channel) for channel in channels]
-    per_field = _per_field([time_ns for time_ns, _ in curves], reader.meta.rate_hz)
+    curves = [reader.channels.readings(channel) for channel in channels]
+    per_field = _per_field([one.time_ns for one in curves], reader.meta.rate_hz)
     edges_ns = _edges_ns(reader, first_n, fields, per_field)
-    values = [_means(time_ns, value, edges_ns) for time_ns, value in curves]
+    values = [_means(one.time_ns, one.kpa, edges_ns) for one in curves]
     return ChannelSamples(channels, per_field, np.column_stack(values).astype(np.float32))
-
-
-def _curve(reader: CaptureReader, channel: RecordedChannel) -> tuple[NDArray[np.int64], Array]:
-    groups = list(reader.channels.groups(channel))
-    time_ns = np.concatenate([np.empty(0, np.int64), *(one.time_ns for one in groups)])
-    value = np.concatenate([np.empty(0), *(one.value for one in groups)])
-    return time_ns, channel.calibration.kpa(value)
 
 
 def _per_field(times_ns: Sequence[NDArray[np.int64]], rate_hz: float) -> int:

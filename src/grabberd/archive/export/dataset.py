@@ -32,6 +32,8 @@ from grabberd.files.disk import DirectoryLock, storage_errors
 
 SCRATCH, MADE_WITH, SUFFIX = "_scratch", "_made_with", ".parquet"
 _KEY_LETTERS = 12
+KEY = "grabberd"
+"""Key of the points' origin in the metadata of a file."""
 
 
 class Place(NamedTuple):
@@ -143,9 +145,6 @@ def _write_document(descriptor: int, part: Path, document: Any, final: Path) -> 
 def _visible(name: str) -> str:
     """Escapes a first character that would make readers skip the file."""
     return f"%{ord(name[0]):02X}{name[1:]}" if name[:1] in {"_", "."} else name
-
-
-KEY = "grabberd"
 
 
 def write_dataset_file(

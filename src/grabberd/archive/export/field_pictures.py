@@ -25,6 +25,13 @@ from grabberd.files.disk import new_folder, storage_errors
 
 MANIFEST_COLUMNS = ("n", "time_ns", "sequence", "parity", "y0", "y_step", "outcome", "file")
 MANIFEST = "fields.csv"
+SHARE = 4
+"""Pixels and frame lines that become one in a thumbnail."""
+_AROUND = 50
+"""Fields among which that of a thumbnail is the nearest to the middle: the middle one may be lost."""
+_FAST = 1
+"""Level of compression."""
+_EIGHT_BITS, _GREY = 8, 0
 
 
 def field_png(path: Path, n: int, opened: Opened = CaptureReader) -> bytes:
@@ -39,7 +46,12 @@ def field_png(path: Path, n: int, opened: Opened = CaptureReader) -> bytes:
         CaptureFileError, NotFound: No such file or field.
     """
     with opened(path) as reader:
-        return grey_png(unpack(reader.field(n).numbered.packed).luma)
+        return picture_png(reader.field(n))
+
+
+def picture_png(field: RecordedField) -> bytes:
+    """A field that was read, likewise."""
+    return grey_png(unpack(field.numbered.packed).luma)
 
 
 def export_png(
@@ -120,12 +132,6 @@ def _weave(fields: Sequence[PackedField]) -> NDArray[np.uint8]:
     return frame
 
 
-SHARE = 4
-"""Pixels and frame lines that become one."""
-_AROUND = 50
-"""Fields among which the nearest to the middle is taken: the middle one may be lost."""
-
-
 def thumbnail_png(path: Path, opened: Opened = CaptureReader) -> bytes:
     """The small picture as PNG.
 
@@ -154,10 +160,6 @@ def smaller(luma: NDArray[np.uint8], rows: int) -> NDArray[np.uint8]:
     height, width = luma.shape[0] // rows, luma.shape[1] // SHARE
     blocks = luma[: height * rows, : width * SHARE].reshape(height, rows, width, SHARE)
     return blocks.mean(axis=(1, 3), dtype=np.float32).astype(np.uint8)
-
-
-_FAST = 1
-_EIGHT_BITS, _GREY = 8, 0
 
 
 def grey_png(luma: NDArray[np.uint8]) -> bytes:

@@ -16,15 +16,16 @@ from grabberd.archive.capture.digests import Damage
 from grabberd.archive.export.channels_export import CHANNEL_COLUMNS, channel_rows
 from grabberd.archive.export.points_columns import POINT_COLUMNS, rows_by_group
 from grabberd.archive.export.points_export import (
+    POINTS_A_GROUP,
     open_run,
     points_about,
-    row_groups,
     write_ledger_file,
     write_left_out_file,
 )
-from grabberd.core.chain.columns import Column, Rows, Table, joined
+from grabberd.archive.export.read_back import hdf5_check
+from grabberd.core.chain.columns import Column, Rows, Table, regrouped
 from grabberd.errors import ExtraMissing
-from grabberd.files.checked_file import Check, checked_path
+from grabberd.files.checked_file import checked_path
 from grabberd.files.disk import new_folder, storage_errors
 
 if TYPE_CHECKING:
@@ -75,24 +76,27 @@ ArrayGroup = tuple[str, Mapping[str, NDArray[Any]]]
 
 
 def _write_table(file: "h5py.File", table: Table) -> None:
-    import h5py  # noqa: PLC0415
-
     group = _group(file, table.name, table.meaning)
     for column in table.columns:
-        values = table.column(column.name)
-        # Variable-length strings are read by every HDF5 library.
-        if column.dtype == "U":
-            dataset = group.create_dataset(column.name, data=values, dtype=h5py.string_dtype())
-        else:
-            dataset = group.create_dataset(column.name, data=values)
-        dataset.attrs["unit"], dataset.attrs["meaning"] = column.unit, column.meaning
+        _dataset(group, column, data=table.column(column.name))
 
 
-def _group(file: "h5py.File", name: str, meaning: str) -> "h5py.Group":
+def _group(file: "h5py.File", name: str, meaning: str | None = None) -> "h5py.Group":
     # Without tracked order, readers would list the columns by the alphabet.
     group = file.create_group(name, track_order=True)
-    group.attrs["meaning"] = meaning
+    if meaning is not None:
+        group.attrs["meaning"] = meaning
     return group
+
+
+def _dataset(group: "h5py.Group", column: Column, **layout: Any) -> None:
+    import h5py  # noqa: PLC0415
+
+    # Variable-length strings are read by every HDF5 library, times of numpy by none.
+    is_text = column.dtype == "U" or column.dtype.startswith("M8")
+    dtype = h5py.string_dtype() if is_text else column.dtype
+    dataset = group.create_dataset(column.name, dtype=dtype, **layout)
+    dataset.attrs["unit"], dataset.attrs["meaning"] = column.unit, column.meaning
 
 
 NAME = "points.h5"
@@ -109,48 +113,36 @@ def export_hdf5(
     """
     check_hdf5()
     reader, number = open_run(path, run, left_out)
-    rows: dict[str, int] = {}
     with reader:
         new_folder(directory)
         with storage_errors(directory):
             write_ledger_file(reader, directory)
-        points = (joined(POINT_COLUMNS, some) for some in row_groups(rows_by_group(reader, number)))
-        with checked_path(directory / NAME, _check(rows)) as part:
-            about = points_about(reader, number)
-            rows |= _write(part, about, {"points": (POINT_COLUMNS, points)})
-            if reader.channels.all:
-                rows |= _write(part, about, {"channels": (CHANNEL_COLUMNS, channel_rows(reader))})
+        about, rows = points_about(reader, number), dict[str, int]()
+        points = regrouped(POINT_COLUMNS, rows_by_group(reader, number), POINTS_A_GROUP)
+        tables = {"points": (POINT_COLUMNS, points)}
+        if reader.channels.all:
+            tables["channels"] = (CHANNEL_COLUMNS, channel_rows(reader))
+        check = hdf5_check({name: columns for name, (columns, _) in tables.items()}, rows)
+        with checked_path(directory / NAME, check) as part:
+            for name, (columns, parts) in tables.items():
+                rows[name] = _add_table(part, about, name, columns, parts)
     with storage_errors(directory):
         write_left_out_file(left_out, directory)
     return rows["points"]
 
 
-def _write(
-    path: Path, about: Mapping[str, Any], groups: Mapping[str, tuple[Sequence[Column], Iterable[Rows]]]
-) -> dict[str, int]:
-    """Adds groups to a file, a part at a time; returns the number of rows in each."""
+def _add_table(
+    path: Path, about: Mapping[str, Any], name: str, columns: Sequence[Column], parts: Iterable[Rows]
+) -> int:
+    """Adds a table to a file, a part at a time; returns the number of its rows."""
     import h5py  # noqa: PLC0415
 
-    rows = {}
     with storage_errors(path), h5py.File(path, "a") as file:
         file.attrs["grabberd"] = json.dumps(about, ensure_ascii=False)
-        for name, (columns, parts) in groups.items():
-            # Without tracked order, readers would list the columns by the alphabet.
-            group = file.create_group(name, track_order=True)
-            for column in columns:
-                _create(group, column)
-            rows[name] = sum(_append(group, columns, part) for part in parts)
-    return rows
-
-
-def _create(group: "h5py.Group", column: Column) -> None:
-    import h5py  # noqa: PLC0415
-
-    # Variable-length strings are read by every HDF5 library, times of numpy by none.
-    is_text = column.dtype == "U" or column.dtype.startswith("M8")
-    dtype = h5py.string_dtype() if is_text else column.dtype
-    dataset = group.create_dataset(column.name, (0,), dtype, maxshape=(None,), chunks=(_CHUNK,))
-    dataset.attrs["unit"], dataset.attrs["meaning"] = column.unit, column.meaning
+        group = _group(file, name)
+        for column in columns:
+            _dataset(group, column, shape=(0,), maxshape=(None,), chunks=(_CHUNK,))
+        return sum(_append(group, columns, part) for part in parts)
 
 
 def _append(group: "h5py.Group", columns: Sequence[Column], rows: Rows) -> int:
@@ -169,19 +161,3 @@ def _stored(values: NDArray[Any]) -> NDArray[Any]:
         return values
     texts = np.char.add(np.datetime_as_string(values), "Z")
     return np.where(np.isnat(values), "", texts).astype(object)
-
-
-def _check(rows: Mapping[str, int]) -> Check:
-    """HDF5 with these groups, of whose columns each has so many rows."""
-
-    def check(path: Path) -> str | None:
-        import h5py  # noqa: PLC0415
-
-        with h5py.File(path, "r") as file:
-            for name, count in rows.items():
-                for column, values in file[name].items():
-                    if len(values[()]) != count:
-                        return f"{name}, {column}: it has {len(values)} rows, expected {count}"
-        return None
-
-    return check

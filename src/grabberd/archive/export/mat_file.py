@@ -35,6 +35,16 @@ _CELL_BYTES = 64
 
 Struct = Mapping[str, Any]
 """Fields of a variable by name: arrays, texts, numbers, lists, mappings, None or further structs of them."""
+_HEAD_BYTES = 128
+_BEGINS = b"MATLAB 5.0 MAT-file"
+_MATRIX, _STRUCT = 14, 2
+_DTYPES = {column.name: column.dtype for column in POINT_COLUMNS}
+CELL_BYTES = sum(np.dtype(_DTYPES[name]).itemsize for names in GRID_ARRAYS.values() for name in names)
+"""Bytes of the points of one target in one field."""
+_HINT = "take csv or parquet, which have no such limit"
+_REMOTE_HINT = "download the capture, and write it there: grabberd export CAPTURE --format mat --out FOLDER"
+STREAM_BYTES = 600_000_000
+"""Bytes of the points of a download: the process that makes it shares the memory of the daemon."""
 
 
 def write_mat(file: IO[bytes], variables: Mapping[str, Struct]) -> None:
@@ -120,11 +130,6 @@ def _bytes(value: object) -> int:
     return value.nbytes if isinstance(value, np.ndarray) else 4 * len(str(value))
 
 
-_HEAD_BYTES = 128
-_BEGINS = b"MATLAB 5.0 MAT-file"
-_MATRIX, _STRUCT = 14, 2
-
-
 class _Array(NamedTuple):
     """The beginning of an array, and the place in the file where it ends."""
 
@@ -200,15 +205,6 @@ def _values(file: IO[bytes]) -> bytes:
     return values
 
 
-_DTYPES = {column.name: column.dtype for column in POINT_COLUMNS}
-CELL_BYTES = sum(np.dtype(_DTYPES[name]).itemsize for names in GRID_ARRAYS.values() for name in names)
-"""Bytes of one target in one field."""
-_HINT = "take csv or parquet, which have no such limit"
-_REMOTE_HINT = "download the capture, and write it there: grabberd export CAPTURE --format mat --out FOLDER"
-STREAM_BYTES = 600_000_000
-"""Bytes of the points of a download: the process that makes it shares the memory of the daemon."""
-
-
 def points_mat(path: Path, run: int | None, file: IO[bytes]) -> int:
     """Writes a MAT-file into an open, seekable file; returns the number of points.
 
@@ -281,34 +277,23 @@ def _channels(reader: CaptureReader) -> Struct:
     Times count from the first field, as those of the points.
     """
     rows = [_channel(reader, one) for one in reader.channels.all]
-    return {name: _cell_column([row[name] for row in rows]) for name in (rows[0] if rows else ())}
+    return {name: _cells([(row[name],) for row in rows], 1) for name in (rows[0] if rows else ())}
 
 
 def _channel(reader: CaptureReader, channel: RecordedChannel) -> dict[str, Any]:
-    groups, calibration = list(reader.channels.groups(channel)), channel.calibration
-    begin_ns = reader.first_time_ns or 0
-    time_s = [(one.time_ns - begin_ns) / 1e9 for one in groups]
-    sigma_s = [np.full(len(one.time_ns), one.time_sigma_ns / 1e9) for one in groups]
-    value = np.concatenate([np.empty(0), *(one.value for one in groups)])
+    readings, calibration = reader.channels.readings(channel), channel.calibration
     return {
         "name": channel.name,
         "quantity": str(channel.quantity),
         "logger": channel.logger,
-        "time_s": mat_column(np.concatenate([np.empty(0), *time_s])),
-        "sigma_time_s": mat_column(np.concatenate([np.empty(0), *sigma_s])),
-        "vacuum_kpa": mat_column(calibration.kpa(value) if channel.quantity.is_vacuum else np.empty(0)),
-        "value": mat_column(value),
+        "time_s": mat_column(readings.time_s),
+        "sigma_time_s": mat_column(readings.time_sigma_ns / 1e9),
+        "vacuum_kpa": mat_column(readings.kpa if channel.quantity.is_vacuum else np.empty(0)),
+        "value": mat_column(readings.value),
         "unit": calibration.unit,
         "sigma_vacuum_kpa": calibration.sigma_kpa,
         "sigma_delay_s": calibration.delay_sigma_ms / 1e3,
     }
-
-
-def _cell_column(values: list[Any]) -> NDArray[Any]:
-    cells = np.empty((len(values), 1), object)
-    for row, value in enumerate(values):
-        cells[row, 0] = value
-    return cells
 
 
 def _points(grid: PointGrid) -> Struct:

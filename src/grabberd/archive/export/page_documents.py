@@ -12,8 +12,9 @@ from grabberd.archive.capture.checked_rows import END
 from grabberd.archive.capture.meta import SEALED
 from grabberd.archive.capture.reader import CaptureReader, Opened
 from grabberd.archive.capture.reading_groups import RecordedChannel
+from grabberd.archive.capture.recorded_channels import verdict_on
 from grabberd.archive.export.points_columns import sigma_mm
-from grabberd.core.channels.account import Account, AnomalyCount, ChannelAccount
+from grabberd.core.channels.account import AnomalyCount, ChannelAccount
 from grabberd.core.reconstruction.points import Points
 from grabberd.documents.channels import CaptureChannelsDocument
 from grabberd.documents.points import FieldPoints, PointsDocument
@@ -128,7 +129,7 @@ def channels_json(path: Path, most: int, opened: Opened = CaptureReader) -> byte
         accounts = {one.name: one for one in account.channels} if account else {}
         known = {
             "capture": reader.meta.id,
-            **_verdict(account, sealed=reader.meta.state == SEALED),
+            **verdict_on(account, sealed=reader.meta.state == SEALED),
             "anomalies": [_counted(one, begin_ns) for one in (account.anomalies if account else ())],
             "channels": [
                 {
@@ -139,14 +140,6 @@ def channels_json(path: Path, most: int, opened: Opened = CaptureReader) -> byte
             ],
         }
     return CaptureChannelsDocument.model_validate(known).model_dump_json().encode()
-
-
-def _verdict(account: Account | None, *, sealed: bool) -> dict[str, Any]:
-    if account is None:
-        return {"verdict": None, "in_words": "no channels were recorded"}
-    if not sealed:
-        return {"verdict": None, "in_words": "being recorded"}
-    return {"verdict": account.verdict, "in_words": account.in_words}
 
 
 def _counted(anomaly: AnomalyCount, begin_ns: int) -> dict[str, Any]:

@@ -27,6 +27,9 @@ _GIF_STEP_S = 0.01
 _GIF_QUICKEST_S = 0.02
 # All pictures of a GIF are in memory at once; those of a WebM are encoded one by one.
 _MOST_GIF_PICTURES = 500
+_THUMBNAIL_PX = 8
+_ALIKE = 24.0
+"""Greatest difference of two thumbnails in grey values; VP9 and 256 colours change about half of it."""
 
 
 def write_pictures(directory: Path, pictures: Mapping[str, Picture]) -> list[Path]:
@@ -142,11 +145,6 @@ def _write_gif(path: Path, name: str, pictures: Iterable[Picture], per_s: float)
 
 def _nothing(name: str) -> InputError:
     return InputError(f"{name}: there are no pictures to write", "choose fields that the capture has")
-
-
-_THUMBNAIL_PX = 8
-_ALIKE = 24.0
-"""Greatest difference of two thumbnails in grey values; VP9 and 256 colours change about half of it."""
 
 
 class Drawn:

@@ -113,9 +113,15 @@ def _timed_rows(
     meta: CaptureMeta,
     first_ns: int,
 ) -> Rows:
-    times_s = (times_ns - first_ns) / 1e9
-    utc = np.repeat(moments(times_ns, meta), counts)
-    return _rows(np.repeat(n, counts), utc, np.repeat(times_s, counts), points)
+    """Points by the names of `POINT_COLUMNS`, with what each has of its field."""
+    of_fields: tuple[NDArray[Any], ...] = (n, moments(times_ns, meta), (times_ns - first_ns) / 1e9)
+    sigma, calibration = sigma_mm(points.covariance_mm2), sigma_mm(points.calibration_covariance_mm2)
+    of_points = (points.target, *points.xyz_mm.T, *sigma.T, *calibration.T, points.residual_px)
+    images = points.image_px.reshape(len(points), 4)
+    values = (*(np.repeat(one, counts) for one in of_fields), *of_points, *images.T)
+    return {
+        column.name: value.astype(column.dtype) for column, value in zip(POINT_COLUMNS, values, strict=True)
+    }
 
 
 def moments(times_ns: NDArray[np.int64], meta: CaptureMeta) -> NDArray[np.datetime64]:
@@ -125,17 +131,6 @@ def moments(times_ns: NDArray[np.int64], meta: CaptureMeta) -> NDArray[np.dateti
     start = datetime.fromisoformat(meta.created_utc).astimezone(UTC).replace(tzinfo=None)
     since_us = np.rint((times_ns - meta.start_ns) / 1000).astype("m8[us]")
     return (np.datetime64(start, "us") + since_us).astype("M8[ms]")
-
-
-def _rows(n: NDArray[Any], utc: NDArray[np.datetime64], time_s: NDArray[np.float64], points: Points) -> Rows:
-    """Points by the names of `POINT_COLUMNS`, with what each has of its field."""
-    sigma, calibration = sigma_mm(points.covariance_mm2), sigma_mm(points.calibration_covariance_mm2)
-    images = points.image_px.reshape(len(points), 4)
-    values = (n, utc, time_s, points.target, *points.xyz_mm.T, *sigma.T, *calibration.T)
-    values = (*values, points.residual_px, *images.T)
-    return {
-        column.name: value.astype(column.dtype) for column, value in zip(POINT_COLUMNS, values, strict=True)
-    }
 
 
 def sigma_mm(covariance_mm2: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -5,7 +5,7 @@
 
 import csv
 import json
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
@@ -24,9 +24,10 @@ from grabberd.archive.export.table_files import (
     ply_head,
     ply_vertex,
     ply_vertices,
+    write_csv,
     write_parquet,
 )
-from grabberd.core.chain.columns import Rows, joined
+from grabberd.core.chain.columns import regrouped
 from grabberd.core.ledger import Ledger, cause_of_loss
 from grabberd.errors import NotFound
 from grabberd.files.checked_file import Check, checked_file, checked_path
@@ -34,6 +35,12 @@ from grabberd.files.disk import new_folder, storage_errors
 
 POINTS_A_GROUP = 40_000
 """Points in a row group of Parquet, and so in memory at once: about ten seconds of them."""
+LEDGER = "ledger.csv"
+LEDGER_COLUMNS = ("first_n", "count", "outcome", "cause", "reason")
+LEFT_OUT = "left_out.csv"
+LEFT_OUT_COLUMNS = Damage._fields
+REBASE = "rebase"
+"""Outcome of a row that counts no fields: a change of what numbers and times go by from that field on."""
 
 
 def points_csv(
@@ -82,21 +89,9 @@ def points_parquet(path: Path, run: int | None, file: IO[bytes], left_out: list[
     check_parquet()
     reader, number = open_run(path, run, left_out)
     with reader:
-        parts = (joined(POINT_COLUMNS, some) for some in row_groups(rows_by_group(reader, number)))
+        parts = regrouped(POINT_COLUMNS, rows_by_group(reader, number), POINTS_A_GROUP)
         metadata = {"grabberd": json.dumps(points_about(reader, number), ensure_ascii=False)}
         return write_parquet(file, POINT_COLUMNS, parts, metadata)
-
-
-def row_groups(parts: Iterable[Rows]) -> Iterator[list[Rows]]:
-    """Parts of a table, so many together that they have `POINTS_A_GROUP` rows."""
-    some: list[Rows] = []
-    for rows in parts:
-        some.append(rows)
-        if sum(len(one["n"]) for one in some) >= POINTS_A_GROUP:
-            yield some
-            some = []
-    if some:
-        yield some
 
 
 def open_run(
@@ -158,12 +153,10 @@ def export_csv(
         StorageError: The folder cannot be written, or is not empty.
     """
     text = points_csv(path, run, left_out)
-    rows = -1
+    rows = 0
     check = csv_check([column.name for column in POINT_COLUMNS], lambda: rows)
     with points_file(path, directory, "points.csv", check, left_out) as file:
-        for part in text:
-            file.write(part.encode())
-            rows += part.count("\n")
+        rows = write_csv(file, text)
         export_channels(path, directory, "csv", left_out)
     return rows
 
@@ -253,14 +246,6 @@ def points_file(
         with checked_file(directory / name, check) as file:
             yield file
         write_left_out_file(left_out, directory)
-
-
-LEDGER = "ledger.csv"
-LEDGER_COLUMNS = ("first_n", "count", "outcome", "cause", "reason")
-LEFT_OUT = "left_out.csv"
-LEFT_OUT_COLUMNS = Damage._fields
-REBASE = "rebase"
-"""Outcome of a row that counts no fields: a change of what numbers and times go by from that field on."""
 
 
 def write_ledger_file(reader: CaptureReader, directory: Path) -> None:

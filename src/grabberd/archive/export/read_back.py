@@ -9,7 +9,7 @@ from xml.parsers import expat
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.chain.columns import Table
+from grabberd.core.chain.columns import Column
 from grabberd.files.checked_file import Check
 
 _PLY_BYTES = {"int": 4, "float": 4, "double": 8}
@@ -51,20 +51,22 @@ def parquet_check(columns: Sequence[str], rows: Callable[[], int]) -> Check:
     return check
 
 
-def hdf5_check(tables: Iterable[Table], groups: Iterable[str]) -> Check:
-    """HDF5 with a group for each table, whose columns have its rows, and further groups."""
+def hdf5_check(
+    columns: Mapping[str, Sequence[Column]], rows: Mapping[str, int], groups: Iterable[str] = ()
+) -> Check:
+    """HDF5 with a group for each table and further groups; see `csv_check`, each table by its name."""
 
     def check(path: Path) -> str | None:
         import h5py  # type: ignore[import-untyped]  # noqa: PLC0415 - optional
 
         with h5py.File(path, "r") as file:
-            for table in tables:
-                group = file[table.name]
-                if list(group) != [column.name for column in table.columns]:
-                    return f"the columns of {table.name} are {', '.join(group)}"
-                for column in table.columns:
-                    if wrong := _counted(len(group[column.name][()]), len(table.column(column.name))):
-                        return f"{table.name}, {column.name}: {wrong}"
+            for table, expected in columns.items():
+                group = file[table]
+                if list(group) != [column.name for column in expected]:
+                    return f"the columns of {table} are {', '.join(group)}"
+                for name, values in group.items():
+                    if wrong := _counted(len(values[()]), rows[table]):
+                        return f"{table}, {name}: {wrong}"
             return next((f"it lacks the group {name}" for name in groups if name not in file), None)
 
     return check

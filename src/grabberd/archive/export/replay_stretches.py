@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from grabberd.archive.capture.content import PointArrays
 from grabberd.archive.capture.reader import CaptureReader, Opened
 from grabberd.archive.capture.rows import RecordedField
-from grabberd.archive.export.field_pictures import grey_png
+from grabberd.archive.export.field_pictures import picture_png
 from grabberd.archive.export.points_columns import sigma_mm
-from grabberd.core.field import unpack
 from grabberd.core.ledger import Outcome
 
 VERSION = 1
@@ -99,16 +98,12 @@ def replay_pictures(path: Path, stretch: Stretch, opened: Opened = CaptureReader
         CaptureFileError: No such file.
     """
     with opened(path) as reader:
-        fields = [(field, _png(field)) for field in reader.fields(*stretch)]
+        fields = [(field, picture_png(field)) for field in reader.fields(*stretch)]
     header = PICTURES_HEADER.pack(
         PICTURES_MAGIC, VERSION, PICTURES_HEADER.size, stretch.first_n, len(fields), 0
     )
     places = (_place(field, len(png), stretch.first_n) for field, png in fields)
     return b"".join((header, *places, *(png for _, png in fields)))
-
-
-def _png(field: RecordedField) -> bytes:
-    return grey_png(unpack(field.numbered.packed).luma)
 
 
 def _place(field: RecordedField, length: int, first_n: int) -> bytes:

@@ -25,6 +25,12 @@ if TYPE_CHECKING:
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """Beginnings of texts that a spreadsheet program would run."""
+PLY_TYPES = {"i4": "int", "i8": "int", "f4": "float", "f8": "double"}
+"""PLY's name of a column's type; it has no integers of 64 bits."""
+PLY_NAMES = {"x_mm": "x", "y_mm": "y", "z_mm": "z"}
+"""The names that programs look for when they draw vertices."""
+_NUMPY = {"int": "<i4", "float": "<f4", "double": "<f8"}
+_FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 
 
 def cell(text: str) -> str:
@@ -44,6 +50,15 @@ def csv_text(columns: Sequence[Column], parts: Iterable[Rows]) -> Iterator[str]:
         yield _lines(zip(*(_texts(column, rows[column.name].tolist()) for column in columns), strict=True))
 
 
+def write_csv(file: IO[bytes], texts: Iterable[str]) -> int:
+    """Writes the texts of `csv_text` into an open file; returns the number of rows."""
+    lines = 0
+    for text in texts:
+        file.write(text.encode())
+        lines += text.count("\n")
+    return lines - 1  # the head
+
+
 def _lines(rows: Iterable[Sequence[str]]) -> str:
     text = io.StringIO()
     csv.writer(text).writerows(rows)
@@ -59,15 +74,6 @@ def _texts(column: Column, values: list[Any]) -> list[str]:
     if kind == "U":
         return [cell(str(one)) for one in values]
     return [str(one) for one in values]
-
-
-PLY_TYPES = {"i4": "int", "i8": "int", "f4": "float", "f8": "double"}
-"""PLY's name of a column's type; it has no integers of 64 bits."""
-PLY_NAMES = {"x_mm": "x", "y_mm": "y", "z_mm": "z"}
-"""The names that programs look for when they draw vertices."""
-
-_NUMPY = {"int": "<i4", "float": "<f4", "double": "<f8"}
-_FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 
 
 def ply_head(

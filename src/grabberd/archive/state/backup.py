@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from grabberd.archive.guarded_database import open_tables, read_header
 from grabberd.archive.state.state_backups import CAPTURES_FOLDER, ORIGIN
-from grabberd.archive.state.state_database import MIGRATIONS, tables_of
+from grabberd.archive.state.state_database import MIGRATIONS, copy_of, tables_of
 from grabberd.bounded_documents import LARGEST_DOCUMENT
 from grabberd.errors import InputError, StorageError
 from grabberd.files.disk import (
@@ -148,12 +148,8 @@ def _members(directory: Path) -> Iterator[tuple[str, bytes]]:
 
 
 def _database(path: Path) -> bytes:
-    """The database at one moment, even while it is being written."""
-    uri = f"{path.absolute().as_uri()}?mode=ro"
     try:
-        with closing(sqlite3.connect(uri, uri=True)) as source, closing(sqlite3.connect(":memory:")) as copy:
-            source.backup(copy)
-            return copy.serialize()
+        return copy_of(path, "ro")
     except sqlite3.DatabaseError as error:
         raise StorageError(
             f"{path} cannot be backed up: {error}",

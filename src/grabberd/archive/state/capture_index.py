@@ -53,6 +53,10 @@ CREATE TABLE captures (
     calibration TEXT NOT NULL DEFAULT '', widths TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
 CREATE INDEX newest ON captures (created_utc DESC);
 """
+PATIENCE_S = 2.0
+"""How long a request waits for the index; a thousand captures are read in about a second."""
+PAUSE_S = 10.0
+"""Time between two attempts: each reads every capture file."""
 
 
 class Unusable(Exception):
@@ -174,14 +178,6 @@ class CaptureIndex:
         # Not LIKE, in which the _ and % of an id stand for any letters.
         return self._select("WHERE substr(id, 1, ?) = ? ORDER BY id", len(text), text)
 
-    def file_of(self, capture_id: str) -> Path:
-        """Path of a capture's file.
-
-        Raises:
-            NotFound: No capture has that id.
-        """
-        return self.directory / self.get(capture_id).file
-
     def _entries(self, unsealed: Iterable[Path], known: Mapping[str, IndexEntry]) -> Iterator[IndexEntry]:
         sealed = self._named(self.directory.glob(f"*{SUFFIX}"))
         kept = {path: known[path.name] for path in sealed if path.name in known}
@@ -235,13 +231,10 @@ class CaptureIndex:
             return
         paths = sorted(self._kept_out)
         entries = [entry_of(path) for path in paths if os.path.lexists(path)]
-        self._write(entries)
+        self._change(lambda connection: connection.executemany(_INSERT, entries))
         self._kept_out.difference_update(paths)
         for entry in entries:
             self.changed(entry.id)
-
-    def _write(self, entries: "builtins.list[IndexEntry]") -> None:
-        self._change(lambda connection: connection.executemany(_INSERT, entries))
 
     def _change(self, act: Callable[[sqlite3.Connection], object]) -> None:
         """Changes the index, but not while a new one takes its place."""
@@ -313,12 +306,6 @@ def _set_aside(reading: Reading) -> bool:
 def _forget(database: Path) -> None:
     for path in (database, database.with_name(database.name + JOURNAL)):
         path.unlink(missing_ok=True)
-
-
-PATIENCE_S = 2.0
-"""How long a request waits for the index; a thousand captures are read in about a second."""
-PAUSE_S = 10.0
-"""Time between two attempts: each reads every capture file."""
 
 
 class IndexKeeper:

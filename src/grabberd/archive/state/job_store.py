@@ -7,7 +7,6 @@ It is no part of `state.sqlite` and of no backup: a queue that is restored would
 file that is damaged is set aside, and an empty queue begins.
 """
 
-import os
 import sqlite3
 from collections.abc import Callable, Iterable
 from contextlib import closing
@@ -15,13 +14,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import ClassVar
 
-from grabberd.archive.guarded_database import JOURNAL, open_tables, read_header
-from grabberd.archive.state.state_database import Migrations, StateDatabase, tables_of
+from grabberd.archive.guarded_database import open_tables, read_header
+from grabberd.archive.state.state_database import Migrations, StateDatabase, set_aside, tables_of
 from grabberd.errors import StorageError
-from grabberd.files.disk import is_damaged, storage_errors, sync_directory
+from grabberd.files.disk import is_damaged
 from grabberd.work.job_rows import StoredJob, Unanalysed
 
-FOLDER, QUEUE, ASIDE = "jobs", "queue.sqlite", "damaged-"
+FOLDER, QUEUE = "jobs", "queue.sqlite"
 MIGRATIONS: Migrations = (
     (
         """CREATE TABLE jobs (
@@ -34,7 +33,6 @@ MIGRATIONS: Migrations = (
 )
 """As those of `state.sqlite`."""
 _COLUMNS = 11
-_STAMP = "%Y%m%dT%H%M%S%fZ"
 
 
 class JobStore(StateDatabase):
@@ -124,13 +122,7 @@ class JobStore(StateDatabase):
 
     def _start_anew(self, reason: str) -> None:
         """Sets the file aside and begins an empty queue."""
-        # The wall clock dates the file's name alone.
-        aside = self.path.with_name(f"{QUEUE}.{ASIDE}{datetime.now(UTC):{_STAMP}}")
-        with storage_errors(self.path):
-            for end in (JOURNAL, ""):  # a journal beside the new file would be played back into it
-                if (there := self.path.with_name(QUEUE + end)).exists():
-                    os.rename(there, aside.with_name(aside.name + end))
-            sync_directory(self.folder)
+        aside = set_aside(self.path, datetime.now(UTC))  # the wall clock dates the file's name alone
         super().open()
-        kept = f"; it is kept as {aside.name}" if aside.exists() else ""
+        kept = f"; it is kept as {aside}" if aside else ""
         self.lost(f"{FOLDER}/{QUEUE} could not be used ({reason}){kept}")

@@ -16,13 +16,21 @@ from pathlib import Path
 from typing import NamedTuple
 
 from grabberd.archive.capture.captures_folder import ANY, id_of
-from grabberd.archive.guarded_database import JOURNAL
-from grabberd.archive.state.state_database import MIGRATIONS, StateDatabase, StateStore
+from grabberd.archive.state.state_database import (
+    ASIDE,
+    MIGRATIONS,
+    STAMP,
+    StateDatabase,
+    StateStore,
+    copy_of,
+    set_aside,
+)
 from grabberd.archive.state.token_store import GUARDED
+from grabberd.clock import iso_utc
 from grabberd.errors import StorageError
 from grabberd.files.disk import OWNER_ONLY, is_damaged, storage_errors, sync_directory, write_synced
 
-STATE, FOLDER, ASIDE = "state.sqlite", "backups", "damaged-"
+STATE, FOLDER = "state.sqlite", "backups"
 KEPT = 3
 CAPTURES_FOLDER = "captures_folder"
 """Key of the settings: id of the folder of captures."""
@@ -30,7 +38,6 @@ ORIGIN = "origin"
 """Key of the settings: where the state comes from, unless it has just been kept."""
 _NAME = re.compile(r"state-(\d{8}T\d{12}Z)\.tokens-(\d+)\.sqlite")
 _MATTERS = ("settings", "tokens", "annotations")
-_STAMP = "%Y%m%dT%H%M%S%fZ"
 
 
 class Backup(NamedTuple):
@@ -72,7 +79,7 @@ class StateBackups:
             names = sorted((path.name for path in self.folder.glob("*")), reverse=True)
         found = ((name, _NAME.fullmatch(name)) for name in names)
         return [
-            Backup(self.folder / name, datetime.strptime(match[1], _STAMP).replace(tzinfo=UTC), int(match[2]))
+            Backup(self.folder / name, datetime.strptime(match[1], STAMP).replace(tzinfo=UTC), int(match[2]))
             for name, match in found
             if match
         ]
@@ -92,7 +99,7 @@ class StateBackups:
             digest, tokens = _digest_of(connection), _tokens_of(connection)
         if digest == self._last_digest() and not always:
             return False
-        path = self.folder / f"state-{now.astimezone(UTC):{_STAMP}}.tokens-{len(tokens)}.sqlite"
+        path = self.folder / f"state-{now.astimezone(UTC):{STAMP}}.tokens-{len(tokens)}.sqlite"
         part = path.with_name(f".{path.name}.part")
         with storage_errors(path):
             self.folder.mkdir(mode=0o700, exist_ok=True)
@@ -142,20 +149,18 @@ class StateBackups:
         known = self.backups()
         good = next(((one, copy) for one in known if (copy := _intact(one.path)) is not None), None)
         content = b"" if good is None else good[1]
-        from_utc = None if good is None else _utc(good[0].made)
-        origin = Origin(_utc(now), from_utc, self._set_aside(now), reason)
+        from_utc = None if good is None else iso_utc(good[0].made)
+        origin = Origin(iso_utc(now), from_utc, set_aside(self.path, now), reason)
         part = self.path.with_name(f".{STATE}.part")
         with storage_errors(self.path):
             part.unlink(missing_ok=True)
             write_synced(part, content, OWNER_ONLY)
-        state = StateDatabase(part)
+        state = StateStore(part)
         state.open()
-        with state.transaction() as connection:
-            connection.execute("DELETE FROM sessions")
-            # Of the newest by its name, damaged or not; where no backup tells, there may have been tokens.
-            if not known or known[0].tokens:
-                _put(connection, GUARDED, True)
-            _put(connection, ORIGIN, origin._asdict())
+        state.execute("DELETE FROM sessions")
+        # Of the newest by its name, damaged or not; where no backup tells, there may have been tokens.
+        guarded = {GUARDED: True} if not known or known[0].tokens else {}
+        state.put({**guarded, ORIGIN: origin._asdict()})
         with storage_errors(self.path):
             os.rename(part, self.path)
             sync_directory(self.directory)
@@ -164,17 +169,6 @@ class StateBackups:
     def _was_there(self) -> bool:
         return bool(self.backups()) or any(self.directory.glob(f"{STATE}.{ASIDE}*"))
 
-    def _set_aside(self, now: datetime) -> str | None:
-        aside = self.path.with_name(f"{STATE}.{ASIDE}{now.astimezone(UTC):{_STAMP}}")
-        with storage_errors(self.path):
-            journal = self.path.with_name(STATE + JOURNAL)
-            if journal.exists():  # beside another state, it would be played back into that one
-                os.rename(journal, aside.with_name(aside.name + JOURNAL))
-            if not self.path.exists():
-                return None
-            os.rename(self.path, aside)
-        return aside.name
-
     def _copy(self) -> bytes:
         """The state at one moment, checked, even while it is being written.
 
@@ -182,14 +176,8 @@ class StateBackups:
             sqlite3.DatabaseError: It is damaged.
             StorageError: It cannot be read now.
         """
-        uri = f"{self.path.absolute().as_uri()}?mode=rw"
         try:
-            with (
-                closing(sqlite3.connect(uri, uri=True)) as source,
-                closing(sqlite3.connect(":memory:")) as copy,
-            ):
-                source.backup(copy)
-                content = copy.serialize()
+            content = copy_of(self.path, "rw")
         except sqlite3.Error as error:
             if is_damaged(error):
                 raise
@@ -237,10 +225,6 @@ def accept_state(path: Path, captures: Path) -> list[str]:
         state.put({CAPTURES_FOLDER: ANY})
         accepted.append(f"the folder of captures {captures}")
     return accepted
-
-
-def _put(connection: sqlite3.Connection, key: str, value: object) -> None:
-    connection.execute("INSERT OR REPLACE INTO settings VALUES (?, ?)", (key, json.dumps(value)))
 
 
 def _intact(path: Path) -> bytes | None:
@@ -298,7 +282,3 @@ def _rows(connection: sqlite3.Connection) -> Iterator[tuple[object, ...]]:
 def _tokens_of(connection: sqlite3.Connection) -> set[bytes]:
     there = connection.execute("SELECT 1 FROM sqlite_schema WHERE name = 'tokens'").fetchone()
     return {row[0] for row in connection.execute("SELECT hash FROM tokens")} if there else set()
-
-
-def _utc(moment: datetime) -> str:
-    return moment.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

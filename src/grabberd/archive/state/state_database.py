@@ -5,15 +5,18 @@ effect once however often they are sent, and summaries that await acknowledgemen
 """
 
 import json
+import os
 import sqlite3
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
+from grabberd.archive.guarded_database import JOURNAL
 from grabberd.errors import StorageError
-from grabberd.files.disk import OWNER_ONLY, is_damaged
+from grabberd.files.disk import OWNER_ONLY, is_damaged, storage_errors, sync_directory
 
 Migrations = tuple[tuple[str, ...], ...]
 MIGRATIONS: Migrations = (
@@ -51,6 +54,10 @@ MIGRATIONS: Migrations = (
 )
 """Entry n leads from version n to n + 1. Released entries never change; new ones are appended."""
 TIMEOUT_S = 10.0
+STAMP = "%Y%m%dT%H%M%S%fZ"
+"""A moment in the name of a file."""
+ASIDE = "damaged-"
+"""Before the moment, in the name of a database that was set aside."""
 
 
 def tables_of(version: int, migrations: Migrations = MIGRATIONS) -> str:
@@ -62,6 +69,37 @@ def tables_of(version: int, migrations: Migrations = MIGRATIONS) -> str:
     if version not in range(1, len(migrations) + 1):
         raise ValueError(f"its version is {version}")
     return ";".join(statement for statements in migrations[:version] for statement in statements)
+
+
+def copy_of(path: Path, mode: str) -> bytes:
+    """The content of a database at one moment, even while it is being written.
+
+    Args:
+        path: Its file.
+        mode: "rw" if what a crash left unfinished may be rolled back, else "ro".
+
+    Raises:
+        sqlite3.Error: It is damaged, or cannot be read.
+    """
+    uri = f"{path.absolute().as_uri()}?mode={mode}"
+    with closing(sqlite3.connect(uri, uri=True)) as source, closing(sqlite3.connect(":memory:")) as copy:
+        source.backup(copy)
+        return copy.serialize()
+
+
+def set_aside(path: Path, now: datetime) -> str | None:
+    """Keeps a database and its journal under a dated name; returns the name, None if the file is gone.
+
+    Raises:
+        StorageError: They cannot be renamed.
+    """
+    aside = path.with_name(f"{path.name}.{ASIDE}{now.astimezone(UTC):{STAMP}}")
+    with storage_errors(path):
+        for end in (JOURNAL, ""):  # a journal beside another file would be played back into that one
+            if (there := path.with_name(path.name + end)).exists():
+                os.rename(there, aside.with_name(aside.name + end))
+        sync_directory(path.parent)
+        return aside.name if aside.exists() else None
 
 
 class StateDatabase:

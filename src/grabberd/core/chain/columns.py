@@ -4,7 +4,7 @@ Points, the tables of an analysis and data sets all consist of them. `grabberd.a
 for each format, and `docs/reference/generate.py` describes the same columns.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -114,6 +114,18 @@ def _dtype(values: NDArray[Any]) -> str:
 def joined(columns: Sequence[Column], parts: Sequence[Rows]) -> Rows:
     """Concatenate several parts of a table."""
     return {one.name: np.concatenate([rows[one.name] for rows in parts]) for one in columns}
+
+
+def regrouped(columns: Sequence[Column], parts: Iterable[Rows], least: int) -> Iterator[Rows]:
+    """Parts of a table, so many joined that each has at least this many rows, but for the last."""
+    some: list[Rows] = []
+    for rows in parts:
+        some.append(rows)
+        if sum(len(one[columns[0].name]) for one in some) >= least:
+            yield joined(columns, some)
+            some = []
+    if some:
+        yield joined(columns, some)
 
 
 def json_values(values: NDArray[Any]) -> list[Any]:

@@ -6,8 +6,8 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Protocol
 
-from grabberd.archive import CaptureIndex
 from grabberd.archive.capture.schema import part_path
+from grabberd.archive.state.capture_index import CaptureIndex
 from grabberd.archive.state.state_database import AnnotationStore
 from grabberd.clock import UtcClock
 from grabberd.documents.captures import CaptureDocument, CaptureGroup

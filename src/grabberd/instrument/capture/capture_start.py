@@ -9,7 +9,8 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, replace
 
 from grabberd import __version__
-from grabberd.archive import CaptureMeta, CaptureWriter
+from grabberd.archive.capture.meta import CaptureMeta
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.clock import Moment, boot_id, iso_utc
 from grabberd.core.ledger import Slot
 from grabberd.errors import GrabberdError, GroupRefused, InputError, NotReady

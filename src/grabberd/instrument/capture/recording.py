@@ -7,8 +7,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from grabberd.archive import CaptureMeta, CaptureReader, CaptureWriter, RunInfo
+from grabberd.archive.capture.meta import CaptureMeta
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.rows import RunInfo
 from grabberd.archive.capture.schema import PART, RESERVE_BYTES, sealed_path
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.catalogue.capture_documents import document_of
 from grabberd.archive.catalogue.disk_guard import DiskGuard
 from grabberd.clock import UtcClock

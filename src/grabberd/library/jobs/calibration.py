@@ -10,8 +10,8 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from grabberd import __version__
-from grabberd.archive import CaptureReader
 from grabberd.archive.calibrations.calibration_frames import CALIBRATION_FRAME_KEYS, calibration_frame_model
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.measure_setups import location_settings, misfit, nominal_rig, settings_of_capture
 from grabberd.clock import SystemClock, iso_utc
 from grabberd.config import RigConfig

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive import CaptureReader
 from grabberd.archive.calibrations.calibration_frames import calibration_frame_model
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.measure_setups import location_settings, nominal_rig, settings_of_capture
 from grabberd.core.calibration import MeanImages
 from grabberd.core.chain.calibration.calibration_check import Check, CheckVerdict, check

@@ -12,8 +12,9 @@ import numpy as np
 import yaml
 
 from grabberd import __version__
-from grabberd.archive import CaptureReader, append_run
 from grabberd.archive.capture.digests import Damage, left_out_in_words
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.runs import append_run
 from grabberd.archive.catalogue.capture_documents import whole_coverage
 from grabberd.archive.measure_setups import INCLUDE_DAMAGED, measure_setup
 from grabberd.clock import SystemClock, iso_utc

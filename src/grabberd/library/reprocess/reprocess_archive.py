@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from grabberd import __version__
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.schema import DAMAGED, PART, SUFFIX
 from grabberd.archive.export.dataset import DataSet, Place, fields_so_far, read_about
 from grabberd.archive.export.table_files import check_parquet

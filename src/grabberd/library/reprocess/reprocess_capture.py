@@ -11,9 +11,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from grabberd import __version__
-from grabberd.archive import CaptureReader
 from grabberd.archive.capture.content_digest import content_sha256, document_sha256
 from grabberd.archive.capture.digests import Damage, left_out_in_words
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.export.dataset import read_about, write_dataset_file
 from grabberd.archive.export.points_columns import rows_of
 from grabberd.archive.measure_setups import INCLUDE_DAMAGED, check_rig, measure_setup, settings_of_capture

@@ -130,14 +130,19 @@ class Service:
         state, heal = directory / STATE, self.state_keeper.heal
         self.state_store = StateStore(state, heal)
         store = AnnotationStore(state, heal)
-        self.archive = Archive(
+        folder = CapturesFolder(
             directory / "captures",
+            lambda: self.state_store.get(CAPTURES_FOLDER),
+            lambda found: self.state_store.put({CAPTURES_FOLDER: found}),
+        )
+        self.archive = Archive(
+            folder.path,
             self.recordings,
             self._current.armed,
             store.get,
             store.all,
             self.parts,
-            folder=CapturesFolder.kept_in(self.state_store, CAPTURES_FOLDER, directory / "captures"),
+            folder=folder,
             faults=self.faults,
         )
         self._capture_end = end = CaptureEnd(self.archive, self.instruments)

@@ -2,7 +2,7 @@
 
 import logging
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.schema import SUFFIX
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.state_database import Outbox

@@ -9,9 +9,12 @@ import pytest
 
 from archive.captures import MADE_WITH, META, PERIOD_NS, START_NS, ledger_of, meta, points, slots, write
 from archive.readings import CHANNELS, SIGMA_NS, STEP_NS, readings, write_with_channels
-from grabberd.archive import CaptureReader, CaptureWriter, append_run, recover
+from grabberd.archive.capture.crash_recovery import recover
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.runs import append_run
 from grabberd.archive.capture.schema import VERSION, WITH_CHANNELS, connect, format_of
 from grabberd.archive.capture.verification import verify
+from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.core.channels import Dating
 from grabberd.core.channels.account import Account, ChannelAccount, ChannelLedger, Gap
 from grabberd.errors import CaptureFileError, LaterVersion, NotFound, StorageError

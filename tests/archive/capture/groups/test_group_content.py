@@ -19,8 +19,8 @@ from archive.captures import (
     slots,
     write,
 )
-from grabberd.archive import CaptureReader
 from grabberd.archive.capture.groups import MOST_FIELDS
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.errors import CaptureFileError
 
 COUNT, A_COMMIT = 60, 7

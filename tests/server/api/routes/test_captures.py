@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 
 CAPTURES = "/api/v1/captures"
 

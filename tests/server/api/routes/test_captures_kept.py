@@ -7,7 +7,7 @@ import pytest
 from fastapi.testclient import TestClient
 from running import wait_until_it_accepts
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.server.api import create_app
 from server.api.conftest import sealed, service_in
 

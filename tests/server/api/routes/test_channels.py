@@ -12,7 +12,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from running import PATIENCE_S, configuration, wait_until_it_accepts
 from starlette.testclient import WebSocketDenialResponse
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.config import ChannelConfig, LocationConfig, LoggerConfig, default_config_file
 from grabberd.instrument.channels.logger_setup import set_up_loggers
 from grabberd.instrument.setup import set_up

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from fastapi.testclient import TestClient
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.config import ThresholdConfig
 from grabberd.documents.enums import Role
 from grabberd.server.api import create_app

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from grabberd.archive import CaptureReader
+from grabberd.archive.capture.reader import CaptureReader
 from grabberd.documents.requests import NewCapture
 from grabberd.server.api.routes.captures import request_of
 from server.api.conftest import sealed

@@ -13,7 +13,8 @@ from running import PATIENCE_S, configuration
 
 from archive.another_process import COMMIT, COUNT, LOCKED, another_process
 from archive.captures import points
-from grabberd.archive import CaptureReader, append_run
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.runs import append_run
 from grabberd.config import default_config_file
 from grabberd.instrument.setup import set_up
 from grabberd.server.daemon.service import Service

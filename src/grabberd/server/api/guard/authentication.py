@@ -209,7 +209,7 @@ class Authenticator:
             if shown.session and (identity := self._access.of_session(shown.session, at_once=at_once)):
                 return identity
             here = self._private and is_here(scope)
-            return AT_THE_MACHINE if here and not self._access.is_guarded(at_once=at_once) else None
+            return AT_THE_MACHINE if here and not self._access.needs_token(at_once=at_once) else None
         except StorageError as error:
             raise Refusal(507, "storage-error", error.message, error.hint) from error
 

@@ -6,14 +6,14 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Query, Response, status
 from fastapi.responses import FileResponse, StreamingResponse
 
-from grabberd.archive import field_png, points_csv, points_ply
 from grabberd.archive.capture.reader import stat_at_rest
 from grabberd.archive.catalogue.capture_documents import whole_run
 from grabberd.archive.export.c3d_file import points_c3d
 from grabberd.archive.export.channels_export import channels_csv
 from grabberd.archive.export.child_stream import mat_stream, parquet_stream
-from grabberd.archive.export.field_pictures import thumbnail_png
+from grabberd.archive.export.field_pictures import field_png, thumbnail_png
 from grabberd.archive.export.page_documents import PointsQuery, channels_json, points_json
+from grabberd.archive.export.points_export import points_csv, points_ply
 from grabberd.archive.export.replay_stretches import (
     MOST_PICTURES,
     MOST_POINT_FIELDS,
