@@ -10,14 +10,13 @@ import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from pydantic import Field
 
-from grabberd.clock import Clock
 from grabberd.errors import Cause, DeviceAbsent, DeviceError, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.light.switched_light import Found, SwitchedLight
-from grabberd_loggers.options import Options, read_options
+from grabberd_loggers.options import Options
 
 NAME_BYTES = 32
 LINES_MAX = 64
@@ -129,22 +128,6 @@ class GpioLightOptions(Options):
     chip: str = Field(min_length=1)
     line: int | str
     inverted: bool = False
-
-
-class GpioLight(SwitchedLight):
-    """A light on a line of a GPIO chip; `GpioLightOptions` lists its options."""
-
-    def __init__(self, *, clock: Clock | None = None, **options: Any) -> None:
-        """Checks the options; nothing is opened.
-
-        Args:
-            clock: clock that it is switched by; by default the machine's.
-            options: see `GpioLightOptions`.
-
-        Raises:
-            ValueError: an option is unknown or not allowed; the message has a line for each.
-        """
-        super().__init__(GpioLine(read_options(GpioLightOptions, options)), clock)
 
 
 class GpioLine:
@@ -290,3 +273,10 @@ class GpioLine:
                 hint = "plug its chip in again; grabberd retries automatically"
                 raise DeviceLost(f"{what} is gone", hint) from error
             raise StreamFailed(f"{what} does not answer: {error.strerror}", _LOOK) from error
+
+
+class GpioLight(SwitchedLight):
+    """A light on a line of a GPIO chip; `GpioLightOptions` lists its options."""
+
+    options_class = GpioLightOptions
+    line_class = GpioLine

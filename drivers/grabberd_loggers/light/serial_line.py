@@ -9,10 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
-from grabberd.clock import Clock
 from grabberd.errors import DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.light.switched_light import Found, SwitchedLight
-from grabberd_loggers.options import Options, read_options
+from grabberd_loggers.options import Options
 from grabberd_loggers.serial_port import GONE, PLUG, lost, open_port
 
 _LINES = {"rts": termios.TIOCM_RTS, "dtr": termios.TIOCM_DTR}
@@ -35,22 +34,6 @@ class SerialLightOptions(Options):
     port: Path
     line: Literal["rts", "dtr"] = "rts"
     inverted: bool = False
-
-
-class SerialLight(SwitchedLight):
-    """A light on a control line of a serial port; `SerialLightOptions` lists its options."""
-
-    def __init__(self, *, clock: Clock | None = None, **options: Any) -> None:
-        """Checks the options; nothing is opened.
-
-        Args:
-            clock: clock that it is switched by; by default the machine's.
-            options: see `SerialLightOptions`.
-
-        Raises:
-            ValueError: an option is unknown or not allowed; the message has a line for each.
-        """
-        super().__init__(SerialLine(read_options(SerialLightOptions, options)), clock)
 
 
 class SerialLine:
@@ -127,3 +110,10 @@ class SerialLine:
             reason = os.strerror(error.errno or errno.EIO)
             raise StreamFailed(f"the lines of {self._options.port} do not answer: {reason}", PLUG) from error
         return _WORD.unpack(answer)[0]
+
+
+class SerialLight(SwitchedLight):
+    """A light on a control line of a serial port; `SerialLightOptions` lists its options."""
+
+    options_class = SerialLightOptions
+    line_class = SerialLine
