@@ -10,10 +10,10 @@ from typing import Any
 from grabberd.core.field import FieldOrder
 from grabberd.errors import Cause, DeviceLost, DeviceRefused, StreamFailed
 from grabberd.instrument.acquisition.device import GrabbedField, Signal, StreamInfo
-from grabberd.instrument.acquisition.discovery import Verdict
+from grabberd.instrument.acquisition.discovery import SYSTEM, Roots, Verdict
 from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import Arrangement
-from grabberd_v4l2.devices import SYSTEM, Roots, find_node, video_nodes
+from grabberd_v4l2.devices import find_node, node_at, video_nodes
 from grabberd_v4l2.failures import opening, restarting
 from grabberd_v4l2.fields import FieldTimes, Granted, Layout, Stamp
 from grabberd_v4l2.formats import FORMATS, JpegLuma
@@ -166,12 +166,14 @@ class V4l2Grabber:
     def _started(self, node: Node) -> _Running:
         capability = capture_node(node)
         profiles = Profiles.load(self.options.profiles)
-        profile = profiles.of(capability.driver, usb_id(node.path, self._roots))
+        nodes = video_nodes(self._roots)
+        place = node_at(node.path, nodes)
+        profile = profiles.of(capability.driver, place.usb_id if place else "")
         # Everything is set before buffers exist: drivers refuse a new standard or format while they have any,
         # and usbtv, which does not, must not be given another standard while it streams.
         granted = negotiate(node, capability, self.options, profile)
         watch = _settled(node, profile, granted)
-        remarks = (*profiles.remarks, *remarks_on_place(node.path, self._roots))
+        remarks = (*profiles.remarks, *(remarks_on(place, nodes) if place else ()))
         layout = Layout.of(granted, profile, self.options.older)
         times = FieldTimes(layout, profile, self.options.exposure_ns)
         jpeg = JpegLuma(granted.lines, granted.columns) if FORMATS[granted.fourcc].is_compressed else None
@@ -273,19 +275,6 @@ def stream_info(
             "buffers of the driver": str(granted.buffers),
         },
         remarks=(*remarks, *layout.remarks, *_doubts(profile), *_of_pictures(layout), *_few(layout)),
-    )
-
-
-def remarks_on_place(path: Path, roots: Roots) -> tuple[str, ...]:
-    """Warnings about the USB port."""
-    nodes = video_nodes(roots)
-    return tuple(remark for node in nodes if node.path == path for remark in remarks_on(node, nodes))
-
-
-def usb_id(path: Path, roots: Roots) -> str:
-    """The node's "VENDOR:PRODUCT", or "" if it is not on USB."""
-    return next(
-        (node.usb.vendor_product for node in video_nodes(roots) if node.path == path and node.usb), ""
     )
 
 
