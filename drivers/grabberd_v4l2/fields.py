@@ -22,7 +22,6 @@ from grabberd_v4l2.formats import luma
 from grabberd_v4l2.profiles import Profile
 from grabberd_v4l2.standards import SCAN_625, Scan
 
-_WOVEN = (Arrangement.INTERLACED, Arrangement.INTERLACED_TB, Arrangement.INTERLACED_BT)
 _STACKED = (Arrangement.SEQ_TB, Arrangement.SEQ_BT)
 _SINGLE = {Arrangement.TOP: TOP, Arrangement.BOTTOM: BOTTOM}
 _OLDER = {
@@ -286,6 +285,9 @@ class FieldTimes:
         profile: profile of the driver, with the trust in its timestamps.
         exposure_ns: exposure time of the camera, if known.
 
+    Attributes:
+        sigma_ns: standard deviation of a field's time.
+
     Raises:
         DeviceRefused: the exposure is longer than the time from field to field.
     """
@@ -304,14 +306,9 @@ class FieldTimes:
         # Any exposure up to a whole period is equally likely, which moves the middle by up to half of it.
         unknown_ns = period_ns / 2 / math.sqrt(3) if exposure_ns is None else 0.0
         stamp_ns = profile.time_sigma_ms * 1e6 if profile.trusts_time else _ARRIVAL_SIGMA_NS
-        self._sigma_ns = round(math.hypot(unknown_ns, stamp_ns))
+        self.sigma_ns = round(math.hypot(unknown_ns, stamp_ns))
         self._count: int | None = None
         self._last_ns: int | None = None
-
-    @property
-    def sigma_ns(self) -> int:
-        """Standard deviation of a field's time."""
-        return self._sigma_ns
 
     def handed_back(self, stamp: Stamp) -> bool:
         """True if a buffer was returned without a field of the camera; call it for each buffer, in order.
