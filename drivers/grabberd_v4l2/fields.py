@@ -134,6 +134,11 @@ class Layout:
         return cls._frames(granted, arrangement, granted.scan.older if older is None else older)
 
     @property
+    def fields_per_buffer(self) -> int:
+        """Number of fields in a buffer."""
+        return 2 if self.order in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST) else 1
+
+    @property
     def period_ns(self) -> int:
         """Time from field to field of the camera, whether both parities are delivered or one, or from picture
         to picture.
@@ -300,7 +305,7 @@ class FieldTimes:
                 f"{exposure_ns / 1e6:g} ms",
                 "correct the option 'exposure_ms', or leave it out if the exposure is not known",
             )
-        self._per_buffer = 2 if layout.order in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST) else 1
+        self._per_buffer = layout.fields_per_buffer
         self._believed = profile.trusts_time
         self._half_exposure_ns = (period_ns if exposure_ns is None else exposure_ns) // 2
         # Any exposure up to a whole period is equally likely, which moves the middle by up to half of it.

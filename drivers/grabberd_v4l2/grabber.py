@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from grabberd.core.field import FieldOrder
 from grabberd.errors import Cause, DeviceLost, DeviceRefused, StreamFailed
 from grabberd.instrument.acquisition.device import GrabbedField, Signal, StreamInfo
 from grabberd.instrument.acquisition.discovery import SYSTEM, Roots, Verdict
@@ -15,7 +14,7 @@ from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.devices import find_node, node_at, video_nodes
 from grabberd_v4l2.failures import opening, restarting
-from grabberd_v4l2.fields import FieldTimes, Granted, Layout, Stamp
+from grabberd_v4l2.fields import FieldTimes, Granted, Layout
 from grabberd_v4l2.formats import FORMATS, JpegLuma
 from grabberd_v4l2.kernel import Kernel, LinuxKernel
 from grabberd_v4l2.negotiation import capture_node, negotiate, picture_bytes
@@ -205,8 +204,7 @@ def _not_open() -> DeviceLost:
 
 
 def _fields(running: _Running, filled: Filled) -> list[GrabbedField]:
-    stamp = Stamp(filled.time_ns, filled.flags, filled.sequence, filled.arrival_ns)
-    if running.times.handed_back(stamp):
+    if running.times.handed_back(filled.stamp):
         return []
     damage, picture = _damage(filled, running.whole_bytes), filled.picture
     if running.jpeg is not None:
@@ -220,7 +218,7 @@ def _fields(running: _Running, filled: Filled) -> list[GrabbedField]:
         if damage is None:
             raise
         return []  # a damaged field without parity counts as lost: the gap in time shows it
-    times = running.times.of(stamp, laid)
+    times = running.times.of(filled.stamp, laid)
     return [
         GrabbedField(one.field, time.time_ns, time.sequence, damage)
         for one, time in zip(laid, times, strict=True)
@@ -228,7 +226,7 @@ def _fields(running: _Running, filled: Filled) -> list[GrabbedField]:
 
 
 def _damage(filled: Filled, whole_bytes: int) -> str | None:
-    if filled.flags & abi.BUF_FLAG_ERROR:
+    if filled.stamp.flags & abi.BUF_FLAG_ERROR:
         return "the driver flags an error"
     if filled.bytes_used < whole_bytes:
         return f"short: {filled.bytes_used} of {whole_bytes} bytes"
@@ -252,7 +250,6 @@ def stream_info(
 ) -> StreamInfo:
     """Description of the stream; `remarks` on its surroundings come before its own."""
     granted = layout.granted
-    two_a_buffer = layout.order in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST)
     return StreamInfo(
         driver="v4l2",
         card=granted.card,
@@ -262,7 +259,7 @@ def stream_info(
         rate_hz=layout.rate_hz,
         field_order=layout.order,
         pixel_format=granted.fourcc,
-        buffers=granted.buffers * (2 if two_a_buffer else 1),
+        buffers=granted.buffers * layout.fields_per_buffer,
         live=True,
         counts_losses=profile.trusts_sequence,
         tells_signal=tells_signal,
