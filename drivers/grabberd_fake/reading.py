@@ -146,19 +146,18 @@ def flag(default: bool) -> Any:
     return ruled(Choice((True, False)), default)
 
 
-def read(made_into: type[T], values: Mapping[str, Any], owner: str) -> T:
+def read(made_into: type[T], values: Mapping[str, Any]) -> T:
     """An instance of a dataclass from a mapping.
 
     Args:
         made_into: the dataclass; its `check()`, if any, yields problems that involve several keys.
         values: mapping as read from YAML.
-        owner: prefix of every key in messages.
 
     Raises:
         ValueError: a key is unknown, missing, of a wrong type or out of range; one line for each.
     """
     problems: list[str] = []
-    made = _read(made_into, values, owner, problems)
+    made = _read(made_into, values, "", problems)
     if problems or made is None:
         raise ValueError("\n".join(problems))
     return made
