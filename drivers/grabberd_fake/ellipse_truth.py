@@ -153,11 +153,6 @@ def moment(options: EllipseOptions, metric: Array, change: Array) -> Array:
     return stiffness * _isotropic(inverse(metric), change, poisson)
 
 
-def strain(reference: Array, metric: Array) -> Array:
-    """Green-Lagrange strain (g - G)/2, covariant."""
-    return (metric - reference) / 2
-
-
 def pre_stretch(options: EllipseOptions) -> tuple[float, float]:
     """Stretches along and round the liner due to its mounting: tension F/(2πR) along, none round it."""
     material = options.material
@@ -261,7 +256,7 @@ def truth_of_wall(
 def _truth(options: EllipseOptions, closed: float, reference: float, chamber_kpa: float) -> WallTruth:
     here, before = _patch(options, closed), _patch(options, reference)
     axes, old_axes = _axes(here.metric), _axes(before.metric)
-    lagrange = _tensor(strain(before.metric, here.metric), old_axes)
+    lagrange = _tensor((here.metric - before.metric) / 2, old_axes)  # Green-Lagrange, (g - G)/2
     stretch, old_direction = _principal(lagrange)
     carried = np.einsum("nik,kan,anx->nix", old_direction, old_axes, here.tangents)
     load_kpa = 1000 * here.load_mpa
