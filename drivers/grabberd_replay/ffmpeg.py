@@ -17,7 +17,7 @@ from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
 from fractions import Fraction
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -376,17 +376,10 @@ def _running(command: list[str], path: Path) -> Iterator[_Pipe]:
         )
     except OSError as error:
         raise DeviceRefused(f"{path}: ffmpeg cannot be started: {error.strerror}", INSTALL) from error
-    pipe = _Pipe(process, path)
-    try:
-        yield pipe
-    finally:
-        pipe.close()
-        process.kill()
-        process.wait()
-        _close(process.stdout, process.stderr)
-
-
-def _close(*streams: IO[bytes] | None) -> None:
-    for stream in streams:
-        if stream is not None:
-            stream.close()
+    with process:  # at its end it is waited for, and its streams are closed
+        pipe = _Pipe(process, path)
+        try:
+            yield pipe
+        finally:
+            pipe.close()
+            process.kill()

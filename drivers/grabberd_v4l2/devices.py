@@ -4,7 +4,7 @@ All facts are from /sys and the links in /dev: no device is opened.
 """
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -130,16 +130,12 @@ def _usb_place(device: Path) -> UsbPlace | None:
         bus=int(words["busnum"]),
         address=int(words["devnum"]),
         speed_mbit_s=float(words["speed"]),
-        name=" ".join(_own_names(words)),
+        name=" ".join(words[name] for name in ("manufacturer", "product") if words[name]),
     )
 
 
 _NEEDED = ("idVendor", "idProduct", "busnum", "devnum", "speed")
 _ATTRIBUTES = (*_NEEDED, "serial", "manufacturer", "product")
-
-
-def _own_names(words: dict[str, str]) -> Iterator[str]:
-    return (words[name] for name in ("manufacturer", "product") if words[name])
 
 
 VENDOR_PRODUCT = re.compile(r"[0-9a-f]{4}:[0-9a-f]{4}")

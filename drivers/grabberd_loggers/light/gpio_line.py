@@ -8,7 +8,7 @@ import fcntl
 import os
 import struct
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -154,8 +154,6 @@ class GpioLine:
             DeviceAbsent: There is no such chip.
             DeviceRefused: It may not be opened, has no such line, or another program has it.
         """
-        if self._line is not None:
-            raise DeviceRefused("the GPIO line is open already", "close it first")
         path, chip = self._chip()
         try:
             info = self._told(path, chip)
@@ -179,13 +177,9 @@ class GpioLine:
     def close(self) -> None:
         """Switches the light off, if that is still possible, and gives the line back."""
         line = self._line
-        if line is None:
-            return
-        try:
-            self.switch(False)
-        except (DeviceLost, StreamFailed):
-            pass  # the chip is gone, and the light with it
-        finally:
+        if line is not None:
+            with suppress(DeviceLost, StreamFailed):  # the chip is gone, and the light with it
+                self.switch(False)
             self._line = None
             self._kernel.close(line)
 

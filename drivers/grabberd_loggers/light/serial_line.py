@@ -6,6 +6,7 @@ import os
 import struct
 import termios
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 
@@ -89,13 +90,10 @@ class SerialLine:
     def close(self) -> None:
         """Switches the light off, if that is still possible, and closes the port."""
         file = self._file
-        if file is None:
-            return
-        try:
-            self.switch(False)
-        except (DeviceLost, StreamFailed):
-            pass  # gone, or no port with such lines: there is no light that could stay on
-        finally:
+        if file is not None:
+            # Gone, or no port with such lines: there is no light that could stay on.
+            with suppress(DeviceLost, StreamFailed):
+                self.switch(False)
             self._file = None
             os.close(file)
 
