@@ -10,7 +10,7 @@ teat, and along the wall the movement would require friction that does not exist
 
 import math
 from collections.abc import Mapping
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -301,9 +301,7 @@ def _patch(options: EllipseOptions, closed: float) -> _Patch:
     bend = moment(options, wall.metric, curvature + opened.bending)
     load = np.einsum("abnm,abnm->nm", force, curvature) - wall.double_divergence(bend)
 
-    def read(values: Array, lead: int = 0) -> Array:
-        return _at_targets(options, wall, values, lead)
-
+    read = partial(_at_targets, options, wall)
     xyz_mm = read(places_mm)
     xyz_mm[:, 0] = EllipseLiner(options).wall(0).xyz_mm[:, 0]
     inner = _area_ratio(wall.metric, curvature, options.wall_mm / 2)
@@ -345,7 +343,7 @@ def wall_sheet(options: EllipseOptions, closed: float, grid: tuple[int, int] = G
     return places_mm, Sheet(places_mm, secular, (length, 2 * np.pi * radius))
 
 
-def _at_targets(options: EllipseOptions, wall: Sheet, values: Array, lead: int) -> Array:
+def _at_targets(options: EllipseOptions, wall: Sheet, values: Array, lead: int = 0) -> Array:
     """Values (lead × 2, n, m, …) at the targets, (lead × 2, N, …)."""
     x_mm, s_mm = (
         np.array([index - (count - 1) / 2 for index in range(count)]) * options.pitch_mm

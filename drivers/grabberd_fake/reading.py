@@ -10,7 +10,6 @@ from dataclasses import MISSING, Field, field, fields
 from typing import Any, TypeVar
 
 T = TypeVar("T")
-_NOTHING = object()
 
 
 class Rule:
@@ -116,9 +115,9 @@ class OneOfKinds(Rule):
         return _read(self.kinds[value["kind"]], rest, f"{key}.", problems)
 
 
-def ruled(rule: Rule, default: Any = _NOTHING) -> Any:
+def ruled(rule: Rule, default: Any = MISSING) -> Any:
     """A dataclass field with a rule; without a default it must be given."""
-    return field(metadata=by(rule), **({} if default is _NOTHING else {"default": default}))
+    return field(default=default, metadata=by(rule))
 
 
 def by(rule: Rule) -> dict[str, Rule]:

@@ -19,6 +19,7 @@ from grabberd.errors import DeviceRefused
 from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.formats import luma
+from grabberd_v4l2.node import Capability
 from grabberd_v4l2.profiles import Profile
 from grabberd_v4l2.standards import SCAN_625, Scan
 
@@ -43,7 +44,7 @@ class Granted:
         fourcc: pixel format, e.g. "YUYV".
         field: V4L2_FIELD_*, never ANY.
         standard: video standard, e.g. "PAL"; "" for a camera without.
-        kernel_driver: kernel driver, e.g. "bttv"; `card`: the device's own name; `bus_info`: its location.
+        node: names and capabilities of the node.
         buffers: number of buffers in the kernel's queue.
         scan: what the camera scans.
     """
@@ -54,9 +55,7 @@ class Granted:
     fourcc: str
     field: int
     standard: str
-    kernel_driver: str
-    card: str
-    bus_info: str
+    node: Capability
     buffers: int
     scan: Scan = SCAN_625
 
@@ -182,7 +181,7 @@ class Layout:
         rows, remarks = _height(granted, granted.lines)
         both_hz = granted.scan.rate_hz
         remark = (
-            f"the driver {granted.kernel_driver} delivers only the {_NAMES[parity]} field of every frame: "
+            f"the driver {granted.node.driver} delivers only the {_NAMES[parity]} field of every frame: "
             f"{both_hz / 2:.0f} fields a second instead of {both_hz:.0f}"
         )
         parts = {int(Arrangement.ANY): (_Part(slice(None), parity, 0),)}
@@ -245,7 +244,7 @@ def _no_parity(granted: Granted, buffer_field: int) -> DeviceRefused:
 
 
 def _refused(granted: Granted, what: str, hint: str) -> DeviceRefused:
-    return DeviceRefused(f"{granted.card} (driver {granted.kernel_driver}): {what}", hint)
+    return DeviceRefused(f"{granted.node.card} (driver {granted.node.driver}): {what}", hint)
 
 
 # Scheduling and USB batches of up to 8 ms delay a buffer's arrival in this process.

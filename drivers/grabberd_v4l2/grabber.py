@@ -252,7 +252,7 @@ def stream_info(
     granted = layout.granted
     return StreamInfo(
         driver="v4l2",
-        card=granted.card,
+        card=granted.node.card,
         standard=granted.standard,
         columns=granted.columns,
         field_rows=layout.field_rows,
@@ -266,8 +266,8 @@ def stream_info(
         time_sigma_ns=times.sigma_ns,
         details={
             "node": str(path),
-            "kernel driver": granted.kernel_driver,
-            "bus": granted.bus_info,
+            "kernel driver": granted.node.driver,
+            "bus": granted.node.bus_info,
             "field order of the driver": Arrangement(granted.field).name,
             "buffers of the driver": str(granted.buffers),
         },

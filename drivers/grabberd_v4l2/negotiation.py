@@ -79,9 +79,7 @@ def negotiate(node: Node, capability: Capability, options: V4l2Options, profile:
         fourcc=fourcc,
         field=int(pix.field),
         standard=standard,
-        kernel_driver=capability.driver,
-        card=capability.card,
-        bus_info=capability.bus_info,
+        node=capability,
         buffers=0,
         scan=scan,
     )
