@@ -2,7 +2,8 @@
 
 A driver that can search offers a function without arguments in the entry point group `grabberd.discovery`,
 for loggers `grabberd.logger_discovery`. It opens devices to query them, never to stream, and lists a device
-even if another program is using it, or no configuration names it.
+even if another program is using it, or no configuration names it. `by_number` and `attribute` read the
+kernel's trees for it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
