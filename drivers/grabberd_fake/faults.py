@@ -104,7 +104,7 @@ class Endless(Fault):
 
 
 class Unseen:
-    """Of a fault: its fields neither reach the driver's buffers nor count."""
+    """Part of a fault whose fields neither reach the driver's buffers nor count."""
 
     delivers: ClassVar[bool] = False
     counted: ClassVar[bool] = False

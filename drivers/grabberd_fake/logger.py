@@ -201,7 +201,7 @@ class _Packet(NamedTuple):
 
 
 class ScriptedLogger:
-    """What every simulated logger does by its script: somebody may unplug it.
+    """A simulated logger of any kind, which its script may unplug.
 
     Args:
         faults: The script.
