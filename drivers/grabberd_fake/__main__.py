@@ -15,13 +15,7 @@ from grabberd_fake.audit import audit
 from grabberd_fake.documents import calibration_document, object_document
 from grabberd_fake.options import SCENES, FakeOptions
 from grabberd_fake.stage import MILKING, NO_VACUUM, ramp, write_stage
-from grabberd_fake.truth import (
-    capture_load_truth,
-    capture_quantities,
-    capture_truth,
-    capture_vacuum_log,
-    capture_wall_truth,
-)
+from grabberd_fake.truth import capture_quantities, capture_truth, capture_vacuum_log
 from grabberd_fake.wall_states import wall_names
 
 _EXAMPLES = """examples:
@@ -81,15 +75,11 @@ def _audit(path: Path) -> int:
 
 
 def _truth_lines(given: argparse.Namespace) -> Iterable[str]:
-    if given.of == "wall":
-        return capture_wall_truth(given.capture)
-    if given.of == "load":
-        return capture_load_truth(given.capture)
     if given.of == "quantities":
         return capture_quantities(given.capture, given.flow_stop_kpa)
     if given.of == "vacuum":
         return capture_vacuum_log(given.capture, given.offset_s, given.noise_kpa, given.rate_hz)
-    return capture_truth(given.capture)
+    return capture_truth(given.capture, given.of)
 
 
 def _parser() -> argparse.ArgumentParser:

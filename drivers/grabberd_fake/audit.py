@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.core.field import unpack
-from grabberd.errors import CaptureFileError
 from grabberd_fake.faults import PERIOD_NS
 from grabberd_fake.stamp import read_stamp
+from grabberd_fake.truth import check_driver
 
 _UNCERTAIN = re.compile(r"number uncertain by up to (\d+)")
 _OFF = re.compile(r"numbers from here on are (\d+) too (high|low)")
@@ -65,11 +65,7 @@ def audit(path: Path) -> Audit:
     with CaptureReader(path) as reader:
         meta, ledger = reader.meta, reader.ledger
         period_ns = round(1e9 / meta.rate_hz)
-        if meta.device.get("driver") != "fake":
-            raise CaptureFileError(
-                f"{path}: made with driver {meta.device.get('driver')!r}, not 'fake'",
-                "only the simulated grabber's pictures tell their number",
-            )
+        check_driver(path, meta.device, "only the simulated grabber's pictures tell their number")
         judged = [
             Judged(recorded.numbered.n, stamp.number, recorded.numbered.time_ns, recorded.reason)
             for recorded in reader.fields()

@@ -24,7 +24,7 @@ from grabberd.errors import StreamFailed
 from grabberd_fake.optics import COLUMNS, LINES
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.render import ROWS
-from grabberd_fake.world import World, random_of
+from grabberd_fake.world import World
 
 SLOTS = 32
 """As many pictures are kept: .64 s at 50 Hz, longer than a process waits for a busy processor."""
@@ -56,7 +56,6 @@ class DrawnAhead:
             StreamFailed: The process does not start.
         """
         self.waited_ns = 0
-        self._seed = options.seed
         try:
             self._start(options)
         except OSError as error:
@@ -99,10 +98,6 @@ class DrawnAhead:
             self._wait_for(field)
         self._asked = field
         np.copyto(out, self._slots[field % SLOTS])
-
-    def random(self, field: int) -> np.random.Generator:
-        """The random numbers of a field."""
-        return random_of(self._seed, field)
 
     def _wait_for(self, field: int) -> None:
         began_ns = time.monotonic_ns()

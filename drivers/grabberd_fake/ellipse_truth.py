@@ -10,7 +10,7 @@ teat, and along the wall the movement would require friction that does not exist
 
 import math
 from collections.abc import Mapping
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -153,11 +153,6 @@ def moment(options: EllipseOptions, metric: Array, change: Array) -> Array:
     return stiffness * _isotropic(inverse(metric), change, poisson)
 
 
-def strain(reference: Array, metric: Array) -> Array:
-    """Green-Lagrange strain (g - G)/2, covariant."""
-    return (metric - reference) / 2
-
-
 def pre_stretch(options: EllipseOptions) -> tuple[float, float]:
     """Stretches along and round the liner due to its mounting: tension F/(2πR) along, none round it."""
     material = options.material
@@ -261,7 +256,7 @@ def truth_of_wall(
 def _truth(options: EllipseOptions, closed: float, reference: float, chamber_kpa: float) -> WallTruth:
     here, before = _patch(options, closed), _patch(options, reference)
     axes, old_axes = _axes(here.metric), _axes(before.metric)
-    lagrange = _tensor(strain(before.metric, here.metric), old_axes)
+    lagrange = _tensor((here.metric - before.metric) / 2, old_axes)  # Green-Lagrange, (g - G)/2
     stretch, old_direction = _principal(lagrange)
     carried = np.einsum("nik,kan,anx->nix", old_direction, old_axes, here.tangents)
     load_kpa = 1000 * here.load_mpa
@@ -306,9 +301,7 @@ def _patch(options: EllipseOptions, closed: float) -> _Patch:
     bend = moment(options, wall.metric, curvature + opened.bending)
     load = np.einsum("abnm,abnm->nm", force, curvature) - wall.double_divergence(bend)
 
-    def read(values: Array, lead: int = 0) -> Array:
-        return _at_targets(options, wall, values, lead)
-
+    read = partial(_at_targets, options, wall)
     xyz_mm = read(places_mm)
     xyz_mm[:, 0] = EllipseLiner(options).wall(0).xyz_mm[:, 0]
     inner = _area_ratio(wall.metric, curvature, options.wall_mm / 2)
@@ -350,7 +343,7 @@ def wall_sheet(options: EllipseOptions, closed: float, grid: tuple[int, int] = G
     return places_mm, Sheet(places_mm, secular, (length, 2 * np.pi * radius))
 
 
-def _at_targets(options: EllipseOptions, wall: Sheet, values: Array, lead: int) -> Array:
+def _at_targets(options: EllipseOptions, wall: Sheet, values: Array, lead: int = 0) -> Array:
     """Values (lead × 2, n, m, …) at the targets, (lead × 2, N, …)."""
     x_mm, s_mm = (
         np.array([index - (count - 1) / 2 for index in range(count)]) * options.pitch_mm

@@ -93,6 +93,23 @@ class Lasting(Fault):
         return self._fields_in(self.duration_s)
 
 
+@dataclass(frozen=True)
+class Endless(Fault):
+    """A fault that nothing ends."""
+
+    @property
+    def fields(self) -> int:
+        """Practically endless."""
+        return self._fields_in(FOREVER_S)
+
+
+class Unseen:
+    """Part of a fault whose fields neither reach the driver's buffers nor count."""
+
+    delivers: ClassVar[bool] = False
+    counted: ClassVar[bool] = False
+
+
 STEPS = ("restart", "reopen", "reset")
 """Recovery steps, the gentlest first; each includes those before it."""
 
@@ -121,11 +138,8 @@ class Lose(Counted):
 
 
 @dataclass(frozen=True)
-class LoseSilently(Counted):
+class LoseSilently(Unseen, Counted):
     """Fields that never arrive, without a gap in the sequence: only timestamps show the loss."""
-
-    delivers: ClassVar[bool] = False
-    counted: ClassVar[bool] = False
 
 
 @dataclass(frozen=True)
@@ -171,37 +185,22 @@ class Timestamp(Lasting):
 
 
 @dataclass(frozen=True)
-class ClockStep(Fault):
+class ClockStep(Endless):
     """The clock of the driver's timestamps is set by `by_s`, for good."""
 
     by_s: float = number(-3600.0, -FOREVER_S, FOREVER_S)
 
-    @property
-    def fields(self) -> int:
-        """Practically endless."""
-        return self._fields_in(FOREVER_S)
-
 
 @dataclass(frozen=True)
-class Turn(Fault):
+class Turn(Endless):
     """The camera goes on in the other phase: the parity of every later field is the other one."""
 
-    @property
-    def fields(self) -> int:
-        """Practically endless."""
-        return self._fields_in(FOREVER_S)
-
 
 @dataclass(frozen=True)
-class Recount(Fault):
+class Recount(Endless):
     """The driver's sequence goes on from `count`: it restarts or skips."""
 
     count: int = integer(0, 0, 2**32 - 1)
-
-    @property
-    def fields(self) -> int:
-        """Practically endless."""
-        return self._fields_in(FOREVER_S)
 
 
 @dataclass(frozen=True)
@@ -232,28 +231,20 @@ class Storm(Lasting):
 
 
 @dataclass(frozen=True)
-class DeadInput(Lasting):
+class DeadInput(Unseen, Lasting):
     """The camera's cable is out, `signal()` reports it, and no fields arrive."""
 
-    delivers: ClassVar[bool] = False
-    counted: ClassVar[bool] = False
-
 
 @dataclass(frozen=True)
-class Stall(Recoverable):
+class Stall(Unseen, Recoverable):
     """No fields arrive and no error is raised; the driver's sequence stands still."""
 
-    delivers: ClassVar[bool] = False
-    counted: ClassVar[bool] = False
-
 
 @dataclass(frozen=True)
-class Fail(Recoverable):
+class Fail(Unseen, Recoverable):
     """The stream fails with an error while the device remains present."""
 
     until: str = choice("restart", "time", "reopen", "reset")
-    delivers: ClassVar[bool] = False
-    counted: ClassVar[bool] = False
 
 
 @dataclass(frozen=True)
@@ -269,13 +260,11 @@ class Standard(Lasting):
 
 
 @dataclass(frozen=True)
-class Unplug(Fault):
+class Unplug(Unseen, Fault):
     """The device disappears and returns after `back_after_s`, as another node if `elsewhere`."""
 
     back_after_s: float = number(1.0, 0.02, FOREVER_S)
     elsewhere: bool = flag(False)
-    delivers: ClassVar[bool] = False
-    counted: ClassVar[bool] = False
 
     @property
     def fields(self) -> int:

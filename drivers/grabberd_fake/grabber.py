@@ -30,7 +30,7 @@ from grabberd_fake.faults import (
 from grabberd_fake.optics import COLUMNS
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.render import ROWS
-from grabberd_fake.stage import REARRANGED, STAGE_HINT, Stage
+from grabberd_fake.stage import REARRANGED, Stage
 from grabberd_fake.stream import Pictures, Stream
 from grabberd_fake.world import World
 
@@ -207,15 +207,13 @@ class FakeGrabber:
         self._stream = None
 
     def _start(self, check: Callable[[], None]) -> None:
-        try:
-            self._stage.follow()
-        except ValueError as error:
-            raise DeviceRefused(f"there is no stage: {error}", STAGE_HINT) from error
+        self._stage.follow()
         if self._stage.liner != self.options.liner:
             self.options = replace(self.options, liner=self._stage.liner)
             self._waited_ns, self._pictures = self.called_ns, None
         # Takes long, so it comes before the first field is due.
-        self._pictures = self._pictures or self._pictures_of(self.options)
+        if self._pictures is None:
+            self._pictures = DrawnAhead(self.options) if self._draws_ahead else World(self.options)
         first = self._next_top_field()
         if self._origin is None and self.options.cue is None:
             self._origin = first
@@ -223,9 +221,6 @@ class FakeGrabber:
         self._stream = Stream(
             self._pictures, self._script, self.options, self._begins_with(), first, self._rows_now()
         )
-
-    def _pictures_of(self, options: FakeOptions) -> Pictures:
-        return DrawnAhead(options) if self._draws_ahead else World(options)
 
     def _begins_with(self) -> int:
         """Camera field with which the script begins; `_NEVER` before its cue."""
@@ -325,9 +320,6 @@ class FakeGrabber:
         if self._stream is not None and self._rows_now() != self._stream.rows:
             raise StreamFailed("the camera's standard has changed", "the script says so")
 
-    def _node(self) -> str:
-        return f"simulated{self._script.node(self._number_now())}"
-
     def _info(self) -> StreamInfo:
         assert self._stream is not None
         rows, driver = self._stream.rows, self.options.driver
@@ -350,7 +342,7 @@ class FakeGrabber:
             details={
                 "scene": self.options.scene,
                 "pace": self.options.pace,
-                "node": self._node(),
+                "node": f"simulated{self._script.node(self._number_now())}",
                 **({"stage": json.dumps(self._stage.content)} if self.options.stage is not None else {}),
             },
         )

@@ -7,14 +7,12 @@ from typing import Any
 import numpy as np
 
 from grabberd.core.channels import Anomaly, Dating, LoggerInfo, Readings
-from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused
-from grabberd_fake.grabber import Clock, RealClock
+from grabberd_fake.grabber import Clock
 from grabberd_fake.light_options import LightOptions, lit
-from grabberd_fake.logger import LoggerFault, Unplugged
+from grabberd_fake.logger import LoggerFault, ScriptedLogger, Unplugged
 from grabberd_fake.reading import Group, ListOf, OneOfKinds, by, integer, number, read, ruled
 
 _STEP_NS = 10_000_000
-_REPLUG = "plug it in again; grabberd retries automatically"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,11 +49,14 @@ class FakeLightOptions:
         Raises:
             ValueError: an option is unknown or not allowed; the message has a line for each.
         """
-        return read(cls, values, "")
+        return read(cls, values)
 
 
-class FakeLight:
+class FakeLight(ScriptedLogger):
     """The switch of the simulated lamp; `FakeLightOptions` lists its options."""
+
+    _model = "simulated light"
+    _replug = "plug it in again; grabberd retries automatically"
 
     def __init__(self, *, clock: Clock | None = None, **options: Any) -> None:
         """Checks the options; nothing is opened.
@@ -68,11 +69,9 @@ class FakeLight:
             ValueError: an option is unknown or not allowed; the message has a line for each.
         """
         self.options = FakeLightOptions.read(options)
-        self._clock = clock or RealClock()
+        super().__init__(self.options.faults, clock)
         self._bit_ns = round(self.options.light.bit_ms * 1e6)
-        self._origin_ns: int | None = None
         self._bit = self._told_ns = 0
-        self._is_open = False
 
     def open(self) -> LoggerInfo:
         """Starts with the next switching.
@@ -81,17 +80,11 @@ class FakeLight:
             DeviceAbsent: the script has it unplugged.
             DeviceRefused: it is open already.
         """
-        if self._is_open:
-            raise DeviceRefused("the simulated light is open already", "close it first")
-        now_ns = self._clock.now_ns()
-        self._origin_ns = now_ns if self._origin_ns is None else self._origin_ns
-        if self._active(Unplugged, now_ns):
-            raise DeviceAbsent("there is no simulated light: the script has it unplugged", _REPLUG)
-        self._bit, self._told_ns = now_ns // self._bit_ns + 1, now_ns
-        self._is_open = True
+        self._told_ns = self._begin()
+        self._bit = self._told_ns // self._bit_ns + 1
         return LoggerInfo(
             driver="fake_light",
-            model="simulated light",
+            model=self._model,
             channels=("light",),
             units=(None,),
             rate_hz=None,
@@ -111,10 +104,7 @@ class FakeLight:
         before_ns, after_ns = self._bracket()
         self._clock.sleep_until_ns(min(after_ns, until_ns))
         now_ns = self._clock.now_ns()
-        if not self._is_open:
-            raise DeviceLost("the simulated light is not open", "open it first")
-        if self._active(Unplugged, now_ns):
-            raise DeviceLost("the simulated light is gone: the script has unplugged it", _REPLUG)
+        self._check_plug(now_ns)
         if now_ns < after_ns:
             return Readings.none(1)
         times = [*range(self._told_ns + _STEP_NS, before_ns - _STEP_NS // 2, _STEP_NS), before_ns, after_ns]
@@ -125,17 +115,9 @@ class FakeLight:
         anomalies = (Anomaly(now_ns, "it was switched by somebody else", "on"),) if other_hand else ()
         return Readings(time_ns, values, anomalies, round((after_ns - before_ns) / np.sqrt(12)))
 
-    def close(self) -> None:
-        """Ends."""
-        self._is_open = False
-
     def _bracket(self) -> tuple[int, int]:
         """Times before and after the next switching, which is in between."""
         chance = np.random.default_rng([self.options.seed, self._bit % 2**32])
         length_ns, share = self.options.bracket_ms * 1e6 * chance.uniform(0.2, 1.0), chance.random()
         before_ns = self._bit * self._bit_ns - 1 - round(share * length_ns)
         return before_ns, before_ns + 1 + round(length_ns)
-
-    def _active(self, kind: type[LoggerFault], now_ns: int) -> bool:
-        since_s = (now_ns - (self._origin_ns or 0)) / 1e9
-        return any(isinstance(fault, kind) and fault.is_on(since_s) for fault in self.options.faults)

@@ -3,7 +3,7 @@ logger contract, how its readings come, and what goes wrong.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
@@ -37,8 +37,8 @@ from grabberd_fake.reading import (
     read,
     ruled,
 )
-from grabberd_fake.stage import STAGE_HINT, Stage
-from grabberd_fake.vacuum import Wave, pulsation_kpa
+from grabberd_fake.stage import Stage
+from grabberd_fake.vacuum import Array, Wave, pulsation_kpa
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +159,7 @@ class FakeLoggerOptions:
         Raises:
             ValueError: an option is unknown or not allowed; the message has a line for each.
         """
-        return read(cls, values, "")
+        return read(cls, values)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -179,13 +179,11 @@ class FakeLoggerOptions:
             yield f"stage: given, but the scene is {self.scene!r}, not 'liner'"
 
 
-Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 Kind = TypeVar("Kind", bound=LoggerFault)
 
 _STAMP_SIGMA_NS = 1_000
 _SETTLED_SIGMA_NS = 300_000
-_REPLUG = "plug the logger in again; grabberd retries automatically"
 
 
 class _Packet(NamedTuple):
@@ -202,8 +200,55 @@ class _Packet(NamedTuple):
     nonsense: int
 
 
-class FakeLogger:
+class ScriptedLogger:
+    """A simulated logger of any kind, which its script may unplug.
+
+    Args:
+        faults: The script.
+        clock: Clock of the simulated world; None: the machine's.
+    """
+
+    _model: ClassVar[str]
+    _replug: ClassVar[str]
+
+    def __init__(self, faults: Sequence[object], clock: Clock | None) -> None:
+        self._faults = faults
+        self._clock = clock or RealClock()
+        self._origin_ns: int | None = None
+        self._is_open = False
+
+    def close(self) -> None:
+        """Stops reading."""
+        self._is_open = False
+
+    def _begin(self) -> int:
+        """Opens it; returns the time."""
+        if self._is_open:
+            raise DeviceRefused(f"the {self._model} is open already", "close it first")
+        now_ns = self._clock.now_ns()
+        self._origin_ns = now_ns if self._origin_ns is None else self._origin_ns
+        if self._active(Unplugged, now_ns):
+            raise DeviceAbsent(f"there is no {self._model}: the script has it unplugged", self._replug)
+        self._is_open = True
+        return now_ns
+
+    def _check_plug(self, now_ns: int) -> None:
+        if not self._is_open:
+            raise DeviceLost(f"the {self._model} is not open", "open it first")
+        if self._active(Unplugged, now_ns):
+            raise DeviceLost(f"the {self._model} is gone: the script has unplugged it", self._replug)
+
+    def _active(self, kind: type[Kind], time_ns: float) -> Kind | None:
+        since_s = (time_ns - (self._origin_ns or 0)) / 1e9
+        faults = (fault for fault in self._faults if isinstance(fault, kind))
+        return next((fault for fault in faults if fault.is_on(since_s)), None)
+
+
+class FakeLogger(ScriptedLogger):
     """A logger of the vacuum round the simulated liner; `FakeLoggerOptions` lists its options."""
+
+    _model = "simulated logger"
+    _replug = "plug the logger in again; grabberd retries automatically"
 
     def __init__(self, *, clock: Clock | None = None, **options: Any) -> None:
         """Checks the options; nothing is opened.
@@ -216,14 +261,12 @@ class FakeLogger:
             ValueError: an option is unknown or not allowed; the message has a line for each.
         """
         self.options = FakeLoggerOptions.read(options)
+        super().__init__(self.options.faults, clock)
         self._stage = Stage(self.options.stage, self.options.liner)
-        self._clock = clock or RealClock()
         self._period_ns = 1e9 / self.options.rate_hz
         self._packet_ns = self.options.packet_ms * 1e6 or self._period_ns
         self._dating = Dating(self.options.dating)
-        self._origin_ns: int | None = None
         self._next = self._arrives_ns = 0
-        self._is_open = False
 
     def open(self) -> LoggerInfo:
         """Starts with the next packet.
@@ -232,16 +275,9 @@ class FakeLogger:
             DeviceAbsent: the script has it unplugged.
             DeviceRefused: it is open already, or there is no stage.
         """
-        if self._is_open:
-            raise DeviceRefused("the simulated logger is open already", "close it first")
         self._follow_stage()
-        now_ns = self._clock.now_ns()
-        self._origin_ns = now_ns if self._origin_ns is None else self._origin_ns
-        if self._active(Unplugged, now_ns):
-            raise DeviceAbsent("there is no simulated logger: the script has it unplugged", _REPLUG)
-        self._follow_with(math.ceil(now_ns / self._packet_ns))
+        self._follow_with(math.ceil(self._begin() / self._packet_ns))
         self._relation, self._arrivals, self._missing = ClockRelation(), ArrivalDating(), MissingReadings()
-        self._is_open = True
         return self._info()
 
     def read(self, timeout_s: float) -> Readings:
@@ -261,10 +297,6 @@ class FakeLogger:
                 return found or Readings.none(len(self.options.columns))
             self._clock.sleep_until_ns(min(self._arrives_ns, deadline_ns))
 
-    def close(self) -> None:
-        """Stops reading."""
-        self._is_open = False
-
     def truth_kpa(self, time_ns: Times) -> Array:
         """(K, 4) true vacuum of the channels below atmosphere."""
         options = self.options
@@ -283,22 +315,8 @@ class FakeLogger:
         return own_ns.astype(np.int64)
 
     def _follow_stage(self) -> None:
-        try:
-            if self._stage.follow():
-                self.options = replace(self.options, liner=self._stage.liner)
-        except ValueError as error:
-            raise DeviceRefused(f"there is no stage: {error}", STAGE_HINT) from error
-
-    def _check_plug(self, now_ns: int) -> None:
-        if not self._is_open:
-            raise DeviceLost("the simulated logger is not open", "open it first")
-        if self._active(Unplugged, now_ns):
-            raise DeviceLost("the simulated logger is gone: the script has unplugged it", _REPLUG)
-
-    def _active(self, kind: type[Kind], time_ns: float) -> Kind | None:
-        since_s = (time_ns - (self._origin_ns or 0)) / 1e9
-        faults = (fault for fault in self.options.faults if isinstance(fault, kind))
-        return next((fault for fault in faults if fault.is_on(since_s)), None)
+        if self._stage.follow():
+            self.options = replace(self.options, liner=self._stage.liner)
 
     def _follow_with(self, packet: int) -> None:
         """Notes which packet is the next, and when it arrives."""
@@ -372,7 +390,7 @@ class FakeLogger:
         sigma_ns = {Dating.MONOTONIC: _STAMP_SIGMA_NS, Dating.OWN_CLOCK: _SETTLED_SIGMA_NS}
         return LoggerInfo(
             driver="fake",
-            model="simulated logger",
+            model=self._model,
             channels=self.options.columns,
             units=tuple(None if name == "light" else "kPa" for name in self.options.columns),
             rate_hz=self.options.rate_hz,

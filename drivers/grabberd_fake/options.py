@@ -238,7 +238,7 @@ class FakeOptions:
         Raises:
             ValueError: an option is unknown or not allowed; the message has a line for each.
         """
-        options = read(cls, values, "")
+        options = read(cls, values)
         if options.driver.is_progressive:
             whole = replace(options.picture, field_integration=False, jitter_px=0.0)
             options = replace(options, picture=whole)

@@ -10,7 +10,6 @@ from dataclasses import MISSING, Field, field, fields
 from typing import Any, TypeVar
 
 T = TypeVar("T")
-_NOTHING = object()
 
 
 class Rule:
@@ -116,9 +115,9 @@ class OneOfKinds(Rule):
         return _read(self.kinds[value["kind"]], rest, f"{key}.", problems)
 
 
-def ruled(rule: Rule, default: Any = _NOTHING) -> Any:
+def ruled(rule: Rule, default: Any = MISSING) -> Any:
     """A dataclass field with a rule; without a default it must be given."""
-    return field(metadata=by(rule), **({} if default is _NOTHING else {"default": default}))
+    return field(default=default, metadata=by(rule))
 
 
 def by(rule: Rule) -> dict[str, Rule]:
@@ -146,19 +145,18 @@ def flag(default: bool) -> Any:
     return ruled(Choice((True, False)), default)
 
 
-def read(made_into: type[T], values: Mapping[str, Any], owner: str) -> T:
+def read(made_into: type[T], values: Mapping[str, Any]) -> T:
     """An instance of a dataclass from a mapping.
 
     Args:
         made_into: the dataclass; its `check()`, if any, yields problems that involve several keys.
         values: mapping as read from YAML.
-        owner: prefix of every key in messages.
 
     Raises:
         ValueError: a key is unknown, missing, of a wrong type or out of range; one line for each.
     """
     problems: list[str] = []
-    made = _read(made_into, values, owner, problems)
+    made = _read(made_into, values, "", problems)
     if problems or made is None:
         raise ValueError("\n".join(problems))
     return made

@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 
 from grabberd.bounded_documents import parse_yaml, read_text
-from grabberd.errors import GrabberdError
+from grabberd.errors import DeviceRefused, GrabberdError
 from grabberd_fake.liner_options import LinerOptions
 from grabberd_fake.reading import read
 
@@ -39,7 +39,7 @@ def ramp(now_s: float) -> dict[str, Any]:
     return {"period_s": _RAMP_S, "start_s": round(now_s % _RAMP_S, 3), "vacuum": dict(_RAMP)}
 
 
-STAGE_HINT = "correct the file, or delete it; python -m grabberd_fake stage writes one"
+_HINT = "correct the file, or delete it; python -m grabberd_fake stage writes one"
 REARRANGED = "the simulated barn has been rearranged"
 """Reason in the ledger of the fields that this costs."""
 
@@ -60,28 +60,24 @@ class Stage:
         self._seen: object = None
         self._followed = False
 
-    def changed(self) -> bool:
-        """True if the file is not as it was when it was last read."""
-        return self._path is not None and _identity(self._path) != self._seen
-
     def follow(self) -> bool:
         """Reads the file if it has changed; true if something else is on stage since then.
 
         A file that cannot be used is complained of once, and the stage stays as it was.
 
         Raises:
-            ValueError: there is no stage yet, and the file cannot be used; a line for each problem.
+            DeviceRefused: there is no stage yet, and the file cannot be used; a line for each problem.
         """
         before = self.liner
-        if self._path is not None and self.changed():
-            # First: a file that is replaced while it is read is read once more.
-            seen = _identity(self._path)
+        # First: a file that is replaced while it is read is read once more.
+        seen = None if self._path is None else _identity(self._path)
+        if self._path is not None and seen != self._seen:
             try:
                 content = {} if seen is None else read_stage(self._path)
                 self.liner, self.content = on_stage(self._configured, content, self._path), content
             except ValueError as error:
                 if not self._followed:
-                    raise
+                    raise DeviceRefused(f"there is no stage: {error}", _HINT) from error
                 log.warning("the stage stays as it was: %s", error)
             self._seen = seen
         self._followed = True
@@ -112,7 +108,7 @@ def on_stage(configured: LinerOptions, content: Mapping[str, Any], path: Path) -
     foreign = [f"{key}: not on a stage; {', '.join(KEYS)} are" for key in content if key not in KEYS]
     kept = {item.name: getattr(configured, item.name) for item in fields(LinerOptions)}
     try:
-        liner = read(LinerOptions, kept | {key: content[key] for key in KEYS if key in content}, "")
+        liner = read(LinerOptions, kept | {key: content[key] for key in KEYS if key in content})
         problems = foreign
     except ValueError as error:
         problems = [*foreign, *str(error).splitlines()]

@@ -9,11 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-_CELL, _ROWS, _BITS = 4, 8, 40
+_CELL, ROWS, _BITS = 4, 8, 40
 _SUM_BITS = 5
 COLUMNS = _CELL * _BITS
 """Columns of the stamp, from the left; `ROWS` from the top."""
-ROWS = _ROWS
 
 
 class Stamp(NamedTuple):
@@ -28,7 +27,7 @@ def write_stamp(luma: NDArray[np.uint8], stamp: Stamp) -> None:
     number = stamp.number % 2**32
     word = (0b10 << 33 | number << 1 | stamp.parity) << _SUM_BITS | _check_sum(number, stamp.parity)
     bits = np.unpackbits(np.frombuffer(word.to_bytes(_BITS // 8, "big"), np.uint8))
-    luma[:_ROWS, :COLUMNS] = np.repeat(bits * np.uint8(255), _CELL)
+    luma[:ROWS, :COLUMNS] = np.repeat(bits * np.uint8(255), _CELL)
 
 
 def read_stamp(luma: NDArray[np.uint8]) -> Stamp | None:
@@ -37,7 +36,7 @@ def read_stamp(luma: NDArray[np.uint8]) -> Stamp | None:
     The picture may be grey or thresholded, with intact or doubled lines.
     """
     # The middle of each cell only: resampling and doubled lines blur its edges.
-    cells = luma[2 : _ROWS - 2, :COLUMNS].reshape(-1, _BITS, _CELL)[:, :, 1:3].mean(axis=(0, 2))
+    cells = luma[2 : ROWS - 2, :COLUMNS].reshape(-1, _BITS, _CELL)[:, :, 1:3].mean(axis=(0, 2))
     if cells[0] - cells[1] < 1:
         return None
     bits = cells > (cells[0] + cells[1]) / 2

@@ -24,6 +24,7 @@ from grabberd_fake.faults import (
 from grabberd_fake.optics import COLUMNS, LINES
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.render import ROWS
+from grabberd_fake.world import random_of
 
 # Luma of Rec. 601 blue and black, and of the eight colour bars.
 _NO_SIGNAL_LUMA = {"blue": 41, "black": 16}
@@ -43,10 +44,6 @@ class Pictures(Protocol):
         """Writes the luma of the camera's field number `field` into `out`, (288, 720) or (576, 720)."""
         ...
 
-    def random(self, field: int) -> np.random.Generator:
-        """The random numbers of a field."""
-        ...
-
 
 class Stream:
     """The driver's buffers between one open and close.
@@ -62,6 +59,7 @@ class Stream:
         self.rows = rows
         self.origin = origin
         self._world, self._script, self._driver = world, script, options.driver
+        self._seed = options.seed
         self._each = options.driver.a_buffer
         self._period_ns, self._arrival_ns = options.driver.period_ns, options.driver.arrival_ns
         self._first = self._next = first + (options.driver.order == "bottom_first")
@@ -145,7 +143,7 @@ class Stream:
         """Timestamp of a buffer whose last field this is: never earlier than that of the one before."""
         if self._driver.stamps == "arrival":
             return now_ns - self._arrival_ns
-        chance = self._world.random(field)
+        chance = random_of(self._seed, field)
         late_ns = chance.uniform(0.0, self._driver.jitter_ms) * 1e6
         if chance.random() < self._driver.late:
             late_ns += chance.exponential(self._driver.late_ms) * 1e6
@@ -161,7 +159,7 @@ class Stream:
     def _draw(self, field: int, number: int, luma: NDArray[np.uint8]) -> None:
         no_signal = self._script.at(number, NoSignal)
         if no_signal is not None:
-            _draw_no_signal(no_signal.picture, self._world.random(field), luma)
+            _draw_no_signal(no_signal.picture, random_of(self._seed, field), luma)
             return
         repeat = self._script.at(number, Repeat)
         self._world.picture(self.origin + repeat.first - 1 if repeat else field, luma)

@@ -2,7 +2,7 @@
 
 import json
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import replace
 from functools import lru_cache
@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from grabberd.errors import CaptureFileError
-from grabberd_fake.ellipse_truth import WallTruth, truth_of_wall
-from grabberd_fake.liner_truth import LinerTruth, quantities_of, truth_of_liner
+from grabberd_fake.ellipse_truth import truth_of_wall
+from grabberd_fake.liner_truth import quantities_of, truth_of_liner
+from grabberd_fake.optics import Array
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.stage import REARRANGED, on_stage
 from grabberd_fake.vacuum import Pulsating, vacuum_log
@@ -51,64 +53,28 @@ def _world(options: FakeOptions) -> World:
     return World(options)
 
 
-def capture_truth(path: Path) -> Iterator[str]:
-    """CSV lines, the header first: position of every target at every field of a capture.
+def capture_truth(path: Path, of: str = "targets") -> Iterator[str]:
+    """CSV lines, the header first: truth at every field of a capture.
 
-    The column `visible` is 1 if both views can see the target.
+    Of `targets`, their positions; the column `visible` is 1 if both views can see the target.
 
-    Raises:
-        CaptureFileError: the file is no capture, or was made by another driver.
-    """
-    options, fields = _read_capture(path)
-    yield CSV_HEADER
-    world = World(options)
-    for n, time_ns in fields:
-        truth = world.truth(time_ns)
-        visible = (truth.visible_left & truth.visible_right).astype(int).tolist()
-        for target, (x, y, z), seen in zip(truth.ids.tolist(), truth.xyz_mm.tolist(), visible, strict=True):
-            yield f"{n},{time_ns},{target},{x:.6f},{y:.6f},{z:.6f},{seen}"
+    Of the `wall`, what is under every target. 1 is along the tube and 2 round it; strain is relative to the
+    open liner. Of the liner, positions and strain are those of the outer face, see `LinerTruth`; of the
+    ellipse, they and the loads that its movement would need are those of the middle surface, see `WallTruth`.
 
-
-def capture_wall_truth(path: Path) -> Iterator[str]:
-    """CSV lines, the header first: the wall under every target at every field of a capture.
-
-    1 is along the tube and 2 round it; strain is relative to the open liner. Of the liner, positions and
-    strain are those of the outer face, see `LinerTruth`; of the ellipse, they and the loads that its
-    movement would need are those of the middle surface, see `WallTruth`.
+    Of the `load`, that per height along the liner, on the side that faces the cameras, on teat and opposite
+    wall, over each of the solved wall's elements.
 
     Raises:
         CaptureFileError: the file is no capture, or was made by another driver.
         ValueError: the capture shows another scene.
     """
     options, fields = _read_capture(path)
-    solved = options.scene == "liner"
-    yield LINER_CSV_HEADER if solved else WALL_CSV_HEADER
+    header, rows = _TABLES["prescribed wall" if of == "wall" and options.scene != "liner" else of]
+    yield header
     for n, time_ns in fields:
-        lines = (
-            _liner_rows(truth_of_liner(options, time_ns))
-            if solved
-            else _wall_rows(truth_of_wall(options, time_ns))
-        )
-        for line in lines:
-            yield f"{n},{time_ns},{line}"
-
-
-def capture_load_truth(path: Path) -> Iterator[str]:
-    """CSV lines, the header first: load per height along the liner at every field of a capture.
-
-    It is that on the side that faces the cameras, on teat and opposite wall, over each of the solved wall's
-    elements.
-
-    Raises:
-        CaptureFileError: the file is no capture, or was made by another driver.
-        ValueError: the capture shows another scene than the liner.
-    """
-    options, fields = _read_capture(path)
-    yield LOAD_CSV_HEADER
-    for n, time_ns in fields:
-        truth = truth_of_liner(options, time_ns)
-        for x_mm, load in zip(truth.load_x_mm.tolist(), truth.load_n_per_mm.tolist(), strict=True):
-            yield f"{n},{time_ns},{x_mm:.6f},{load:.9g}"
+        for row in rows(options, time_ns):
+            yield f"{n},{time_ns},{row}"
 
 
 def capture_quantities(path: Path, flow_stop_kpa: float | None = None) -> Iterator[str]:
@@ -130,20 +96,45 @@ def capture_quantities(path: Path, flow_stop_kpa: float | None = None) -> Iterat
         yield f"{name},{value:.9g}"
 
 
-def _liner_rows(truth: LinerTruth) -> Iterator[str]:
+def _target_rows(options: FakeOptions, time_ns: int) -> Iterator[str]:
+    truth = truth_at(options, time_ns)
+    visible = (truth.visible_left & truth.visible_right).astype(int).tolist()
+    for target, (x, y, z), seen in zip(truth.ids.tolist(), truth.xyz_mm.tolist(), visible, strict=True):
+        yield f"{target},{x:.6f},{y:.6f},{z:.6f},{seen}"
+
+
+def _load_rows(options: FakeOptions, time_ns: int) -> Iterator[str]:
+    truth = truth_of_liner(options, time_ns)
+    for x_mm, load in zip(truth.load_x_mm.tolist(), truth.load_n_per_mm.tolist(), strict=True):
+        yield f"{x_mm:.6f},{load:.9g}"
+
+
+def _liner_rows(options: FakeOptions, time_ns: int) -> Iterator[str]:
+    truth = truth_of_liner(options, time_ns)
     table = np.column_stack([truth.face_mm, truth.strain[:, (0, 0, 1), (0, 1, 1)], truth.contact_kpa])
-    for target, row in zip(truth.ids.tolist(), table.tolist(), strict=True):
-        values = [*row, truth.rest_kpa, truth.pulsation_kpa, truth.liner_kpa]
-        yield ",".join([str(target), *(f"{value + 0.0:.9g}" for value in values)])
+    return _rows(truth.ids, table, truth.rest_kpa, truth.pulsation_kpa, truth.liner_kpa)
 
 
-def _wall_rows(truth: WallTruth) -> Iterator[str]:
+def _wall_rows(options: FakeOptions, time_ns: int) -> Iterator[str]:
+    truth = truth_of_wall(options, time_ns)
     tensors = [getattr(truth, name)[:, (0, 0, 1), (0, 1, 1)] for name in _TENSORS]
     loads = np.column_stack([truth.pressure_kpa, truth.wall_kpa])
     table = np.hstack([truth.xyz_mm, *tensors, truth.stretch, loads])
-    for target, row in zip(truth.ids.tolist(), table.tolist(), strict=True):
-        values = [*row, truth.pulsation_kpa, truth.liner_kpa]
-        yield ",".join([str(target), *(f"{value + 0.0:.9g}" for value in values)])
+    return _rows(truth.ids, table, truth.pulsation_kpa, truth.liner_kpa)
+
+
+def _rows(ids: NDArray[np.int32], table: Array, *common: float) -> Iterator[str]:
+    """Each target's id, its row of the table, and the numbers that all of them have."""
+    for target, row in zip(ids.tolist(), table.tolist(), strict=True):
+        yield ",".join([str(target), *(f"{value + 0.0:.9g}" for value in (*row, *common))])
+
+
+_TABLES: Mapping[str, tuple[str, Callable[[FakeOptions, int], Iterator[str]]]] = {
+    "targets": (CSV_HEADER, _target_rows),
+    "wall": (LINER_CSV_HEADER, _liner_rows),
+    "prescribed wall": (WALL_CSV_HEADER, _wall_rows),
+    "load": (LOAD_CSV_HEADER, _load_rows),
+}
 
 
 def capture_vacuum_log(
@@ -196,13 +187,19 @@ def _read_capture(path: Path) -> tuple[FakeOptions, list[tuple[int, int]]]:
 
 
 def _options_of(path: Path, device: Mapping[str, Any]) -> FakeOptions:
-    if device.get("driver") != "fake":
-        raise CaptureFileError(
-            f"{path}: made with driver {device.get('driver')!r}, not 'fake'",
-            "only a simulated scene's truth is known",
-        )
+    check_driver(path, device, "only a simulated scene's truth is known")
     options = FakeOptions.read(device.get("options") or {})
     stage = (device.get("stream") or {}).get("details", {}).get("stage")
     if stage is None:
         return options
     return replace(options, liner=on_stage(options.liner, json.loads(stage), path))
+
+
+def check_driver(path: Path, device: Mapping[str, Any], hint: str) -> None:
+    """Refuses a capture of another driver.
+
+    Raises:
+        CaptureFileError: it is one.
+    """
+    if device.get("driver") != "fake":
+        raise CaptureFileError(f"{path}: made with driver {device.get('driver')!r}, not 'fake'", hint)

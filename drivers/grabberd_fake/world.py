@@ -194,7 +194,7 @@ def calibration_frame() -> Still:
     row, column = grid_numbers(12, 9)
     height_mm = np.array(_FRAME_ROW_MM)[row] + np.array(_FRAME_COLUMN_MM)[column]
     places = np.column_stack([(row - 5.5) * 9.75, (column - 4.0) * 6.5, height_mm])
-    return Still.grid(Targets(places, _facing_up(len(places))), 12, 9)
+    return Still.grid(Targets(places, np.tile([0.0, 0.0, 1.0], (len(places), 1))), 12, 9)
 
 
 def accuracy_object() -> Still:
@@ -216,10 +216,6 @@ def own_points(points: tuple[PointOption, ...]) -> Still:
     normals = np.array([_unit(p.nx, p.ny, p.nz) for p in ordered]).reshape(-1, 3)
     row, column = grid_numbers(len(ordered), 1)
     return Still(Targets(places, normals), row, column, np.array([p.id for p in ordered], np.int32))
-
-
-def _facing_up(count: int) -> Array:
-    return np.tile([0.0, 0.0, 1.0], (count, 1))
 
 
 def _unit(x: float, y: float, z: float) -> tuple[float, float, float]:

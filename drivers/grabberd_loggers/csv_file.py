@@ -4,14 +4,13 @@ import errno
 import os
 from io import BufferedReader
 from pathlib import Path
-from typing import Any
 
 from pydantic import Field
 
-from grabberd.clock import Clock, SystemClock
+from grabberd.clock import Clock
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.line_logger import LineLogger, Opened, Received
-from grabberd_loggers.options import LineOptions, read_options
+from grabberd_loggers.options import LineOptions
 
 _BYTES = 65_536
 _BACK = 65_536
@@ -31,23 +30,6 @@ class CsvOptions(LineOptions):
 
     path: Path
     poll_s: float = Field(0.02, ge=0.001, le=10, allow_inf_nan=False)
-
-
-class CsvLogger(LineLogger):
-    """A file that grows; `CsvOptions` lists its options."""
-
-    def __init__(self, *, clock: Clock | None = None, **options: Any) -> None:
-        """Checks the options; nothing is opened.
-
-        Args:
-            clock: clock that arrivals are dated by; by default the machine's.
-            options: see `CsvOptions`.
-
-        Raises:
-            ValueError: an option is unknown or not allowed; the message has a line for each.
-        """
-        read = read_options(CsvOptions, options)
-        super().__init__(_GrowingFile(read, clock or SystemClock()), read, clock)
 
 
 class _GrowingFile:
@@ -134,6 +116,13 @@ class _GrowingFile:
         since_ns = self._missing_since_ns = self._missing_since_ns or now_ns
         if now_ns - since_ns > _GONE_NS:
             raise DeviceLost(f"{self._options.path} is gone", "grabberd goes on once it is there again")
+
+
+class CsvLogger(LineLogger):
+    """A file that grows; `CsvOptions` lists its options."""
+
+    options_class = CsvOptions
+    source_class = _GrowingFile
 
 
 def _not_opened(path: Path, error: OSError) -> DeviceAbsent | DeviceRefused:

@@ -5,8 +5,15 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from grabberd.instrument.acquisition.discovery import FoundDevice, Verdict
-from grabberd_loggers.iio.tree import SYSTEM, IioDevice, Roots, iio_devices
+from grabberd.instrument.acquisition.discovery import (
+    SYSTEM,
+    FoundDevice,
+    Roots,
+    Verdict,
+    attribute,
+    by_number,
+)
+from grabberd_loggers.iio.tree import IioDevice, iio_devices
 
 _PORT = re.compile(r"^tty(USB|ACM|AMA|S|XRUSB|O|mxc)\d+$")
 _BUILT_IN = re.compile(r"^ttyS\d+$")
@@ -22,7 +29,7 @@ def serial_ports(roots: Roots = SYSTEM) -> Iterator[FoundDevice]:
     names = {
         link.resolve(): link for link in sorted((roots.dev / "serial" / "by-id").glob("*"), reverse=True)
     }
-    for port in sorted(roots.dev.glob("tty*"), key=lambda port: (len(port.name), port.name)):
+    for port in by_number(roots.dev, "tty*"):
         if not _PORT.match(port.name) or not _exists(port, roots):
             continue
         link = names.get(port.resolve())
@@ -64,9 +71,5 @@ def _sensor(device: IioDevice, channels: list[str]) -> FoundDevice:
 
 def _exists(port: Path, roots: Roots) -> bool:
     """True unless it is a name for a port that the mainboard does not have."""
-    if not _BUILT_IN.match(port.name):
-        return True
-    try:
-        return (roots.sys / "class" / "tty" / port.name / "type").read_text().strip() not in ("", "0")
-    except OSError:
-        return False
+    kind = roots.sys / "class" / "tty" / port.name / "type"
+    return not _BUILT_IN.match(port.name) or attribute(kind) not in ("", "0")

@@ -1,12 +1,12 @@
 """The logger contract over any source of lines: a serial port, a file that grows, an MQTT topic."""
 
-from typing import NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 from grabberd.clock import Clock, SystemClock
 from grabberd.core.channels import Anomaly, Dating, LoggerInfo, Readings
 from grabberd.errors import DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.lines import LineBuffer, LineReadings
-from grabberd_loggers.options import LineOptions
+from grabberd_loggers.options import LineOptions, read_options
 
 HEADER_S = 5.0
 """Time in which a logger must send its header: those that restart when they are opened need two seconds."""
@@ -47,6 +47,8 @@ class Source(Protocol):
     driver: str
     begins_anywhere: bool
 
+    def __init__(self, options: Any, clock: Clock) -> None: ...
+
     def open(self) -> Opened:
         """Open it; raises as `Logger.open`."""
         ...
@@ -61,11 +63,24 @@ class Source(Protocol):
 
 
 class LineLogger:
-    """A logger whose source delivers lines of text."""
+    """A logger whose source delivers lines of text; a driver names its options and its source."""
 
-    def __init__(self, source: Source, options: LineOptions, clock: Clock | None) -> None:
-        self._source, self._options = source, options
+    options_class: ClassVar[type[LineOptions]]
+    source_class: ClassVar[type[Source]]
+
+    def __init__(self, *, clock: Clock | None = None, **options: Any) -> None:
+        """Checks the options; nothing is opened.
+
+        Args:
+            clock: Clock that arrivals are dated by; by default the machine's.
+            options: See `options_class`.
+
+        Raises:
+            ValueError: An option is unknown or not allowed; the message has a line for each.
+        """
         self._clock = clock or SystemClock()
+        self._options = read_options(self.options_class, options)
+        self._source = self.source_class(self._options, self._clock)
         self._lines: LineReadings | None = None
         self._buffer = LineBuffer()
 

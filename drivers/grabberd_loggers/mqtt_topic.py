@@ -14,7 +14,7 @@ from grabberd.clock import Clock
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.line_logger import LineLogger, Opened, Received
 from grabberd_loggers.lines import IGNORED, LONGEST, Column
-from grabberd_loggers.options import LineOptions, read_options
+from grabberd_loggers.options import LineOptions
 
 try:
     from paho.mqtt import client as paho
@@ -70,23 +70,6 @@ class MqttOptions(LineOptions):
         return self.host, self.port or (8883 if self.tls else 1883)
 
 
-class MqttLogger(LineLogger):
-    """An MQTT topic; `MqttOptions` lists its options."""
-
-    def __init__(self, *, clock: Clock | None = None, **options: Any) -> None:
-        """Checks the options; nothing is opened.
-
-        Args:
-            clock: clock that arrivals are dated by; by default the machine's.
-            options: see `MqttOptions`.
-
-        Raises:
-            ValueError: an option is unknown or not allowed; the message has a line for each.
-        """
-        read = read_options(MqttOptions, options)
-        super().__init__(_Topic(read), read, clock)
-
-
 def line_of(payload: bytes, columns: Sequence[Column]) -> str:
     """The line of text that a message means.
 
@@ -113,7 +96,7 @@ class _Topic:
     driver = "mqtt"
     begins_anywhere = False
 
-    def __init__(self, options: MqttOptions) -> None:
+    def __init__(self, options: MqttOptions, _clock: Clock) -> None:
         self._options = options
         line_format = options.line_format
         self._columns = () if line_format is None else line_format.columns
@@ -233,3 +216,10 @@ class _Topic:
                 f"the connection to the broker is lost: {paho.error_string(result)}",
                 "grabberd connects again by itself; check network and broker if it does not",
             )
+
+
+class MqttLogger(LineLogger):
+    """An MQTT topic; `MqttOptions` lists its options."""
+
+    options_class = MqttOptions
+    source_class = _Topic

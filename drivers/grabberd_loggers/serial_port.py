@@ -15,7 +15,7 @@ from pydantic import field_validator
 from grabberd.clock import Clock
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.line_logger import LineLogger, Opened, Received
-from grabberd_loggers.options import LineOptions, read_options
+from grabberd_loggers.options import LineOptions
 
 _BYTES = 65_536
 _PARITY = {"none": 0, "even": termios.PARENB, "odd": termios.PARENB | termios.PARODD}
@@ -49,30 +49,13 @@ class SerialOptions(LineOptions):
         return baud
 
 
-class SerialLogger(LineLogger):
-    """A logger on a serial port; `SerialOptions` lists its options."""
-
-    def __init__(self, *, clock: Clock | None = None, **options: Any) -> None:
-        """Checks the options; nothing is opened.
-
-        Args:
-            clock: clock that arrivals are dated by; by default the machine's.
-            options: see `SerialOptions`.
-
-        Raises:
-            ValueError: an option is unknown or not allowed; the message has a line for each.
-        """
-        read = read_options(SerialOptions, options)
-        super().__init__(_Port(read), read, clock)
-
-
 class _Port:
     """A serial port in raw mode."""
 
     driver = "serial"
     begins_anywhere = True
 
-    def __init__(self, options: SerialOptions) -> None:
+    def __init__(self, options: SerialOptions, _clock: Clock) -> None:
         self._options = options
         self._file: int | None = None
 
@@ -110,6 +93,13 @@ class _Port:
         if self._file is not None:
             os.close(self._file)
             self._file = None
+
+
+class SerialLogger(LineLogger):
+    """A logger on a serial port; `SerialOptions` lists its options."""
+
+    options_class = SerialOptions
+    source_class = _Port
 
 
 GONE = frozenset([errno.EIO, errno.ENXIO, errno.ENODEV, errno.EBADF])

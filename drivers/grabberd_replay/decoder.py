@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from grabberd.core.field import LARGEST_SIDE_PX, FieldOrder
 from grabberd.errors import DeviceRefused, PictureError
-from grabberd_replay.ffprobe import INSTALL
 
+INSTALL = "install FFmpeg: sudo apt-get install ffmpeg"
 Picture = NDArray[np.uint8]
 
 # OpenCV takes options of its FFmpeg from the environment alone, when a file is opened.
@@ -139,7 +139,7 @@ class Decoder:
         if layout and layout.step == 1:
             return Way("as it was coded", (cv2.CAP_PROP_CONVERT_RGB, 0), lambda picture: picture)
         description = f"computed from the colours of {self.header.pixels!r} by Rec. 601"
-        return Way(description, (cv2.CAP_PROP_CONVERT_RGB, 1), _from_colours)
+        return Way(description, (cv2.CAP_PROP_CONVERT_RGB, 1), from_colours)
 
     def _stands_in_the_file(self, layout: Layout) -> bool:
         if self.header.codec:
@@ -182,7 +182,8 @@ class Decoder:
             )
 
 
-def _from_colours(picture: Picture) -> Picture:
+def from_colours(picture: Picture) -> Picture:
+    """Grey values of a picture with colours, by Rec. 601."""
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
 
 

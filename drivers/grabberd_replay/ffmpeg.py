@@ -1,30 +1,159 @@
-"""The pictures of a video file, one after another, by the program `ffmpeg` through a pipe.
+"""A video file read by FFmpeg's own programs, where they are installed.
 
-It writes grey values as they were coded, and says of every picture its time and size before it writes it. One
-picture at a time is held; `ffmpeg` waits until it is taken.
+`ffprobe` tells the order of its fields; OpenCV says nothing of fields, and what it returns for pictures that
+are coded as interlaced is no picture. `ffmpeg` writes grey values as they were coded through a pipe, and says
+of every picture its time and size before it writes it. One picture at a time is held; `ffmpeg` waits until it
+is taken. Both run as processes of their own, and nothing of them is linked.
 """
 
+import json
 import os
 import re
 import selectors
+import shutil
 import subprocess
-from collections import deque
-from collections.abc import Generator, Iterator
+from collections import Counter, deque
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
+from fractions import Fraction
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 
+from grabberd.core.field import FieldOrder
 from grabberd.errors import DeviceRefused, PictureError
-from grabberd_replay.decoder import Header, Picture, check_size
-from grabberd_replay.ffprobe import INSTALL, SAFE, Probe
+from grabberd_replay.decoder import INSTALL, Header, Picture, check_size, from_colours
+
+# Only the containers that the first bytes have been compared with; a playlist names other files.
+_SAFE = (
+    "-protocol_whitelist",
+    "file",
+    "-format_whitelist",
+    "avi,mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,yuv4mpegpipe,mpeg,mpegvideo,mpegts,nut,dv",
+)
+_LOOKED_AT = 25
+"""Pictures whose marks are read: a codec may mark single ones as progressive among interlaced ones."""
+_LONGEST_S = 60.0
+_PASSTHROUGH_SINCE = (5, 1)
+_ENTRIES = (
+    "stream=codec_name,width,height,pix_fmt,field_order,r_frame_rate,avg_frame_rate,nb_frames,duration"
+    ":frame=interlaced_frame,top_field_first:format=duration"
+)
+_ORDERS = {"progressive": FieldOrder.PROGRESSIVE, "t": FieldOrder.TOP_FIRST, "b": FieldOrder.BOTTOM_FIRST}
+_LUMA_FIRST = ("yuv", "gray", "nv", "uyvy", "yuyv", "yvyu", "p0", "p2", "p4", "ya")
+"""Beginnings of the names of pixel formats that have a luma of their own."""
+
+
+class Probe(NamedTuple):
+    """Properties of a video stream.
+
+    Attributes:
+        program: path of `ffmpeg`.
+        every_picture: options by which it neither repeats nor drops a picture.
+        header: its size, rate and number of pictures; codec and pixel format by FFmpeg's names.
+        order: order of the fields by the marks of pictures and stream; None if they say nothing.
+    """
+
+    program: str
+    every_picture: tuple[str, str]
+    header: Header
+    order: FieldOrder | None
+
+    @property
+    def has_luma(self) -> bool:
+        """True if grey values need not be computed from colours."""
+        return self.header.pixels.startswith(_LUMA_FIRST)
+
+    @property
+    def bits(self) -> int:
+        """Bits of a sample."""
+        found = re.search(r"(\d+)[lb]e$", self.header.pixels)
+        return int(found[1]) if found else 8
+
+
+def probe(path: Path) -> Probe | None:
+    """Properties of a video; None if FFmpeg is not installed, or does not know what the file contains."""
+    program, asked = shutil.which("ffmpeg"), shutil.which("ffprobe")
+    if program is None or asked is None:
+        return None
+    options = ["-v", "quiet", *_SAFE, "-select_streams", "v:0", "-read_intervals", f"%+#{_LOOKED_AT}"]
+    command = [asked, *options, "-show_program_version", "-show_entries", _ENTRIES, "-of", "json"]
+    try:
+        done = subprocess.run(  # noqa: S603 - FFmpeg's own program, and a file that has been looked at
+            [*command, f"file:{path.absolute()}"],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=_LONGEST_S,
+            check=False,
+        )
+        told: dict[str, Any] = json.loads(done.stdout)
+    except (OSError, subprocess.TimeoutExpired, ValueError):
+        return None
+    stream: dict[str, Any] = next(iter(told.get("streams", ())), {})
+    if not {"codec_name", "width", "height", "pix_fmt"} <= set(stream):
+        return None
+    rate = _rate(stream)
+    return Probe(
+        program=program,
+        every_picture=(_passthrough(told), "passthrough"),
+        header=Header(
+            lines=int(stream["height"]),
+            columns=int(stream["width"]),
+            pictures_per_s=rate,
+            pictures=_count(stream, told, rate),
+            codec=str(stream["codec_name"]),
+            pixels=str(stream["pix_fmt"]),
+        ),
+        order=_order(stream, told.get("frames", ())),
+    )
+
+
+def _order(stream: dict[str, Any], frames: Sequence[dict[str, Any]]) -> FieldOrder | None:
+    """Order by the pictures' own marks, which every codec sets alike, or else by the container's."""
+    marked = Counter(one.get("top_field_first") for one in frames if one.get("interlaced_frame"))
+    if marked:
+        return FieldOrder.TOP_FIRST if marked.most_common(1)[0][0] else FieldOrder.BOTTOM_FIRST
+    told = str(stream.get("field_order", ""))
+    return _ORDERS.get(told, _ORDERS.get(told[:1]))
+
+
+def _rate(stream: dict[str, Any]) -> float | None:
+    for name in ("avg_frame_rate", "r_frame_rate"):
+        try:
+            rate = float(Fraction(stream[name]))
+        except (KeyError, ValueError, ZeroDivisionError):
+            continue
+        if 1.0 <= rate <= 1000.0:
+            return rate
+    return None
+
+
+def _count(stream: dict[str, Any], told: dict[str, Any], rate: float | None) -> int:
+    """Number of pictures by the container, or about as many as its length has room for."""
+    try:
+        return max(0, int(stream["nb_frames"]))
+    except (KeyError, ValueError):
+        pass
+    length = stream.get("duration") or told.get("format", {}).get("duration")
+    try:
+        return max(0, round(float(length or 0) * (rate or 0)))
+    except ValueError:
+        return 0
+
+
+def _passthrough(told: dict[str, Any]) -> str:
+    """Name of the option for the times of pictures, which has changed."""
+    version = str(told.get("program_version", {}).get("version", ""))
+    found = re.match(r"n?(\d+)\.(\d+)", version)
+    old = found is not None and (int(found[1]), int(found[2])) < _PASSTHROUGH_SINCE
+    return "-vsync" if old else "-fps_mode"
+
 
 _SHOWN = re.compile(rb"\[info\] n: *\d+ pts: *\S+ pts_time: *(\S+) .*? s:(\d+)x(\d+) ")
 _OPENED = re.compile(rb"\[info\] Input #0, ")
 """The end of its look at the beginning of the file: errors before it are said again where they belong."""
-_OF_CONTAINER = frozenset(SAFE[-1].split(","))
+_OF_CONTAINER = frozenset(_SAFE[-1].split(","))
 # Concealed damage is only a remark to FFmpeg, but no measurement.
 _FAILED = re.compile(
     rb"(?:\[([\w.,]+) @ \w+\] )?\[(?:(?:error|fatal|panic)\] (.*)|\w+\] (.*(?:[Cc]onceal|[Cc]orrupt).*))"
@@ -64,9 +193,7 @@ class PipedDecoder:
     def __init__(self, path: Path, probe: Probe) -> None:
         self._path, self._probe = path, probe
         self.order, self.fault = probe.order, ""
-        self.header = Header(
-            probe.lines, probe.columns, probe.pictures_per_s, probe.pictures, probe.codec, probe.pixels
-        )
+        self.header = probe.header
         check_size(path, self.header)
         with closing(self.pictures()) as pictures:
             if next(pictures, None) is None:
@@ -79,7 +206,7 @@ class PipedDecoder:
     def luma(self) -> str:
         """Description of how the grey values are obtained."""
         if not self._probe.has_luma:
-            return f"computed from the colours of {self._probe.pixels!r} by Rec. 601"
+            return f"computed from the colours of {self.header.pixels!r} by Rec. 601"
         if self._probe.bits > 8:
             return f"the upper 8 of {self._probe.bits} bits, as it was coded"
         return "as it was coded"
@@ -112,7 +239,7 @@ class PipedDecoder:
         shape = self.header.lines, self.header.columns
         if not self._probe.has_luma:
             colours = np.frombuffer(raw, np.uint8).reshape(*shape, 3)
-            return np.asarray(cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY), np.uint8)
+            return from_colours(colours)
         if self._probe.bits > 8:
             samples = np.frombuffer(raw, "<u2").reshape(shape)
             return np.asarray(samples >> (self._probe.bits - 8), np.uint8)
@@ -144,7 +271,7 @@ class PipedDecoder:
         ]
         output = ["-map", "0:v:0", "-vf", f"{planes}showinfo=checksum=0", *self._probe.every_picture]
         form = ["-pix_fmt", grey if self._probe.has_luma else "bgr24", "-f", "rawvideo", "pipe:1"]
-        return [self._probe.program, *options, *SAFE, "-i", f"file:{self._path.absolute()}", *output, *form]
+        return [self._probe.program, *options, *_SAFE, "-i", f"file:{self._path.absolute()}", *output, *form]
 
 
 class _Pipe:
@@ -249,17 +376,10 @@ def _running(command: list[str], path: Path) -> Iterator[_Pipe]:
         )
     except OSError as error:
         raise DeviceRefused(f"{path}: ffmpeg cannot be started: {error.strerror}", INSTALL) from error
-    pipe = _Pipe(process, path)
-    try:
-        yield pipe
-    finally:
-        pipe.close()
-        process.kill()
-        process.wait()
-        _close(process.stdout, process.stderr)
-
-
-def _close(*streams: IO[bytes] | None) -> None:
-    for stream in streams:
-        if stream is not None:
-            stream.close()
+    with process:  # at its end it is waited for, and its streams are closed
+        pipe = _Pipe(process, path)
+        try:
+            yield pipe
+        finally:
+            pipe.close()
+            process.kill()

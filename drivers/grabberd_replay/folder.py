@@ -158,7 +158,6 @@ class ManifestRecording(Recording):
             field_rows=self._header.lines // (2 if self._woven else 1),
             rate_hz=rate_hz or _rate_hz(self._rows),
             field_order=_order_of(parities),
-            pixel_format="GREY",
             counts_losses=_counts_like_numbers(self._rows),
             details={
                 "pictures": str(self._pictures),

@@ -185,7 +185,7 @@ class ReplayGrabber:
             field_rows=form.field_rows,
             rate_hz=form.rate_hz,
             field_order=form.field_order,
-            pixel_format=form.pixel_format,
+            pixel_format="GREY",
             buffers=2,  # a woven frame's two fields are all that is ever held
             live=False,
             counts_losses=form.counts_losses,
@@ -260,7 +260,6 @@ class CaptureRecording(Recording):
             field_rows=packed.rows,
             rate_hz=meta.rate_hz,
             field_order=FieldOrder(stream.get("field_order", FieldOrder.ALTERNATE)),
-            pixel_format="GREY",
             counts_losses=bool(stream.get("counts_losses", False)),
             details={"capture": meta.id, "bits": str(packed.bits), "lines": meta.lines},
         )

@@ -25,7 +25,6 @@ class Format:
     field_rows: int
     rate_hz: float
     field_order: FieldOrder
-    pixel_format: str
     counts_losses: bool
     details: dict[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
@@ -156,7 +155,6 @@ class Splitter(NamedTuple):
             field_rows=lines // self.pictures.fields,
             rate_hz=self.rate_hz,
             field_order=self._order_of_fields,
-            pixel_format="GREY",
             counts_losses=True,
             details={"pictures": str(self.pictures), "size": f"{columns}x{lines}", **details},
             remarks=remarks,

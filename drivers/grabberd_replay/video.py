@@ -8,14 +8,13 @@ import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from grabberd.core.field import NTSC_HZ, PAL_HZ, FieldOrder
 from grabberd.errors import DeviceRefused, PictureError
 from grabberd.files.held_files import hold
-from grabberd_replay.decoder import Decoder, Header, Picture
-from grabberd_replay.ffmpeg import PipedDecoder
-from grabberd_replay.ffprobe import INSTALL, probe
+from grabberd_replay.decoder import INSTALL, Decoder, Header, Picture
+from grabberd_replay.ffmpeg import PipedDecoder, probe
 from grabberd_replay.recording import Batch, Pictures, Recording, Splitter, recognise, usual_rate_hz
 
 
@@ -84,26 +83,8 @@ _TICK_S = 0.001
 """Step of the coarsest times: Matroska's."""
 
 
-class Decoding(Protocol):
-    """A video that is decoded picture by picture: by OpenCV, or by the program `ffmpeg`."""
-
-    header: Header
-    order: FieldOrder | None
-    fault: str
-
-    @property
-    def luma(self) -> str:
-        """Description of how the grey values are obtained."""
-        ...
-
-    @property
-    def uncompressed(self) -> bool:
-        """True if pictures are read directly from the file."""
-        ...
-
-    def pictures(self) -> Iterator[tuple[float, Picture]]:
-        """Time in s and grey values of every picture."""
-        ...
+Decoding = Decoder | PipedDecoder
+"""A video that is decoded picture by picture: by OpenCV, or by the program `ffmpeg`."""
 
 
 def decoding(path: Path) -> Decoding:
@@ -114,7 +95,7 @@ def decoding(path: Path) -> Decoding:
         PictureError: no picture can be read.
     """
     known = probe(path)
-    if known is None or known.codec == "rawvideo":
+    if known is None or known.header.codec == "rawvideo":
         return Decoder(path, known.order if known else None)
     return PipedDecoder(path, known)
 

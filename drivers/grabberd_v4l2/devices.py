@@ -4,23 +4,12 @@ All facts are from /sys and the links in /dev: no device is opened.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 from grabberd.errors import Cause, DeviceAbsent, DeviceRefused
-
-
-class Roots(NamedTuple):
-    """Root folders of the kernel's and udev's trees."""
-
-    sys: Path = Path("/sys")
-    dev: Path = Path("/dev")
-
-
-SYSTEM = Roots()
-"""Root folders of this computer."""
+from grabberd.instrument.acquisition.discovery import SYSTEM, Roots, attribute, by_number
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +59,11 @@ class VideoNode:
     by_id: Path | None
     usb: UsbPlace | None
 
+    @property
+    def usb_id(self) -> str:
+        """The device's "VENDOR:PRODUCT", or "" if it is not on USB."""
+        return self.usb.vendor_product if self.usb else ""
+
     def __str__(self) -> str:
         place = str(self.usb) if self.usb else self.card
         return f"{self.path} ({', '.join(word for word in (self.kernel_driver, place) if word)})"
@@ -77,22 +71,21 @@ class VideoNode:
 
 def video_nodes(roots: Roots = SYSTEM) -> tuple[VideoNode, ...]:
     """All video nodes, by number."""
-    folder = roots.sys / "class" / "video4linux"
-    if not folder.is_dir():
-        return ()
     by_path, by_id = (_links(roots.dev / "v4l" / kind) for kind in ("by-path", "by-id"))
-    # By length first: video10 comes after video9.
-    entries = sorted(folder.glob("video*"), key=lambda entry: (len(entry.name), entry.name))
+    entries = by_number(roots.sys / "class" / "video4linux", "video*")
     return tuple(_video_node(entry, roots, by_path, by_id) for entry in entries)
 
 
 def usb_places(roots: Roots = SYSTEM) -> tuple[UsbPlace, ...]:
     """All USB devices, by port."""
-    folder = roots.sys / "bus" / "usb" / "devices"
-    if not folder.is_dir():
-        return ()
-    found = (_usb_place(_real(entry)) for entry in sorted(folder.iterdir()))
+    entries = (roots.sys / "bus" / "usb" / "devices").glob("*")
+    found = (_usb_place(_real(entry)) for entry in sorted(entries))
     return tuple(place for place in found if place is not None)
+
+
+def node_at(path: Path, nodes: Iterable[VideoNode]) -> VideoNode | None:
+    """The node of this path; None if it is not among the nodes."""
+    return next((node for node in nodes if path in (node.path, _real(node.path))), None)
 
 
 def _video_node(entry: Path, roots: Roots, by_path: dict[Path, Path], by_id: dict[Path, Path]) -> VideoNode:
@@ -101,8 +94,8 @@ def _video_node(entry: Path, roots: Roots, by_path: dict[Path, Path], by_id: dic
     driver = device / "driver"
     return VideoNode(
         path=path,
-        index=int(_text(entry / "index") or 0),
-        card=_text(entry / "name"),
+        index=int(attribute(entry / "index") or 0),
+        card=attribute(entry / "name"),
         kernel_driver=_real(driver).name if driver.exists() else "",
         by_path=by_path.get(_real(path)),
         by_id=by_id.get(_real(path)),
@@ -112,8 +105,7 @@ def _video_node(entry: Path, roots: Roots, by_path: dict[Path, Path], by_id: dic
 
 def _links(folder: Path) -> dict[Path, Path]:
     """Link to each node in a folder of links; the first by name of several."""
-    links = sorted(folder.iterdir(), reverse=True) if folder.is_dir() else []
-    return {_real(link): link for link in links}
+    return {_real(link): link for link in sorted(folder.glob("*"), reverse=True)}
 
 
 def _real(path: Path) -> Path:
@@ -128,7 +120,7 @@ def _usb_place(device: Path) -> UsbPlace | None:
     """The USB device of this folder; None if it is none or vanishes while it is read."""
     if not (device / "idVendor").is_file():
         return None
-    words = {name: _text(device / name) for name in _ATTRIBUTES}
+    words = {name: attribute(device / name) for name in _ATTRIBUTES}
     if not all(words[name] for name in _NEEDED):
         return None
     return UsbPlace(
@@ -138,24 +130,12 @@ def _usb_place(device: Path) -> UsbPlace | None:
         bus=int(words["busnum"]),
         address=int(words["devnum"]),
         speed_mbit_s=float(words["speed"]),
-        name=" ".join(_own_names(words)),
+        name=" ".join(words[name] for name in ("manufacturer", "product") if words[name]),
     )
 
 
 _NEEDED = ("idVendor", "idProduct", "busnum", "devnum", "speed")
 _ATTRIBUTES = (*_NEEDED, "serial", "manufacturer", "product")
-
-
-def _own_names(words: dict[str, str]) -> Iterator[str]:
-    return (words[name] for name in ("manufacturer", "product") if words[name])
-
-
-def _text(file: Path) -> str:
-    """Value of an attribute; "" if it does not exist or its device has just gone."""
-    try:
-        return file.read_text(encoding="utf-8", errors="replace").strip()
-    except OSError:
-        return ""
 
 
 VENDOR_PRODUCT = re.compile(r"[0-9a-f]{4}:[0-9a-f]{4}")

@@ -13,10 +13,10 @@ from operator import or_
 from pathlib import Path
 from typing import NamedTuple
 
-from grabberd.instrument.acquisition.discovery import FoundDevice, Verdict
+from grabberd.instrument.acquisition.discovery import SYSTEM, FoundDevice, Roots, Verdict
 from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import ONE_FIELD, Arrangement
-from grabberd_v4l2.devices import SYSTEM, Roots, VideoNode, video_nodes
+from grabberd_v4l2.devices import VideoNode, video_nodes
 from grabberd_v4l2.formats import FORMATS, RAW
 from grabberd_v4l2.kernel import Kernel, LinuxKernel
 from grabberd_v4l2.modes import in_words, offered
@@ -136,7 +136,6 @@ def _grants(node: Node, lines: int, fourcc: str, wanted: Arrangement) -> bool:
 
 
 DRIVER = "v4l2"
-AT_60_HZ = ("NTSC", "PAL-M", "PAL-60")
 Ask = Callable[[Path], Answers]
 
 
@@ -168,7 +167,7 @@ def _seen(node: VideoNode, asked: Ask) -> _Seen:
 
 
 def _found(seen: _Seen, nodes: Sequence[VideoNode], profiles: Profiles) -> FoundDevice:
-    profile = profiles.of(seen.answers.kernel_driver, seen.node.usb.vendor_product if seen.node.usb else "")
+    profile = profiles.of(seen.answers.kernel_driver, seen.node.usb_id)
     faults = tuple(_faults(seen))
     best, *others = _ways(seen.node, nodes)
     return FoundDevice(
@@ -219,7 +218,7 @@ def _of_standards(answers: Answers) -> Iterator[str]:
     elif answers.standards and not answers.at_50_hz:
         known = ", ".join(answers.standards)
         yield f"It has no standard of 50 fields a second, only {known}: set the option 'standard'."
-    elif answers.standard_now in AT_60_HZ:
+    elif FAMILIES.get(answers.standard_now, 0) & abi.STD_525_60:
         yield (
             f"It is set to {answers.standard_now} now, the default of some drivers; grabberd selects PAL "
             "when it opens it, or what the option 'standard' says."

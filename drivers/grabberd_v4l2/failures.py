@@ -87,6 +87,18 @@ def failure(error: OSError, path: Path, gone: type[DeviceError]) -> DeviceError:
     return meaning.error(f"{path} {meaning.what} ({answer})", path)
 
 
+def stream_failure(error: OSError, path: Path, hint: str = "") -> DeviceError:
+    """The device error for a kernel error of a stream: a missing device is lost, all else is a failure.
+
+    Args:
+        error: kernel error, as of `failure`.
+        path: path of the node.
+        hint: hint of a failure; by default that of the error number.
+    """
+    found = failure(error, path, DeviceLost)
+    return found if isinstance(found, DeviceLost) else StreamFailed(found.message, hint or found.hint)
+
+
 @contextmanager
 def opening(path: Path) -> Iterator[None]:
     """Translate errors while a device is being opened: a missing one is absent."""
@@ -98,11 +110,8 @@ def opening(path: Path) -> Iterator[None]:
 
 @contextmanager
 def restarting(path: Path) -> Iterator[None]:
-    """Translate errors while a stream restarts: a missing device is lost, all other errors are failures."""
+    """Translate errors while a stream restarts."""
     try:
         yield
     except OSError as error:
-        raised = failure(error, path, DeviceLost)
-        if isinstance(raised, DeviceLost):
-            raise raised from error
-        raise StreamFailed(raised.message, raised.hint) from error
+        raise stream_failure(error, path) from error

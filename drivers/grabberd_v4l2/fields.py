@@ -19,10 +19,10 @@ from grabberd.errors import DeviceRefused
 from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.formats import luma
+from grabberd_v4l2.node import Capability
 from grabberd_v4l2.profiles import Profile
 from grabberd_v4l2.standards import SCAN_625, Scan
 
-_WOVEN = (Arrangement.INTERLACED, Arrangement.INTERLACED_TB, Arrangement.INTERLACED_BT)
 _STACKED = (Arrangement.SEQ_TB, Arrangement.SEQ_BT)
 _SINGLE = {Arrangement.TOP: TOP, Arrangement.BOTTOM: BOTTOM}
 _OLDER = {
@@ -44,7 +44,7 @@ class Granted:
         fourcc: pixel format, e.g. "YUYV".
         field: V4L2_FIELD_*, never ANY.
         standard: video standard, e.g. "PAL"; "" for a camera without.
-        kernel_driver: kernel driver, e.g. "bttv"; `card`: the device's own name; `bus_info`: its location.
+        node: names and capabilities of the node.
         buffers: number of buffers in the kernel's queue.
         scan: what the camera scans.
     """
@@ -55,9 +55,7 @@ class Granted:
     fourcc: str
     field: int
     standard: str
-    kernel_driver: str
-    card: str
-    bus_info: str
+    node: Capability
     buffers: int
     scan: Scan = SCAN_625
 
@@ -135,6 +133,11 @@ class Layout:
         return cls._frames(granted, arrangement, granted.scan.older if older is None else older)
 
     @property
+    def fields_per_buffer(self) -> int:
+        """Number of fields in a buffer."""
+        return 2 if self.order in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST) else 1
+
+    @property
     def period_ns(self) -> int:
         """Time from field to field of the camera, whether both parities are delivered or one, or from picture
         to picture.
@@ -178,7 +181,7 @@ class Layout:
         rows, remarks = _height(granted, granted.lines)
         both_hz = granted.scan.rate_hz
         remark = (
-            f"the driver {granted.kernel_driver} delivers only the {_NAMES[parity]} field of every frame: "
+            f"the driver {granted.node.driver} delivers only the {_NAMES[parity]} field of every frame: "
             f"{both_hz / 2:.0f} fields a second instead of {both_hz:.0f}"
         )
         parts = {int(Arrangement.ANY): (_Part(slice(None), parity, 0),)}
@@ -241,7 +244,7 @@ def _no_parity(granted: Granted, buffer_field: int) -> DeviceRefused:
 
 
 def _refused(granted: Granted, what: str, hint: str) -> DeviceRefused:
-    return DeviceRefused(f"{granted.card} (driver {granted.kernel_driver}): {what}", hint)
+    return DeviceRefused(f"{granted.node.card} (driver {granted.node.driver}): {what}", hint)
 
 
 # Scheduling and USB batches of up to 8 ms delay a buffer's arrival in this process.
@@ -286,6 +289,9 @@ class FieldTimes:
         profile: profile of the driver, with the trust in its timestamps.
         exposure_ns: exposure time of the camera, if known.
 
+    Attributes:
+        sigma_ns: standard deviation of a field's time.
+
     Raises:
         DeviceRefused: the exposure is longer than the time from field to field.
     """
@@ -298,20 +304,15 @@ class FieldTimes:
                 f"{exposure_ns / 1e6:g} ms",
                 "correct the option 'exposure_ms', or leave it out if the exposure is not known",
             )
-        self._per_buffer = 2 if layout.order in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST) else 1
+        self._per_buffer = layout.fields_per_buffer
         self._believed = profile.trusts_time
         self._half_exposure_ns = (period_ns if exposure_ns is None else exposure_ns) // 2
         # Any exposure up to a whole period is equally likely, which moves the middle by up to half of it.
         unknown_ns = period_ns / 2 / math.sqrt(3) if exposure_ns is None else 0.0
         stamp_ns = profile.time_sigma_ms * 1e6 if profile.trusts_time else _ARRIVAL_SIGMA_NS
-        self._sigma_ns = round(math.hypot(unknown_ns, stamp_ns))
+        self.sigma_ns = round(math.hypot(unknown_ns, stamp_ns))
         self._count: int | None = None
         self._last_ns: int | None = None
-
-    @property
-    def sigma_ns(self) -> int:
-        """Standard deviation of a field's time."""
-        return self._sigma_ns
 
     def handed_back(self, stamp: Stamp) -> bool:
         """True if a buffer was returned without a field of the camera; call it for each buffer, in order.

@@ -7,15 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from grabberd.core.field import FieldOrder
 from grabberd.errors import Cause, DeviceLost, DeviceRefused, StreamFailed
 from grabberd.instrument.acquisition.device import GrabbedField, Signal, StreamInfo
-from grabberd.instrument.acquisition.discovery import Verdict
+from grabberd.instrument.acquisition.discovery import SYSTEM, Roots, Verdict
 from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import Arrangement
-from grabberd_v4l2.devices import SYSTEM, Roots, find_node, video_nodes
+from grabberd_v4l2.devices import find_node, node_at, video_nodes
 from grabberd_v4l2.failures import opening, restarting
-from grabberd_v4l2.fields import FieldTimes, Granted, Layout, Stamp
+from grabberd_v4l2.fields import FieldTimes, Granted, Layout
 from grabberd_v4l2.formats import FORMATS, JpegLuma
 from grabberd_v4l2.kernel import Kernel, LinuxKernel
 from grabberd_v4l2.negotiation import capture_node, negotiate, picture_bytes
@@ -166,12 +165,14 @@ class V4l2Grabber:
     def _started(self, node: Node) -> _Running:
         capability = capture_node(node)
         profiles = Profiles.load(self.options.profiles)
-        profile = profiles.of(capability.driver, usb_id(node.path, self._roots))
+        nodes = video_nodes(self._roots)
+        place = node_at(node.path, nodes)
+        profile = profiles.of(capability.driver, place.usb_id if place else "")
         # Everything is set before buffers exist: drivers refuse a new standard or format while they have any,
         # and usbtv, which does not, must not be given another standard while it streams.
         granted = negotiate(node, capability, self.options, profile)
         watch = _settled(node, profile, granted)
-        remarks = (*profiles.remarks, *remarks_on_place(node.path, self._roots))
+        remarks = (*profiles.remarks, *(remarks_on(place, nodes) if place else ()))
         layout = Layout.of(granted, profile, self.options.older)
         times = FieldTimes(layout, profile, self.options.exposure_ns)
         jpeg = JpegLuma(granted.lines, granted.columns) if FORMATS[granted.fourcc].is_compressed else None
@@ -203,8 +204,7 @@ def _not_open() -> DeviceLost:
 
 
 def _fields(running: _Running, filled: Filled) -> list[GrabbedField]:
-    stamp = Stamp(filled.time_ns, filled.flags, filled.sequence, filled.arrival_ns)
-    if running.times.handed_back(stamp):
+    if running.times.handed_back(filled.stamp):
         return []
     damage, picture = _damage(filled, running.whole_bytes), filled.picture
     if running.jpeg is not None:
@@ -218,7 +218,7 @@ def _fields(running: _Running, filled: Filled) -> list[GrabbedField]:
         if damage is None:
             raise
         return []  # a damaged field without parity counts as lost: the gap in time shows it
-    times = running.times.of(stamp, laid)
+    times = running.times.of(filled.stamp, laid)
     return [
         GrabbedField(one.field, time.time_ns, time.sequence, damage)
         for one, time in zip(laid, times, strict=True)
@@ -226,7 +226,7 @@ def _fields(running: _Running, filled: Filled) -> list[GrabbedField]:
 
 
 def _damage(filled: Filled, whole_bytes: int) -> str | None:
-    if filled.flags & abi.BUF_FLAG_ERROR:
+    if filled.stamp.flags & abi.BUF_FLAG_ERROR:
         return "the driver flags an error"
     if filled.bytes_used < whole_bytes:
         return f"short: {filled.bytes_used} of {whole_bytes} bytes"
@@ -250,42 +250,28 @@ def stream_info(
 ) -> StreamInfo:
     """Description of the stream; `remarks` on its surroundings come before its own."""
     granted = layout.granted
-    two_a_buffer = layout.order in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST)
     return StreamInfo(
         driver="v4l2",
-        card=granted.card,
+        card=granted.node.card,
         standard=granted.standard,
         columns=granted.columns,
         field_rows=layout.field_rows,
         rate_hz=layout.rate_hz,
         field_order=layout.order,
         pixel_format=granted.fourcc,
-        buffers=granted.buffers * (2 if two_a_buffer else 1),
+        buffers=granted.buffers * layout.fields_per_buffer,
         live=True,
         counts_losses=profile.trusts_sequence,
         tells_signal=tells_signal,
         time_sigma_ns=times.sigma_ns,
         details={
             "node": str(path),
-            "kernel driver": granted.kernel_driver,
-            "bus": granted.bus_info,
+            "kernel driver": granted.node.driver,
+            "bus": granted.node.bus_info,
             "field order of the driver": Arrangement(granted.field).name,
             "buffers of the driver": str(granted.buffers),
         },
         remarks=(*remarks, *layout.remarks, *_doubts(profile), *_of_pictures(layout), *_few(layout)),
-    )
-
-
-def remarks_on_place(path: Path, roots: Roots) -> tuple[str, ...]:
-    """Warnings about the USB port."""
-    nodes = video_nodes(roots)
-    return tuple(remark for node in nodes if node.path == path for remark in remarks_on(node, nodes))
-
-
-def usb_id(path: Path, roots: Roots) -> str:
-    """The node's "VENDOR:PRODUCT", or "" if it is not on USB."""
-    return next(
-        (node.usb.vendor_product for node in video_nodes(roots) if node.path == path and node.usb), ""
     )
 
 

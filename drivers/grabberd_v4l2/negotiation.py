@@ -6,7 +6,7 @@ stream; size, pixel format and rate of a progressive one. A camera without a vid
 """
 
 import errno
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from fractions import Fraction
 from itertools import product
 from typing import NamedTuple
@@ -79,9 +79,7 @@ def negotiate(node: Node, capability: Capability, options: V4l2Options, profile:
         fourcc=fourcc,
         field=int(pix.field),
         standard=standard,
-        kernel_driver=capability.driver,
-        card=capability.card,
-        bus_info=capability.bus_info,
+        node=capability,
         buffers=0,
         scan=scan,
     )
@@ -217,7 +215,7 @@ class _Wanted(NamedTuple):
             scan=scan,
             columns=COLUMNS if size is None else size[0],
             exact=size is not None,
-            formats=_common_formats(node, [one for one in options.format if one in RAW]),
+            formats=_common_formats(node, options, RAW, " for fields; a card"),
             orders=orders,
             own_order=options.arrangement is not None,
             none_is_woven=profile.none_is_woven,
@@ -275,14 +273,16 @@ def _set_format(node: Node, wanted: _Wanted) -> abi.PixFormat:
     raise _nothing_granted(node, wanted, [answer for answer in answers if answer is not None])
 
 
-def _common_formats(node: Node, wanted: Sequence[str]) -> Sequence[str]:
-    offered = node.pixel_formats()
-    common = [fourcc for fourcc in wanted if fourcc in offered]
+def _common_formats(node: Node, options: V4l2Options, readable: Collection[str], whose: str) -> Sequence[str]:
+    """Formats that the node delivers and the options allow, of those that can be read."""
+    delivered = node.pixel_formats()
+    wanted = [fourcc for fourcc in options.format if fourcc in readable]
+    common = [fourcc for fourcc in wanted if fourcc in delivered]
     if not common:
         raise DeviceRefused(
-            f"{node.path} delivers {', '.join(offered) or 'no format at all'}, none of "
-            f"{', '.join(wanted or RAW)}",
-            f"option 'format' allows {', '.join(RAW)} for fields; a card with none of them cannot be used",
+            f"{node.path} delivers {', '.join(delivered) or 'no format at all'}, none of "
+            f"{', '.join(wanted or readable)}",
+            f"option 'format' allows {', '.join(readable)}{whose} with none of them cannot be used",
         )
     return common
 
@@ -343,14 +343,7 @@ def _set_up_progressive(node: Node, options: V4l2Options) -> tuple[abi.PixFormat
         DeviceRefused: the camera offers no such stream, or does not grant it.
         OSError: a call failed.
     """
-    told = node.pixel_formats()
-    formats = [fourcc for fourcc in options.format if fourcc in told]
-    if not formats:
-        raise DeviceRefused(
-            f"{node.path} delivers {', '.join(told) or 'no format at all'}, none of "
-            f"{', '.join(options.format)}",
-            f"option 'format' allows {', '.join(FORMATS)}; a camera with none of them cannot be used",
-        )
+    formats = _common_formats(node, options, FORMATS, "; a camera")
     modes = list(offered(node, formats, options.columns_lines, options.rate_hz))
     wanted = wishes(modes, _ranks(options), options.columns_lines, options.rate_hz)
     answers: list[str] = []
@@ -371,13 +364,9 @@ def _ranks(options: V4l2Options) -> dict[str, int]:
 def _granted_wish(node: Node, wish: Wish, answers: list[str]) -> tuple[abi.PixFormat, Scan] | None:
     """The stream as granted, if it is the one wished for; else the answer is noted."""
     mode = wish.mode
-    try:
-        node.set_format(mode.columns, mode.lines, mode.fourcc, Arrangement.NONE)
-    except OSError as error:
-        if error.errno != errno.EINVAL:
-            raise
+    pix = _granted(node, *mode.size, mode.fourcc, Arrangement.NONE)
+    if pix is None:
         return None
-    pix = node.format()
     # After the format, which resets the rate in many drivers.
     rate_hz = _set_rate(node, wish.rate_hz)
     got = (abi.fourcc_name(pix.pixelformat), int(pix.width), int(pix.height), int(pix.field))

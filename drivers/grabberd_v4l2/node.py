@@ -96,11 +96,11 @@ class Node:
     def tried_format(self, columns: int, lines: int, fourcc: str, field: int) -> abi.PixFormat:
         """Format that would be granted, without setting it."""
         # TRY_FMT is never refused as busy: it works while another program streams, unlike S_FMT.
-        return _picture(self._call(abi.TRY_FMT, _format(columns, lines, fourcc, field)))
+        return self._call(abi.TRY_FMT, _format(columns, lines, fourcc, field)).fmt.pix
 
     def format(self) -> abi.PixFormat:
         """The granted picture format."""
-        return _picture(self._call(abi.G_FMT, abi.Format(type=abi.CAPTURE)))
+        return self._call(abi.G_FMT, abi.Format(type=abi.CAPTURE)).fmt.pix
 
     def frame_sizes(self, fourcc: str) -> tuple[abi.FrmSizeEnum, ...]:
         """Sizes that a pixel format can have: many entries, or one with a range; none if nobody tells."""
@@ -216,10 +216,6 @@ def _format(columns: int, lines: int, fourcc: str, field: int) -> abi.Format:
     pix = wanted.fmt.pix
     pix.width, pix.height, pix.pixelformat, pix.field = columns, lines, abi.fourcc(fourcc), field
     return wanted
-
-
-def _picture(format_: abi.Format) -> abi.PixFormat:
-    return format_.fmt.pix
 
 
 def _mapped(index: int) -> abi.Buffer:

@@ -6,13 +6,13 @@ V4l2Grabber(usb="046d:0825", size="1280x720", rate_hz=30)
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from grabberd.core.field import BOTTOM, TOP
+from grabberd.core.field import PARITIES
 from grabberd_v4l2 import standards
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.devices import Identity
@@ -80,7 +80,7 @@ class V4l2Options(BaseModel):
     @property
     def older(self) -> int | None:
         """Parity of the older field, or None."""
-        return None if self.older_field is None else {"top": TOP, "bottom": BOTTOM}[self.older_field]
+        return None if self.older_field is None else PARITIES[self.older_field]
 
     @property
     def exposure_ns(self) -> int | None:
@@ -123,22 +123,18 @@ class V4l2Options(BaseModel):
         Raises:
             ValueError: an option is unknown or not allowed; the message has a line for each.
         """
-        names = {key: values.get(key) for key in ("device", "usb", "serial", "port")}
-        problems = list(_problems(lambda: Identity.from_options(**names)))
-        problems += _problems(lambda: cls(**values))
+        problems = []
+        try:
+            Identity.from_options(**{key: values.get(key) for key in ("device", "usb", "serial", "port")})
+        except (ValueError, TypeError) as error:
+            problems.append(str(error))
+        try:
+            options = cls(**values)
+        except ValidationError as error:
+            problems += [f"{one['loc'][0]}: {_in_words(one['type'], one['msg'])}" for one in error.errors()]
         if problems:
             raise ValueError("\n".join(problems))
-        return cls(**values)
-
-
-def _problems(make: Callable[[], object]) -> Iterator[str]:
-    try:
-        make()
-    except ValidationError as error:
-        for one in error.errors():
-            yield f"{one['loc'][0]}: {_in_words(one['type'], one['msg'])}"
-    except (ValueError, TypeError) as error:
-        yield str(error)
+        return options
 
 
 def _in_words(kind: str, message: str) -> str:

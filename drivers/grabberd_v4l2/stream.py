@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from grabberd.errors import DeviceError, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_v4l2 import abi
-from grabberd_v4l2.failures import GONE, failure
+from grabberd_v4l2.failures import GONE, stream_failure
+from grabberd_v4l2.fields import Stamp
 from grabberd_v4l2.kernel import POLL_ERR, POLL_HUP, POLL_IN, POLL_NVAL, POLL_PRI, Pages
 from grabberd_v4l2.node import Node
 
@@ -33,17 +34,14 @@ class Filled(NamedTuple):
     Attributes:
         picture: (bytes,) all of its memory, valid until the buffer is given back.
         bytes_used: number of bytes that this picture fills.
-        flags: BUF_FLAG_*; `field`: FIELD_*; `sequence`: the driver's count.
-        time_ns: the driver's timestamp; `arrival_ns`: CLOCK_MONOTONIC when it was dequeued.
+        field: FIELD_*.
+        stamp: its time, flags and number.
     """
 
     picture: NDArray[np.uint8]
     bytes_used: int
-    flags: int
     field: int
-    sequence: int
-    time_ns: int
-    arrival_ns: int
+    stamp: Stamp
 
 
 class Stream:
@@ -128,7 +126,7 @@ class Stream:
         if refusal is None or self._buffers.queued >= max(FEWEST, self.buffers // 2):
             return
         if refusal.errno in GONE:
-            raise self._failed(refusal)
+            raise stream_failure(refusal, self._node.path, _AGAIN)
         raise StreamFailed(
             f"{self._node.path} accepts no buffers, {self._buffers.queued} of {self.buffers} are left "
             f"({refusal.strerror})",
@@ -185,27 +183,20 @@ class Stream:
         """Tolerate a few EIO in a row; a buffer lost to one is queued again."""
         self._io_errors += 1
         if error.errno != errno.EIO or self._io_errors > _IO_ERRORS:
-            raise self._failed(error)
+            raise stream_failure(error, self._node.path, _AGAIN)
         try:
             self._buffers.find_lost()
             self._buffers.queue_idle()
         except OSError as worse:
-            raise self._failed(worse) from error
-
-    def _failed(self, error: OSError) -> DeviceError:
-        found = failure(error, self._node.path, DeviceLost)
-        return found if isinstance(found, DeviceLost) else StreamFailed(found.message, _AGAIN)
+            raise stream_failure(worse, self._node.path, _AGAIN) from error
 
     def _filled(self, buffer: abi.Buffer) -> Filled:
         time_ns = buffer.timestamp.tv_sec * 1_000_000_000 + buffer.timestamp.tv_usec * 1_000
         return Filled(
             picture=self._buffers.take(buffer.index),
             bytes_used=buffer.bytesused,
-            flags=buffer.flags,
             field=buffer.field,
-            sequence=buffer.sequence,
-            time_ns=time_ns,
-            arrival_ns=self._node.now_ns(),
+            stamp=Stamp(time_ns, buffer.flags, buffer.sequence, self._node.now_ns()),
         )
 
 

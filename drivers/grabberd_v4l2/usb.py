@@ -8,16 +8,8 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from grabberd.errors import DeviceAbsent, DeviceError, DeviceRefused
-from grabberd_v4l2.devices import (
-    SYSTEM,
-    Identity,
-    Roots,
-    UsbPlace,
-    VideoNode,
-    find_node,
-    usb_places,
-    video_nodes,
-)
+from grabberd.instrument.acquisition.discovery import SYSTEM, Roots
+from grabberd_v4l2.devices import Identity, UsbPlace, VideoNode, find_node, node_at, usb_places, video_nodes
 
 HIGH_SPEED_MBIT_S = 480.0
 """Speed of USB 2.0."""
@@ -82,14 +74,13 @@ def _share_a_bus(one: VideoNode, other: VideoNode) -> bool:
 def _place_of(identity: Identity, roots: Roots) -> UsbPlace:
     if identity.device is None:
         return _only([place for place in usb_places(roots) if identity.matches(place)], identity)
-    path = find_node(identity, roots)
-    place = next((node.usb for node in video_nodes(roots) if node.path.resolve() == path), None)
-    if place is None:
+    node = node_at(find_node(identity, roots), video_nodes(roots))
+    if node is None or node.usb is None:
         raise DeviceRefused(
             f"{identity} cannot be reset by software: it is not on USB",
             "reboot the computer; if the card still hangs, switch the computer off for ten seconds",
         )
-    return place
+    return node.usb
 
 
 def _only(places: list[UsbPlace], identity: Identity) -> UsbPlace:

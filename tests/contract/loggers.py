@@ -4,14 +4,13 @@ import time
 from pathlib import Path
 
 from drivers.loggers.iio_tree import IioTree
-from drivers.loggers.light_lines import GpioChip, ModemLines
+from drivers.loggers.light_lines import GpioChip, ModemLines, light_on
 from drivers.loggers.ports import Port
 from grabberd.core.channels import Logger
 from grabberd.testing import COUNT, ManualClock
 from grabberd_fake import FakeLight, FakeLogger
 from grabberd_loggers.csv_file import CsvLogger
 from grabberd_loggers.iio.logger import IioLogger
-from grabberd_loggers.light.switched_light import SwitchedLight
 from grabberd_loggers.serial_port import SerialLogger
 
 MS = 1_000_000
@@ -151,7 +150,7 @@ class LightBench:
 
     def __init__(self, lines: ModemLines | GpioChip) -> None:
         self.lines, self.clock = lines, ManualClock()
-        self.logger = SwitchedLight(lines.line(), self.clock)
+        self.logger = light_on(lines.line(), self.clock)
 
     def say(self, count: int = COUNT) -> None:
         """It never stops."""

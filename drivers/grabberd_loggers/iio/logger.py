@@ -8,8 +8,9 @@ from pydantic import Field
 from grabberd.clock import Clock, SystemClock
 from grabberd.core.channels import LoggerInfo, Readings
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused
+from grabberd.instrument.acquisition.discovery import SYSTEM, Roots
 from grabberd_loggers.iio.readers import BufferedChannels, PolledChannels
-from grabberd_loggers.iio.tree import SYSTEM, IioChannel, IioDevice, Roots, iio_devices
+from grabberd_loggers.iio.tree import IioChannel, IioDevice, iio_devices
 from grabberd_loggers.options import Options, read_options
 
 _RATE_HZ = 200.0
@@ -50,7 +51,6 @@ class IioLogger:
         self._options = read_options(IioOptions, options)
         self._clock, self._roots = clock or SystemClock(), roots
         self._reader: PolledChannels | BufferedChannels | None = None
-        self._count = 0
 
     def open(self) -> LoggerInfo:
         """Opens the device's channels; see `Logger.open`."""
@@ -63,7 +63,6 @@ class IioLogger:
             self._reader = reader = self._opened(device, channels, buffered)
         except OSError as error:
             raise _not_opened(device, error) from error
-        self._count = len(channels)
         return LoggerInfo(
             driver="iio",
             model=device.label or device.name or device.number,

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from grabberd.clock import Clock
 from grabberd.core.channels import Anomaly, Dating, MissingReadings, Readings
 from grabberd.errors import DeviceLost, DeviceRefused, StreamFailed
-from grabberd_loggers.iio.tree import IioChannel, IioDevice, number, text
+from grabberd.instrument.acquisition.discovery import attribute
+from grabberd_loggers.iio.tree import IioChannel, IioDevice, number
 
 MISSED = "a reading was left out: the one before took too long"
 FAILED, NOT_A_NUMBER = "a channel could not be read", "not a number"
@@ -301,7 +302,7 @@ class BufferedChannels:
         file = self._device.folder / "current_timestamp_clock"
         if file.exists():
             _write(file, "monotonic")
-        if text(file) != "monotonic":
+        if attribute(file) != "monotonic":
             raise DeviceRefused(
                 f"{self._device.number} does not stamp its scans in CLOCK_MONOTONIC",
                 "poll it instead: buffered: false",
@@ -323,7 +324,7 @@ class BufferedChannels:
         folder = self._device.folder / "scan_elements"
         names = [*(channel.name for channel in self._channels), TIMESTAMP]
         elements = [
-            Element(name, round(number(folder / f"in_{name}_index")), text(folder / f"in_{name}_type"))
+            Element(name, round(number(folder / f"in_{name}_index")), attribute(folder / f"in_{name}_type"))
             for name in names
             if (folder / f"in_{name}_index").exists()
         ]
@@ -342,5 +343,5 @@ class BufferedChannels:
 
 def _write(file: Path, value: str) -> None:
     # Unbuffered: the kernel answers to the write itself.
-    with file.open("wb", buffering=0) as attribute:
-        attribute.write(value.encode())
+    with file.open("wb", buffering=0) as unbuffered:
+        unbuffered.write(value.encode())

@@ -5,22 +5,12 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+
+from grabberd.instrument.acquisition.discovery import SYSTEM, Roots, attribute, by_number
 
 _CHANNEL = re.compile(r"^in_(?P<name>(?P<kind>pressure|voltage|current|resistance|temp)\w*?)_(raw|input)$")
 _UNITS = {"pressure": "kPa", "voltage": "mV", "current": "mA", "resistance": "Ohm", "temp": "m°C"}
 """Units of channels once scale and offset are applied, as the kernel's ABI has them."""
-
-
-class Roots(NamedTuple):
-    """Root folders of the kernel's and udev's trees."""
-
-    sys: Path = Path("/sys")
-    dev: Path = Path("/dev")
-
-
-SYSTEM = Roots()
-"""Root folders of this computer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,27 +94,15 @@ class IioDevice:
 
 def iio_devices(roots: Roots = SYSTEM) -> Sequence[IioDevice]:
     """All devices, by number; triggers are none."""
-    folder = roots.sys / "bus" / "iio" / "devices"
-    if not folder.is_dir():
-        return ()
-    entries = sorted(folder.glob("iio:device*"), key=lambda entry: (len(entry.name), entry.name))
     return [
-        IioDevice(entry, roots.dev / entry.name, text(entry / "name"), text(entry / "label"))
-        for entry in entries
+        IioDevice(entry, roots.dev / entry.name, attribute(entry / "name"), attribute(entry / "label"))
+        for entry in by_number(roots.sys / "bus" / "iio" / "devices", "iio:device*")
     ]
-
-
-def text(file: Path) -> str:
-    """Content of an attribute; "" if it is not there."""
-    try:
-        return file.read_text(encoding="utf-8", errors="replace").strip("\n\0 ")
-    except OSError:
-        return ""
 
 
 def number(file: Path) -> float:
     """Number in an attribute; NaN if it is not there or is none."""
     try:
-        return float(text(file))
+        return float(attribute(file))
     except ValueError:
         return math.nan

@@ -8,16 +8,15 @@ import fcntl
 import os
 import struct
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from pydantic import Field
 
-from grabberd.clock import Clock
 from grabberd.errors import Cause, DeviceAbsent, DeviceError, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.light.switched_light import Found, SwitchedLight
-from grabberd_loggers.options import Options, read_options
+from grabberd_loggers.options import Options
 
 NAME_BYTES = 32
 LINES_MAX = 64
@@ -131,22 +130,6 @@ class GpioLightOptions(Options):
     inverted: bool = False
 
 
-class GpioLight(SwitchedLight):
-    """A light on a line of a GPIO chip; `GpioLightOptions` lists its options."""
-
-    def __init__(self, *, clock: Clock | None = None, **options: Any) -> None:
-        """Checks the options; nothing is opened.
-
-        Args:
-            clock: clock that it is switched by; by default the machine's.
-            options: see `GpioLightOptions`.
-
-        Raises:
-            ValueError: an option is unknown or not allowed; the message has a line for each.
-        """
-        super().__init__(GpioLine(read_options(GpioLightOptions, options)), clock)
-
-
 class GpioLine:
     """The line.
 
@@ -171,8 +154,6 @@ class GpioLine:
             DeviceAbsent: There is no such chip.
             DeviceRefused: It may not be opened, has no such line, or another program has it.
         """
-        if self._line is not None:
-            raise DeviceRefused("the GPIO line is open already", "close it first")
         path, chip = self._chip()
         try:
             info = self._told(path, chip)
@@ -196,13 +177,9 @@ class GpioLine:
     def close(self) -> None:
         """Switches the light off, if that is still possible, and gives the line back."""
         line = self._line
-        if line is None:
-            return
-        try:
-            self.switch(False)
-        except (DeviceLost, StreamFailed):
-            pass  # the chip is gone, and the light with it
-        finally:
+        if line is not None:
+            with suppress(DeviceLost, StreamFailed):  # the chip is gone, and the light with it
+                self.switch(False)
             self._line = None
             self._kernel.close(line)
 
@@ -290,3 +267,10 @@ class GpioLine:
                 hint = "plug its chip in again; grabberd retries automatically"
                 raise DeviceLost(f"{what} is gone", hint) from error
             raise StreamFailed(f"{what} does not answer: {error.strerror}", _LOOK) from error
+
+
+class GpioLight(SwitchedLight):
+    """A light on a line of a GPIO chip; `GpioLightOptions` lists its options."""
+
+    options_class = GpioLightOptions
+    line_class = GpioLine

@@ -6,13 +6,13 @@ import os
 import struct
 import termios
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 
-from grabberd.clock import Clock
 from grabberd.errors import DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.light.switched_light import Found, SwitchedLight
-from grabberd_loggers.options import Options, read_options
+from grabberd_loggers.options import Options
 from grabberd_loggers.serial_port import GONE, PLUG, lost, open_port
 
 _LINES = {"rts": termios.TIOCM_RTS, "dtr": termios.TIOCM_DTR}
@@ -35,22 +35,6 @@ class SerialLightOptions(Options):
     port: Path
     line: Literal["rts", "dtr"] = "rts"
     inverted: bool = False
-
-
-class SerialLight(SwitchedLight):
-    """A light on a control line of a serial port; `SerialLightOptions` lists its options."""
-
-    def __init__(self, *, clock: Clock | None = None, **options: Any) -> None:
-        """Checks the options; nothing is opened.
-
-        Args:
-            clock: clock that it is switched by; by default the machine's.
-            options: see `SerialLightOptions`.
-
-        Raises:
-            ValueError: an option is unknown or not allowed; the message has a line for each.
-        """
-        super().__init__(SerialLine(read_options(SerialLightOptions, options)), clock)
 
 
 class SerialLine:
@@ -106,13 +90,10 @@ class SerialLine:
     def close(self) -> None:
         """Switches the light off, if that is still possible, and closes the port."""
         file = self._file
-        if file is None:
-            return
-        try:
-            self.switch(False)
-        except (DeviceLost, StreamFailed):
-            pass  # gone, or no port with such lines: there is no light that could stay on
-        finally:
+        if file is not None:
+            # Gone, or no port with such lines: there is no light that could stay on.
+            with suppress(DeviceLost, StreamFailed):
+                self.switch(False)
             self._file = None
             os.close(file)
 
@@ -127,3 +108,10 @@ class SerialLine:
             reason = os.strerror(error.errno or errno.EIO)
             raise StreamFailed(f"the lines of {self._options.port} do not answer: {reason}", PLUG) from error
         return _WORD.unpack(answer)[0]
+
+
+class SerialLight(SwitchedLight):
+    """A light on a control line of a serial port; `SerialLightOptions` lists its options."""
+
+    options_class = SerialLightOptions
+    line_class = SerialLine

@@ -6,14 +6,14 @@ each switching lies between two readings, however long the way to the line took.
 
 import math
 import secrets
-from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
 from grabberd.clock import Clock, SystemClock
 from grabberd.core.channels import Anomaly, Dating, LoggerInfo, Readings
 from grabberd.errors import DeviceLost, DeviceRefused
+from grabberd_loggers.options import Options, read_options
 
 BIT_NS = 92_361_000
 """Time between two moments at which the light may change. It does not keep step with fields of 20 ms."""
@@ -48,6 +48,8 @@ class Line(Protocol):
 
     driver: str
 
+    def __init__(self, options: Any) -> None: ...
+
     def open(self) -> Found:
         """Take the line; the light is off then."""
         ...
@@ -65,26 +67,24 @@ class Line(Protocol):
         ...
 
 
-def by_chance() -> bool:
-    """A bit of chance."""
-    return bool(secrets.randbits(1))
-
-
 class SwitchedLight:
-    """A light on a line, switched by chance.
+    """A light on a line, switched by chance; a driver names its options and its line."""
 
-    Args:
-        line: The line.
-        clock: Clock that it is switched by; by default the machine's.
-        chance: State of the light for each bit.
-    """
+    options_class: ClassVar[type[Options]]
+    line_class: ClassVar[type[Line]]
 
-    def __init__(
-        self, line: Line, clock: Clock | None = None, chance: Callable[[], bool] = by_chance
-    ) -> None:
-        self._line = line
+    def __init__(self, *, clock: Clock | None = None, **options: Any) -> None:
+        """Checks the options; nothing is opened.
+
+        Args:
+            clock: Clock that it is switched by; by default the machine's.
+            options: See `options_class`.
+
+        Raises:
+            ValueError: An option is unknown or not allowed; the message has a line for each.
+        """
+        self._line = self.line_class(read_options(self.options_class, options))
         self._clock = clock or SystemClock()
-        self._chance = chance
         self._is_open = False
         self._on = False
         self._due_ns = self._told_ns = 0
@@ -126,6 +126,9 @@ class SwitchedLight:
         """Leaves the line, with the light off."""
         self._is_open = False
         self._line.close()
+
+    def _chance(self) -> bool:
+        return bool(secrets.randbits(1))
 
     def _next(self) -> Readings:
         """Readings of the light until now, and of its switching."""

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from grabberd.bounded_documents import parse_yaml, read_text
-from grabberd.core.field import BOTTOM, TOP
+from grabberd.core.field import PARITIES
 from grabberd.instrument.acquisition.discovery import Verdict
 from grabberd_v4l2.abi import Arrangement
 
@@ -23,7 +23,6 @@ DEFAULT = "default"
 """Profile of unknown drivers."""
 
 _BUILT_IN = files(__package__)
-_PARITIES = {"top": TOP, "bottom": BOTTOM}
 
 
 class SignalSource(StrEnum):
@@ -78,7 +77,7 @@ class Profile(BaseModel):
     @property
     def older_parity(self) -> int | None:
         """`TOP` or `BOTTOM`: the older field of a woven frame; None if it is that of the standard."""
-        return None if self.older is None else _PARITIES[self.older]
+        return None if self.older is None else PARITIES[self.older]
 
     @field_validator("field_orders", mode="before")
     @classmethod

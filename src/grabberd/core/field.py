@@ -22,6 +22,7 @@ __all__ = [
     "LARGEST_SIDE_PX",
     "NTSC_HZ",
     "PAL_HZ",
+    "PARITIES",
     "PROGRESSIVE",
     "TOP",
     "VIDEO_LINES",
@@ -44,6 +45,8 @@ TOP = 0
 """Parity of the field with frame lines 0, 2, 4 …; for PAL the older one of a frame."""
 BOTTOM = 1
 """Parity of the field with frame lines 1, 3, 5 …"""
+PARITIES = {"top": TOP, "bottom": BOTTOM}
+"""Parities by the names that options have for them."""
 PROGRESSIVE = 2
 """In place of a parity: a picture of a progressive camera, which has every line of the frame."""
 BIT_DEPTHS = (1, 2, 3, 4, 5, 6, 8)

@@ -87,10 +87,6 @@ def test_those_that_follow_are_drawn_before_they_are_asked_for(ahead: DrawnAhead
     assert ahead.waited_ns - waited_ns < SLOTS * 1e9 / 50
 
 
-def test_random_numbers_are_those_of_the_field(ahead: DrawnAhead, world: World) -> None:
-    assert ahead.random(77).random() == world.random(77).random()
-
-
 def test_the_process_ends_with_whoever_asks() -> None:
     ahead = DrawnAhead(OPTIONS)
     process = process_of(ahead)

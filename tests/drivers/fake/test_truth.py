@@ -19,11 +19,9 @@ from grabberd_fake.truth import (
     LINER_CSV_HEADER,
     LOAD_CSV_HEADER,
     WALL_CSV_HEADER,
-    capture_load_truth,
     capture_quantities,
     capture_truth,
     capture_vacuum_log,
-    capture_wall_truth,
 )
 
 OPTIONS = {"scene": "liner", "rig": {"reflections": 1}, "pace": "free"}
@@ -117,7 +115,7 @@ def last_row(lines: list[str]) -> dict[str, str]:
 
 
 def test_the_liners_truth_of_a_capture_has_a_row_for_every_target_and_field(capture: Path) -> None:
-    lines = list(capture_wall_truth(capture))
+    lines = list(capture_truth(capture, "wall"))
     assert lines[0] == LINER_CSV_HEADER
     assert len(lines) == 1 + 3 * 108
     last, truth = last_row(lines), truth_of_liner(OPTIONS, 80_000_000)
@@ -129,7 +127,7 @@ def test_the_liners_truth_of_a_capture_has_a_row_for_every_target_and_field(capt
 
 
 def test_the_load_of_a_capture_has_a_row_for_every_element_and_field(capture: Path) -> None:
-    lines = list(capture_load_truth(capture))
+    lines = list(capture_truth(capture, "load"))
     assert lines[0] == LOAD_CSV_HEADER
     truth = truth_of_liner(OPTIONS, 20_000_000)
     assert len(lines) == 1 + 3 * len(truth.load_x_mm)
@@ -141,14 +139,14 @@ def test_scenes_without_a_liner_have_no_load_and_no_vacuum(tmp_path: Path) -> No
     options = {"scene": "calibration_frame"}
     path = write_capture(tmp_path / "frame.grab", {"name": "a", "driver": "fake", "options": options})
     with pytest.raises(ValueError, match="'calibration_frame' is not the solved wall"):
-        list(capture_load_truth(path))
+        list(capture_truth(path, "load"))
     with pytest.raises(ValueError, match="'calibration_frame' has no vacuum"):
         list(capture_vacuum_log(path))
 
 
 def test_the_ellipses_truth_of_a_capture_has_what_its_movement_would_need(tmp_path: Path) -> None:
     path = write_capture(tmp_path / "one.grab", {"name": "a", "driver": "fake", "options": ELLIPSE})
-    lines = list(capture_wall_truth(path))
+    lines = list(capture_truth(path, "wall"))
     assert lines[0] == WALL_CSV_HEADER
     assert len(lines) == 1 + 3 * 108
     last, truth = last_row(lines), truth_of_wall(ELLIPSE, 80_000_000)
@@ -169,8 +167,7 @@ def test_the_vacuum_log_reaches_a_cycle_beyond_the_capture_on_its_own_clock(capt
 def test_the_command_prints_wall_load_and_vacuum(
     capture: Path, capsys: pytest.CaptureFixture[str], of: str
 ) -> None:
-    known = {"wall": capture_wall_truth, "load": capture_load_truth, "vacuum": capture_vacuum_log}
-    lines = known[of](capture)
+    lines = capture_vacuum_log(capture) if of == "vacuum" else capture_truth(capture, of)
     assert main(["truth", str(capture), "--of", of]) == 0
     assert capsys.readouterr().out.splitlines() == list(lines)
 
@@ -180,7 +177,7 @@ def test_a_capture_s_truth_is_that_of_the_stage_it_was_made_on(tmp_path: Path) -
     device = {"driver": "fake", "options": OPTIONS, "stream": stream}
     path = write_capture(tmp_path / "a.grab", device)
     truth = truth_of_liner({**OPTIONS, "liner": {"wall": "thin-round", "period_s": 0.8}}, 80_000_000)
-    assert list(capture_wall_truth(path))[-1].split(",")[-3:] == [
+    assert list(capture_truth(path, "wall"))[-1].split(",")[-3:] == [
         f"{value + 0.0:.9g}" for value in (truth.rest_kpa, truth.pulsation_kpa, truth.liner_kpa)
     ]
     assert "liner_compression_mean_kpa" in "\n".join(capture_quantities(path))

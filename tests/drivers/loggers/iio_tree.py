@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from grabberd_loggers.iio.tree import Roots
+from grabberd.instrument.acquisition.discovery import Roots
 
 
 class IioTree:

@@ -3,12 +3,29 @@
 import errno
 import struct
 import termios
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from drivers.loggers.ports import Port
+from grabberd.clock import Clock
 from grabberd_loggers.light.gpio_line import USED, ChipInfo, GpioKernel, GpioLightOptions, GpioLine, LineInfo
 from grabberd_loggers.light.serial_line import SerialLightOptions, SerialLine
+from grabberd_loggers.light.switched_light import Line, SwitchedLight
+from grabberd_loggers.options import Options
+
+
+def light_on(line: Line, clock: Clock, chance: Callable[[], bool] | None = None) -> SwitchedLight:
+    """The driver of a light on this line; `chance` is its state for each bit."""
+
+    class Light(SwitchedLight):
+        options_class = Options
+        line_class = staticmethod(lambda _options: line)
+
+        def _chance(self) -> bool:
+            return super()._chance() if chance is None else chance()
+
+    return Light(clock=clock)
 
 
 class ModemLines:

@@ -6,9 +6,8 @@ import pytest
 
 from drivers.loggers.iio_tree import IioTree
 from grabberd.instrument.acquisition import LOGGERS, discover
-from grabberd.instrument.acquisition.discovery import LOGGER_SEARCH
+from grabberd.instrument.acquisition.discovery import LOGGER_SEARCH, Roots
 from grabberd_loggers.discovery import sensors, serial_ports
-from grabberd_loggers.iio.tree import Roots
 
 
 @pytest.fixture

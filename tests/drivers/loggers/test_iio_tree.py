@@ -55,7 +55,7 @@ def test_a_device_is_called_by_label_name_or_number(tree: IioTree, name: str) ->
 def test_triggers_are_no_devices_and_a_computer_may_have_none(tree: IioTree, tmp_path: Path) -> None:
     (tree.device.parent / "trigger0").mkdir()
     assert len(iio_devices(tree.roots)) == 1
-    assert iio_devices(tree.roots._replace(sys=tmp_path / "nowhere")) == ()
+    assert iio_devices(tree.roots._replace(sys=tmp_path / "nowhere")) == []
 
 
 def test_a_device_streams_if_it_has_a_buffer_with_times(tree: IioTree) -> None:

@@ -5,6 +5,7 @@ from itertools import cycle
 import numpy as np
 import pytest
 
+from drivers.loggers.light_lines import light_on
 from grabberd.core.channels import Dating, Readings
 from grabberd.errors import DeviceLost
 from grabberd.testing import ManualClock
@@ -15,7 +16,6 @@ from grabberd_loggers.light.switched_light import (
     SLOW_NS,
     STEP_NS,
     Found,
-    SwitchedLight,
 )
 
 TAKES_NS = 800_000
@@ -58,7 +58,7 @@ class Run:
         self.clock = ManualClock()
         self.lamp = Lamp(self.clock, takes_ns)
         states = cycle(one == "1" for one in pattern)
-        self.light = SwitchedLight(self.lamp, self.clock, lambda: next(states))
+        self.light = light_on(self.lamp, self.clock, lambda: next(states))
         self.info = self.light.open()
         self.start_ns = self.clock.time_ns
         self.parts: list[Readings] = []
@@ -108,7 +108,7 @@ def test_in_between_its_state_is_told_every_ten_milliseconds() -> None:
 def test_by_itself_it_goes_by_chance_and_never_repeats() -> None:
     clock = ManualClock()
     lamp = Lamp(clock)
-    light = SwitchedLight(lamp, clock)
+    light = light_on(lamp, clock)
     light.open()
     end_ns = clock.time_ns + 400 * BIT_NS
     while clock.time_ns < end_ns:

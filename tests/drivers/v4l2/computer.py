@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from grabberd_v4l2.devices import Roots
+from grabberd.instrument.acquisition.discovery import Roots
 
 PCI = "devices/pci0000:00"
 

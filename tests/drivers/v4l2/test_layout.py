@@ -7,6 +7,7 @@ from grabberd.core.field import BOTTOM, TOP, FieldOrder
 from grabberd.errors import DeviceRefused
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.fields import Granted, Layout
+from grabberd_v4l2.node import Capability
 from grabberd_v4l2.profiles import Profiles
 
 PROFILES = Profiles.load()
@@ -23,9 +24,7 @@ def granted(field, lines=576, driver="bttv"):
         fourcc="GREY",
         field=int(field),
         standard="PAL",
-        kernel_driver=driver,
-        card="a card",
-        bus_info="PCI:0000:01:00.0",
+        node=Capability(driver, "a card", "PCI:0000:01:00.0", 0),
         buffers=8,
     )
 

@@ -5,7 +5,8 @@ import threading
 import pytest
 
 from drivers.v4l2.computer import Computer
-from grabberd_v4l2.devices import Roots, usb_places, video_nodes
+from grabberd.instrument.acquisition.discovery import Roots
+from grabberd_v4l2.devices import usb_places, video_nodes
 
 
 @pytest.fixture

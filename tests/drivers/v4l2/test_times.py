@@ -13,6 +13,7 @@ from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.fields import FieldTimes, Granted, LaidField, Layout, Stamp
 from grabberd_v4l2.negotiation import picture_bytes
+from grabberd_v4l2.node import Capability
 from grabberd_v4l2.profiles import Profiles
 from instrument.acquisition.streams import Numbering
 
@@ -32,7 +33,7 @@ def profile_of(driver, **changes):
 
 def layout_of(arrangement=Arrangement.INTERLACED, older=TOP):
     lines = 576 if arrangement in (Arrangement.INTERLACED, Arrangement.SEQ_TB) else 288
-    granted = Granted(8, lines, 8, "GREY", int(arrangement), "PAL", "vivid", "vivid", "", 8)
+    granted = Granted(8, lines, 8, "GREY", int(arrangement), "PAL", Capability("vivid", "vivid", "", 0), 8)
     return Layout.of(granted, PROFILES.of("vivid"), older)
 
 

@@ -70,3 +70,16 @@ def test_a_device_is_not_meant_by_the_name_of_another(options):
 
 def test_a_device_is_not_meant_by_another_driver():
     assert not DONGLE.is_meant_by("other", DONGLE.options)
+
+
+def test_entries_come_by_their_number_and_a_folder_that_is_missing_has_none(tmp_path):
+    for name in ("video10", "video9", "media0"):
+        (tmp_path / name).mkdir()
+    assert [entry.name for entry in discovery.by_number(tmp_path, "video*")] == ["video9", "video10"]
+    assert discovery.by_number(tmp_path / "nowhere", "video*") == []
+
+
+def test_an_attribute_is_the_text_without_its_end_and_empty_where_it_is_missing(tmp_path):
+    (tmp_path / "label").write_bytes(b"milk line\n\0")
+    assert discovery.attribute(tmp_path / "label") == "milk line"
+    assert discovery.attribute(tmp_path / "name") == ""

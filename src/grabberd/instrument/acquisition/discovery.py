@@ -2,14 +2,16 @@
 
 A driver that can search offers a function without arguments in the entry point group `grabberd.discovery`,
 for loggers `grabberd.logger_discovery`. It opens devices to query them, never to stream, and lists a device
-even if another program is using it, or no configuration names it.
+even if another program is using it, or no configuration names it. `by_number` and `attribute` read the
+kernel's trees for it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from grabberd.core.channels.logger import Logger
 from grabberd.errors import DriverMissing
@@ -61,6 +63,30 @@ class FoundDevice:
 
 
 Discovery = Callable[[], Sequence[FoundDevice]]
+
+
+class Roots(NamedTuple):
+    """Root folders of the kernel's and udev's trees."""
+
+    sys: Path = Path("/sys")
+    dev: Path = Path("/dev")
+
+
+SYSTEM = Roots()
+"""Root folders of this computer."""
+
+
+def by_number(folder: Path, pattern: str) -> list[Path]:
+    """Entries of a folder that match a pattern, by their number: video10 comes after video9."""
+    return sorted(folder.glob(pattern), key=lambda entry: (len(entry.name), entry.name))
+
+
+def attribute(file: Path) -> str:
+    """Text of an attribute in sysfs; "" if it does not exist or its device has just gone."""
+    try:
+        return file.read_text(encoding="utf-8", errors="replace").strip(" \t\r\n\0")
+    except OSError:
+        return ""
 
 
 def discover(group: str = GRABBER_SEARCH) -> tuple[FoundDevice, ...]:
