@@ -40,7 +40,7 @@ from grabberd.core.chain.columns import Column, Rows, Table
 from grabberd.errors import InputError
 from grabberd.files.checked_file import checked_file, checked_path, write_checked
 from grabberd.files.disk import storage_errors
-from grabberd_liner.analysis import Grid
+from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.chain.analysis.tables import AnalysisTables
 
 Array = NDArray[Any]

@@ -195,7 +195,7 @@ def analyse_file(
         read_source,
         recorded_quantities,
     )
-    from grabberd_liner.analysis import Grid
+    from grabberd_liner.analysis.grid import Grid
     from grabberd_liner.chain.analysis.analyse import analyse
     from grabberd_liner.chain.analysis.field_points import averaged_fields
     from grabberd_liner.chain.analysis.inputs import read_inputs

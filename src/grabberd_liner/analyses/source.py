@@ -17,8 +17,9 @@ from grabberd.core.ledger import Ledger
 from grabberd.core.reconstruction import ObjectModel, Points
 from grabberd.documents.document import JsonObject
 from grabberd.errors import InputError, NotReady
-from grabberd_liner.analysis import TimedPoints, read_vacuum_log
+from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.analysis.vacuum.vacuum import ChannelCurve
+from grabberd_liner.analysis.vacuum.vacuum_log import read_vacuum_log
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHANNEL
 from grabberd_liner.chain.light_clock import FoundLight, find_light, logged_light

@@ -9,18 +9,11 @@ from numpy.typing import NDArray
 
 from grabberd.core.reconstruction import ObjectModel, Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import (
-    Grid,
-    Mesh,
-    Smoothing,
-    Surface,
-    choose_smoothing,
-    curvature_per_m,
-    fit_surface,
-    middles,
-    outer_forms,
-    outer_strain,
-)
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.surface.fitting import choose_smoothing, fit_surface
+from grabberd_liner.analysis.surface.smoothing import Smoothing
+from grabberd_liner.analysis.surface.surface import Mesh, Surface, middles
+from grabberd_liner.analysis.wall.strain import curvature_per_m, outer_forms, outer_strain
 from grabberd_liner.render.wire_model import Box, Look, Painted, Scale, wire_model
 
 Array = NDArray[np.float64]

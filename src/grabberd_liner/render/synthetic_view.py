@@ -8,16 +8,9 @@ from numpy.typing import NDArray
 from grabberd.core.field import Field, double_lines
 from grabberd.core.geometry import Calibration
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import (
-    Agreement,
-    Camera,
-    Mesh,
-    Raster,
-    Surface,
-    SyntheticView,
-    agreement,
-    synthetic_view,
-)
+from grabberd_liner.analysis.camera import Camera, Raster
+from grabberd_liner.analysis.surface.surface import Mesh, Surface
+from grabberd_liner.analysis.synthetic import Agreement, SyntheticView, agreement, synthetic_view
 
 Picture = NDArray[np.uint8]
 

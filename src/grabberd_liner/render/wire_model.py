@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd_liner.analysis import PER_PITCH, Mesh, viewing_axes
+from grabberd_liner.analysis.camera import viewing_axes
+from grabberd_liner.analysis.surface.surface import PER_PITCH, Mesh
 
 Array = NDArray[np.float64]
 Colour = tuple[float, float, float]

@@ -9,7 +9,7 @@ from core.geometry.rigs import calibration
 from grabberd.core.geometry import Rig, project_all
 from grabberd.core.reconstruction import ObjectModel, Points, SingleViewImages
 from grabberd_fake.wall_states import Patch, wall_states
-from grabberd_liner.analysis import Grid
+from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.wall.material import Material, Zone
 
 PITCH_MM, ROWS, COLUMNS = 6.5, 18, 4

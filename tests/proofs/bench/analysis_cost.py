@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 from tests.proofs.bench.analysed import Analysed
 
-from grabberd_liner.analysis import ORDERS, Grid, curvature_per_m, outer_forms
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.surface.jets import ORDERS
+from grabberd_liner.analysis.wall.strain import curvature_per_m, outer_forms
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,10 @@ from tests.proofs.bench.pressure_case import SOUGHT_KPA, Figures, Given, paragra
 
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import Estimate, PressureModel, fit_surface, outer_places
+from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.load.pressure_model import PressureModel
+from grabberd_liner.analysis.surface.fitting import fit_surface
+from grabberd_liner.analysis.wall.strain import outer_places
 from grabberd_liner.chain.analysis.wall_series import Smoothings
 from grabberd_liner.chain.analysis.wall_state import EQUILIBRIUM, SMOOTH, Question, WallState, wall_states
 

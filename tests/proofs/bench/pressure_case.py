@@ -11,7 +11,8 @@ from tests.liner.analysis.walls import SolvedLiner, with_noise
 from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import ChamberVacuum, PressureMap, PressureModel
+from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureMap
+from grabberd_liner.analysis.load.pressure_model import PressureModel
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.chain.columns import Table, json_values
-from grabberd_liner.analysis import Grid, Phases
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.pulsation.phases import Phases
 from grabberd_liner.chain.analysis.analyse import Analysis
 from grabberd_liner.chain.analysis.tables import AnalysisTables
 

@@ -10,20 +10,13 @@ import numpy as np
 from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import (
-    ChamberVacuum,
-    Collapse,
-    Difference,
-    Estimate,
-    Grid,
-    LinerValues,
-    Material,
-    RampLevel,
-    collapse,
-    liner_values,
-)
-from grabberd_liner.analysis.estimate import Finding
-from grabberd_liner.analysis.load.empty_ramp import COLLAPSE, VALUES
+from grabberd_liner.analysis.estimate import Estimate, Finding
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.load.collapse import Collapse, RampLevel, collapse
+from grabberd_liner.analysis.load.empty_ramp import COLLAPSE, VALUES, LinerValues, liner_values
+from grabberd_liner.analysis.load.load_prior import Difference
+from grabberd_liner.analysis.load.pressure import ChamberVacuum
+from grabberd_liner.analysis.wall.material import Material
 from grabberd_liner.chain.analysis.inputs import CHANNEL, AnalysisInputs, missing
 from grabberd_liner.chain.analysis.vacuum_inputs import channel_sigma_kpa, recorded_channel
 

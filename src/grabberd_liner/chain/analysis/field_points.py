@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.reconstruction import Points, SingleViewImages
-from grabberd_liner.analysis import TimedPoints
+from grabberd_liner.analysis.pulsation.movement import TimedPoints
 
 
 class FieldPoints(NamedTuple):

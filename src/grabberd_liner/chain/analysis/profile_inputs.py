@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 from grabberd.core.geometry.document_reader import is_number
 from grabberd.errors import GrabberdError, InputError
-from grabberd_liner.analysis import Grid, Material, read_vacuum_log, read_zones
-from grabberd_liner.analysis.grid import NominalShape
-from grabberd_liner.analysis.wall.material import read_parts
+from grabberd_liner.analysis.grid import Grid, NominalShape
+from grabberd_liner.analysis.vacuum.vacuum_log import read_vacuum_log
+from grabberd_liner.analysis.wall.material import Material, read_parts, read_zones
 from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHANNEL, input_problems
 from grabberd_liner.chain.analysis.vacuum_inputs import read_constant, read_lag, read_offset, read_wave
 

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd_liner.analysis import Estimate, PhaseAverage
-from grabberd_liner.analysis.estimate import Finding
+from grabberd_liner.analysis.estimate import Estimate, Finding
 from grabberd_liner.analysis.load.empty_ramp import ramp_quantities
 from grabberd_liner.analysis.load.liner_compression import QUANTITIES, liner_compression
+from grabberd_liner.analysis.pulsation.phase_average import PhaseAverage
 from grabberd_liner.analysis.pulsation.pulsation_quantities import (
     NO_CURVE,
     lag_quantities,

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.chain.columns import Table, make_table
-from grabberd_liner.analysis import ChamberVacuum, Estimate, PressureMap, Section
-from grabberd_liner.analysis.estimate import Finding
+from grabberd_liner.analysis.estimate import Estimate, Finding
+from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureMap
+from grabberd_liner.analysis.surface.sections import Section
 from grabberd_liner.chain.analysis.analyse import Analysis, Cycle
 from grabberd_liner.chain.analysis.columns import TABLES
 from grabberd_liner.chain.analysis.empty_liner import ramp_values

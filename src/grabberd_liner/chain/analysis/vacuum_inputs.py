@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from grabberd.core.geometry import Reading
 from grabberd.errors import AnalysisError, InputError
-from grabberd_liner.analysis import ChamberVacuum, Phases, Pulsation, iso_phases
+from grabberd_liner.analysis.load.pressure import ChamberVacuum
+from grabberd_liner.analysis.pulsation.phases import Phases, iso_phases
+from grabberd_liner.analysis.pulsation.pulsation import Pulsation
 from grabberd_liner.analysis.vacuum.vacuum import (
     ChannelCurve,
     ConstantVacuum,

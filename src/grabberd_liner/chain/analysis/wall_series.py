@@ -12,22 +12,14 @@ from numpy.typing import NDArray
 
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import (
-    ChamberVacuum,
-    Face,
-    Grid,
-    PressureMap,
-    PressureModel,
-    SettledWall,
-    Smoothing,
-    Surface,
-    choose_smoothing,
-    fit_free_surface,
-    fit_surface,
-    left_out_problems,
-    possible,
-    supported_places,
-)
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureMap
+from grabberd_liner.analysis.load.pressure_model import PressureModel, SettledWall
+from grabberd_liner.analysis.surface.face import Face, supported_places
+from grabberd_liner.analysis.surface.fitting import choose_smoothing, fit_surface, left_out_problems, possible
+from grabberd_liner.analysis.surface.free_surface import fit_free_surface
+from grabberd_liner.analysis.surface.smoothing import Smoothing
+from grabberd_liner.analysis.surface.surface import Surface
 from grabberd_liner.chain.analysis.wall_state import Question, WallState, wall_states
 
 LEVELS = 5

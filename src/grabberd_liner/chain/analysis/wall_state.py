@@ -12,37 +12,29 @@ from numpy.typing import NDArray
 
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import (
-    Area,
-    Estimate,
-    Face,
+from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.load.pressure import PressureMap
+from grabberd_liner.analysis.load.wall_surfaces import MiddleSurface
+from grabberd_liner.analysis.surface.face import Area, Face, surface_area
+from grabberd_liner.analysis.surface.fitting import fit_surface
+from grabberd_liner.analysis.surface.free_surface import Height, Tube
+from grabberd_liner.analysis.surface.jets import Jets
+from grabberd_liner.analysis.surface.sections import Plane, Section, sections, volume_mm3
+from grabberd_liner.analysis.surface.smoothing import Smoothing
+from grabberd_liner.analysis.surface.surface import Surface, propagate
+from grabberd_liner.analysis.wall.material import VARIED, Wall, Zone, mixed_tension, varied, wall_at
+from grabberd_liner.analysis.wall.strain import (
     Forms,
-    Grid,
-    Height,
-    Jets,
-    MiddleSurface,
     Places,
-    Plane,
-    PressureMap,
-    Section,
-    Smoothing,
-    Surface,
-    Tube,
-    Zone,
     edge_strain,
-    fit_surface,
     middle_forms,
+    mixed,
     outer_forms,
     outer_places,
-    propagate,
-    sections,
-    surface_area,
+    principal_values,
     triangle_strain,
-    volume_mm3,
-    wall_at,
 )
-from grabberd_liner.analysis.wall.material import VARIED, Wall, mixed_tension, varied
-from grabberd_liner.analysis.wall.strain import mixed, principal_values
 
 Array = NDArray[np.float64]
 

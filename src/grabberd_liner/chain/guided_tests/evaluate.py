@@ -7,7 +7,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import Estimate, first_movement, fit_pulsation
+from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.pulsation.movement import first_movement
+from grabberd_liner.analysis.pulsation.pulsation import fit_pulsation
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.guided_tests.artificial_teat import artificial_teat_test, known_kpa
 from grabberd_liner.chain.guided_tests.milking_test import milking_test

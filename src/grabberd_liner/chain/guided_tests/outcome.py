@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd_liner.analysis import Estimate, Material
-from grabberd_liner.analysis.estimate import Finding, Quantity
+from grabberd_liner.analysis.estimate import Estimate, Finding, Quantity
+from grabberd_liner.analysis.wall.material import Material
 from grabberd_liner.chain.analysis.analyse import Analysis
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.profile_inputs import Profile

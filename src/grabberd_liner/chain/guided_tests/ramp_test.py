@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd_liner.analysis import Estimate
+from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.load.empty_ramp import LAW_SIGMA
 from grabberd_liner.analysis.load.load_fit import MISFIT_ALARM
 from grabberd_liner.chain.analysis.profile_inputs import Profile

@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import Estimate, Grid, Material
-from grabberd_liner.analysis.estimate import Finding, Quantity
+from grabberd_liner.analysis.estimate import Estimate, Finding, Quantity
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.wall.material import Material
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.guided_tests.outcome import (
     LINE,

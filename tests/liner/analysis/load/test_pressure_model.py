@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import ChamberVacuum, PressureModel, Zone
 from grabberd_liner.analysis.load.closed_liner import teat_heights
+from grabberd_liner.analysis.load.pressure import ChamberVacuum
+from grabberd_liner.analysis.load.pressure_model import PressureModel
+from grabberd_liner.analysis.wall.material import Zone
 from liner.analysis.walls import EIGHT_BITS_MM, as_points, outermost_alone, rig, solved, solved_six
 
 SOUGHT_KPA = 50.0

@@ -10,7 +10,9 @@ from grabberd.core.reconstruction import SingleViewImages
 from grabberd.errors import AnalysisError
 from grabberd_fake.ellipse_liner import EllipseLiner
 from grabberd_fake.liner_options import EllipseOptions
-from grabberd_liner.analysis import first_movement, fit_pulsation, phase_average
+from grabberd_liner.analysis.pulsation.movement import first_movement
+from grabberd_liner.analysis.pulsation.phase_average import phase_average
+from grabberd_liner.analysis.pulsation.pulsation import fit_pulsation
 from liner.analysis.pulsating import burst_times, capture, times
 
 PHASE = np.arange(0, 1, 0.05)

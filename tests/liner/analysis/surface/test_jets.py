@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from grabberd_liner.analysis import ORDERS, index
-from grabberd_liner.analysis.surface.jets import times
+from grabberd_liner.analysis.surface.jets import ORDERS, index, times
 from grabberd_liner.analysis.wall.strain import curvature_per_m, outer_forms
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from grabberd.core.reconstruction import ObjectModel
-from grabberd_liner.analysis import Grid, fit_surface
-from grabberd_liner.analysis.grid import NominalShape
+from grabberd_liner.analysis.grid import Grid, NominalShape
+from grabberd_liner.analysis.surface.fitting import fit_surface
 from grabberd_liner.analysis.wall.strain import curvature_per_m, outer_forms
 from liner.analysis.collapsing import as_points, by_differences, grid, model
 from liner.analysis.test_grid import of

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import Plane, choose_smoothing, fit_surface, section, symmetry_plane, volume_mm3
-from grabberd_liner.analysis.surface.sections import sections
+from grabberd_liner.analysis.surface.fitting import choose_smoothing, fit_surface
+from grabberd_liner.analysis.surface.sections import Plane, section, sections, symmetry_plane, volume_mm3
 from liner.analysis.collapsing import (
     AXIS_Z_MM,
     COLUMNS,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grabberd_liner.analysis import choose_smoothing
+from grabberd_liner.analysis.surface.fitting import choose_smoothing
 from grabberd_liner.analysis.surface.smoothing import matern
 from liner.analysis.collapsing import SIGMA_8_BIT_MM, as_points, grid, points
 

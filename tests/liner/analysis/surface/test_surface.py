@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from grabberd_liner.analysis import Smoothing, fit_surface, index
+from grabberd_liner.analysis.surface.fitting import fit_surface
+from grabberd_liner.analysis.surface.jets import index
+from grabberd_liner.analysis.surface.smoothing import Smoothing
 from grabberd_liner.analysis.wall.strain import curvature_per_m, outer_forms
 from liner.analysis.collapsing import SIGMA_8_BIT_MM, as_points, grid, points
 
