@@ -10,7 +10,6 @@ import numpy as np
 from scipy.special import chdtrc
 
 from grabberd_liner.analysis.mixed_model import (
-    Array,
     Contrast,
     Fit,
     Levels,
@@ -20,6 +19,7 @@ from grabberd_liner.analysis.mixed_model import (
     identifiable,
     levels_of,
 )
+from grabberd_liner.arrays import Array
 
 
 class ScatterCheck(NamedTuple):

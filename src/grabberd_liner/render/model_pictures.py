@@ -14,9 +14,8 @@ from grabberd_liner.analysis.surface.fitting import choose_smoothing, fit_surfac
 from grabberd_liner.analysis.surface.smoothing import Smoothing
 from grabberd_liner.analysis.surface.surface import Mesh, Surface, middles
 from grabberd_liner.analysis.wall.strain import curvature_per_m, outer_forms, outer_strain
+from grabberd_liner.arrays import Array
 from grabberd_liner.render.wire_model import Box, Look, Painted, Scale, wire_model
-
-Array = NDArray[np.float64]
 
 _SPREAD = 12
 """Number of evenly spread fields from which box and colours are chosen."""

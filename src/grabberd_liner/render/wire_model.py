@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from grabberd_liner.analysis.camera import viewing_axes
 from grabberd_liner.analysis.surface.surface import PER_PITCH, Mesh
+from grabberd_liner.arrays import Array, Indices, Mask
 
-Array = NDArray[np.float64]
 Colour = tuple[float, float, float]
 """Blue, green, red, 0 to 255."""
 
@@ -343,7 +343,7 @@ def _draw_facets(
             canvas.lines(corner[[first, (first + 1) % 4]], WIRE)
 
 
-def _on_grid(line: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _on_grid(line: Indices) -> Mask:
     """Mask of the mesh lines that pass through targets."""
     return (line - PER_PITCH // 2) % PER_PITCH == 0
 

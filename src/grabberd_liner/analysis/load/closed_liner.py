@@ -9,13 +9,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate, Joint
 from grabberd_liner.analysis.load.load_profile import LoadProfile, Noise
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Mask
 
 CERTAIN = 3.0
 """A load or a gap of more than that many σ is there."""
@@ -46,7 +44,7 @@ class TeatHeights(NamedTuple):
         reason: why there is no end; empty if there is one.
     """
 
-    teat: NDArray[np.bool_]
+    teat: Mask
     first_mm: float
     last_mm: float
     end_mm: Estimate | None
@@ -155,12 +153,12 @@ def is_empty(profile: LoadProfile) -> bool:
     return bool(pressed.any() and not (pressed & _held_apart(profile)).any())
 
 
-def _pressed(profile: LoadProfile) -> NDArray[np.bool_]:
+def _pressed(profile: LoadProfile) -> Mask:
     load = profile.load_n_per_mm.estimate
     return load.value > CERTAIN * load.sigma
 
 
-def _held_apart(profile: LoadProfile) -> NDArray[np.bool_]:
+def _held_apart(profile: LoadProfile) -> Mask:
     return _margin_mm(profile) > 0
 
 
@@ -170,7 +168,7 @@ def _margin_mm(profile: LoadProfile) -> Array:
     return gap.value - CERTAIN * gap.sigma - LEAST_GAP_MM
 
 
-def _runs(yes: NDArray[np.bool_], broken: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _runs(yes: Mask, broken: Mask) -> list[tuple[int, int]]:
     """First and last index of each run of `yes`, over others between but not over `broken` ones."""
     runs: list[tuple[int, int]] = []
     for index in np.flatnonzero(yes):

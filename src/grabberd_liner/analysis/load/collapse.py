@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
@@ -19,8 +18,7 @@ from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.load.load_prior import Difference
 from grabberd_liner.analysis.load.mounting import Mounting
 from grabberd_liner.analysis.wall.material import Material
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Mask
 
 _TERMS = 3
 """Of a row's height round the wall: level, slope, bend."""
@@ -164,7 +162,7 @@ class _Curve(NamedTuple):
     height_mm: Array
     sigma_mm: Array
 
-    def only(self, which: NDArray[np.bool_]) -> "_Curve":
+    def only(self, which: Mask) -> "_Curve":
         return _Curve(*(part[which] for part in self))
 
     def before_touch(self, radius_mm: float) -> "_Curve":

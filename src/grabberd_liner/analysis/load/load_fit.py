@@ -11,7 +11,6 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, blas, cho_factor, cho_solve, lapack
 
 from grabberd.errors import AnalysisError
@@ -20,8 +19,7 @@ from grabberd_liner.analysis.load.load_prior import MPA_PER_KPA, Difference
 from grabberd_liner.analysis.load.targets import Sights
 from grabberd_liner.analysis.load.wall_model import Linearised, State, WallModel
 from grabberd_liner.analysis.wall.splines import Basis
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array
 
 STEPS = 60
 """Of Gauss and Newton; from the open wall to a closed one some twenty are taken."""

@@ -7,15 +7,13 @@ one place has too much its neighbour has too little. So the sums are taken with 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd_liner.analysis.estimate import Estimate, Joint
 from grabberd_liner.analysis.gauss import gauss_rule
 from grabberd_liner.analysis.load.load_fit import Followers, Posterior
 from grabberd_liner.analysis.load.wall_model import WallModel
 from grabberd_liner.analysis.wall.shell import Geometry, inner_area
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array
 
 SPACING_MM = 3.25
 """Of the heights: half the usual pitch of targets; the prior lets the load change over 4.5 mm."""

@@ -7,14 +7,12 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.load.load_profile import LoadProfile
 from grabberd_liner.analysis.load.wall_surfaces import MiddleSurface
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Mask
 
 _VALUES = re.compile(r" of \S+ kPa| \([^)]*\)")
 """Parts of a reason that differ from target to target."""
@@ -75,13 +73,13 @@ class PressureMap(NamedTuple):
     above_atmosphere_kpa: Estimate
     misfit: float
     unseen_kpa: Array | None
-    supported: NDArray[np.bool_]
+    supported: Mask
     reason: tuple[str, ...]
     profile: LoadProfile | None = None
     middle: MiddleSurface | None = None
 
     @property
-    def usable(self) -> NDArray[np.bool_]:
+    def usable(self) -> Mask:
         """(N,) True for targets with a pressure."""
         return np.array([not reason for reason in self.reason], np.bool_)
 

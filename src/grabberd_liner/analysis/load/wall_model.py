@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from grabberd_liner.analysis.load.load_prior import MPA_PER_KPA, Difference, LoadPrior, TubePrior
@@ -18,8 +17,7 @@ from grabberd_liner.analysis.wall.block_band import Factors, Forces
 from grabberd_liner.analysis.wall.half_tube import HalfTube, MountedTube, Tangent, cut_points
 from grabberd_liner.analysis.wall.shell import Load, Work
 from grabberd_liner.analysis.wall.splines import Basis
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array
 
 _SMALL = 1e-4
 """Step of a logarithm: its square is far below what a residual rounds to."""

@@ -19,8 +19,7 @@ from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.pulsation.movement import Movement, TimedPoints, Tracks, tracks
 from grabberd_liner.analysis.pulsation.pulsation import Pulsation
 from grabberd_liner.analysis.pulsation.waveform import basis
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Indices, Mask
 
 _FEWEST = 3
 """Fewer harmonics cannot follow the plateaus of a pulsation."""
@@ -48,7 +47,7 @@ class PhaseAverage(NamedTuple):
     phase: Array
     points: tuple[Points, ...]
     variation_mm: Array
-    fields: NDArray[np.intp]
+    fields: Indices
     left_out: tuple[int, ...]
     correlation: Array
 
@@ -90,11 +89,11 @@ def phase_average(
 class _Average(NamedTuple):
     """Averages of targets seen in the same fields: (M,), (P, M, D), (P, M, D, D), (M,), (M,); and (P, P)."""
 
-    place: NDArray[np.intp]
+    place: Indices
     value: Array
     covariance: Array
     variation: Array
-    fields: NDArray[np.intp]
+    fields: Indices
     correlation: Array
 
 
@@ -123,9 +122,7 @@ def _count(at: Array, harmonics: int) -> int:
     return min(harmonics, int(_HALF_WAVE / hole), int((len(at) / _SLACK - 1) / 2))
 
 
-def _average(
-    index: NDArray[np.intp], values: Array, covariance: Array, terms: Array, wanted: Array
-) -> _Average:
+def _average(index: Indices, values: Array, covariance: Array, terms: Array, wanted: Array) -> _Average:
     """Least squares with equal weights for all fields; the covariance is propagated from theirs."""
     solve = np.linalg.solve(terms.T @ terms, terms.T)
     share = wanted @ solve
@@ -209,7 +206,7 @@ def _images(fields: Sequence[Points], target: NDArray[np.int32]) -> tuple[Array,
 def _joined(
     all_tracks: Tracks,
     averages: Sequence[_Average],
-    good: NDArray[np.intp],
+    good: Indices,
     phase: Array,
     left_out: tuple[int, ...],
     single: Sequence[SingleViewImages | None],
@@ -230,7 +227,7 @@ def _joined(
 
 def _points(
     all_tracks: Tracks,
-    good: NDArray[np.intp],
+    good: Indices,
     xyz: Array,
     covariance: Array,
     single: SingleViewImages | None,
@@ -293,7 +290,7 @@ def _cycles(movement: Movement, capture: int, pulsation: Pulsation) -> list[tupl
 
 
 def _against(
-    movement: Movement, use: NDArray[np.bool_], phase: Array, pulsation: Pulsation
+    movement: Movement, use: Mask, phase: Array, pulsation: Pulsation
 ) -> tuple[float, float, float, float]:
     """Least squares of level, size and delay of one cycle against the mean one."""
     mean, slope = pulsation.waveform.value(phase), pulsation.waveform.slope(phase) / pulsation.period_s

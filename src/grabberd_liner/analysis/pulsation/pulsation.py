@@ -10,15 +10,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.pulsation.cycle_fit import Fit, adjust, harmonics, placed, search, sharpened
 from grabberd_liner.analysis.pulsation.movement import Movement
 from grabberd_liner.analysis.pulsation.waveform import Waveform, rotated
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Indices
 
 SHORTEST_S, LONGEST_S = 0.4, 3.0
 WALL_THRESHOLD = 0.1
@@ -65,8 +63,8 @@ class Moment(NamedTuple):
         phase: (F,) in [0, 1), from the beginning of wall phase a; NaN outside all runs.
     """
 
-    run: NDArray[np.intp]
-    cycle: NDArray[np.intp]
+    run: Indices
+    cycle: Indices
     phase: Array
 
 

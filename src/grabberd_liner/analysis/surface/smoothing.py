@@ -21,9 +21,9 @@ from math import comb, factorial
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd_liner.analysis.surface.jets import HIGHEST, ORDERS, count_to
+from grabberd_liner.arrays import Array
 
 FREE = 4
 """The first modes, free of penalty: 1, u, v, u·v."""
@@ -70,11 +70,9 @@ class Modes:
         self._along, self._across = along[1], across[1]
         self._scale = np.concatenate([np.full(FREE, _DIFFUSE_MM), scale])
         self.size = len(self._scale)
-        self._places: dict[tuple[bytes, bytes, int], NDArray[np.float64]] = {}
+        self._places: dict[tuple[bytes, bytes, int], Array] = {}
 
-    def jets(
-        self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64], highest: int = HIGHEST
-    ) -> NDArray[np.float64]:
+    def jets(self, u_mm: Array, v_mm: Array, highest: int = HIGHEST) -> Array:
         """(N, p, R) jets of the modes at N positions, at unit amplitude; results for recent ones are cached.
 
         Args:
@@ -91,9 +89,7 @@ class Modes:
             self._places.pop(next(iter(self._places)))
         return kept
 
-    def _jets(
-        self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64], highest: int
-    ) -> NDArray[np.float64]:
+    def _jets(self, u_mm: Array, v_mm: Array, highest: int) -> Array:
         domain, count = self.domain, count_to(highest)
         row, column = (u_mm - domain.u_mm) / domain.u_pitch_mm, (v_mm - domain.v_mm) / domain.v_pitch_mm
         along = _by_place(row, domain.rows, domain.u_pitch_mm, self._along, highest)
@@ -113,9 +109,7 @@ def modes(domain: Domain, along_mm: float, round_mm: float) -> Modes:
     return Modes(domain, along_mm, round_mm)
 
 
-def _by_place(
-    place: NDArray[np.float64], knots: int, pitch_mm: float, vectors: NDArray[np.float64], highest: int
-) -> NDArray[np.float64]:
+def _by_place(place: Array, knots: int, pitch_mm: float, vectors: Array, highest: int) -> Array:
     """(N, highest + 1, 2 + modes): 1, a line from −1 to 1, then the modes; derivatives per mm."""
     straight = np.zeros((len(place), highest + 1, 2))
     straight[:, 0, 0] = 1.0
@@ -126,7 +120,7 @@ def _by_place(
     return values
 
 
-def _eigenmodes(knots: int, length: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _eigenmodes(knots: int, length: float) -> tuple[Array, Array]:
     """Variances and vectors of Matérn's correlation among the splines of one direction; length in knots."""
     centres = np.arange(knots - 1 + DEGREE)
     correlation = matern(np.abs(np.subtract.outer(centres, centres)) / length, _HALF)
@@ -134,7 +128,7 @@ def _eigenmodes(knots: int, length: float) -> tuple[NDArray[np.float64], NDArray
     return np.maximum(variance, 0.0), vectors
 
 
-def matern(distance: NDArray[np.float64], half: int) -> NDArray[np.float64]:
+def matern(distance: Array, half: int) -> Array:
     """Matérn's correlation of ν = half + ½ at distances in correlation lengths."""
     scaled = np.sqrt(2 * half + 1) * distance
     terms = [
@@ -148,7 +142,7 @@ DEGREE = 5
 
 
 @lru_cache(maxsize=1)
-def _pieces() -> NDArray[np.float64]:
+def _pieces() -> Array:
     """(6, 6): coefficients [power, spline] of the six splines that live on one interval, argument 0 to 1."""
     pieces = np.zeros((DEGREE + 1, DEGREE + 1))
     for spline in range(DEGREE + 1):
@@ -160,7 +154,7 @@ def _pieces() -> NDArray[np.float64]:
     return pieces
 
 
-def splines(place: NDArray[np.float64], intervals: int, highest: int = HIGHEST) -> NDArray[np.float64]:
+def splines(place: Array, intervals: int, highest: int = HIGHEST) -> Array:
     """The splines and their derivatives by position.
 
     Args:
@@ -221,10 +215,10 @@ class Departures(NamedTuple):
         departure_mm: (N, D) departures in D directions; `sigma_mm`: (N, D) their noise.
     """
 
-    u_mm: NDArray[np.float64]
-    v_mm: NDArray[np.float64]
-    departure_mm: NDArray[np.float64]
-    sigma_mm: NDArray[np.float64]
+    u_mm: Array
+    v_mm: Array
+    departure_mm: Array
+    sigma_mm: Array
 
 
 Criterion = Literal["likelihood", "cross-validation"]
@@ -275,8 +269,8 @@ class _Spectrum(NamedTuple):
             departure along their vectors; `number`: n.
     """
 
-    energy: NDArray[np.float64]
-    part2: NDArray[np.float64]
+    energy: Array
+    part2: Array
     number: int
 
 
@@ -288,7 +282,7 @@ def _spectra(candidate: Modes, field: Departures) -> list[_Spectrum]:
     ]
 
 
-def _spectrum(design: NDArray[np.float64], departure: NDArray[np.float64]) -> _Spectrum:
+def _spectrum(design: Array, departure: Array) -> _Spectrum:
     basis = np.linalg.qr(design[:, :FREE], mode="complete")[0][:, FREE:]
     penalised, value = basis.T @ design[:, FREE:], basis.T @ departure
     energy, vectors = np.linalg.eigh(penalised @ penalised.T)
@@ -306,13 +300,13 @@ def _best(spectra: list[list[_Spectrum]], by: Criterion) -> _Choice:
     return _cross_validated(directions)
 
 
-def _shown(cost: NDArray[np.float64]) -> int:
+def _shown(cost: Array) -> int:
     """Index of the best amplitude; of the least one unless the points show a significant departure."""
     best = int(np.argmin(cost))
     return best if cost[0] - cost[best] > _SHOWN else 0
 
 
-def _likelihood(spectrum: _Spectrum) -> NDArray[np.float64]:
+def _likelihood(spectrum: _Spectrum) -> Array:
     """Minus twice the log restricted likelihood, at every amplitude."""
     variance = 1 + np.multiply.outer(_AMPLITUDES_MM**2, spectrum.energy)
     return (np.log(variance) + spectrum.part2 / variance).sum(axis=1)

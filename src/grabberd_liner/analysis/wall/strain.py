@@ -11,15 +11,13 @@ from the middle surface. Strain of triangles and edges between targets needs no 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.surface.jets import Jets, index
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Indices
 
 
 class Forms(NamedTuple):
@@ -214,7 +212,7 @@ class TriangleStrain(NamedTuple):
         thickness: (K,) 1 / (λ1 λ2) with σ.
     """
 
-    triangle: NDArray[np.intp]
+    triangle: Indices
     strain: Strain
     stretch: Estimate
     thickness: Estimate
@@ -228,7 +226,7 @@ class EdgeStrain(NamedTuple):
         stretch: (K,) length relative to that in the reference state, with σ.
     """
 
-    edge: NDArray[np.intp]
+    edge: Indices
     stretch: Estimate
 
 
@@ -281,7 +279,7 @@ def edge_strain(grid: Grid, places: Places, reference: Places) -> EdgeStrain:
     return EdgeStrain(edges, Estimate(stretch, sigma))
 
 
-def _length(places: Places, edges: NDArray[np.intp]) -> tuple[Array, Array]:
+def _length(places: Places, edges: Indices) -> tuple[Array, Array]:
     """Lengths and their variances."""
     side = places.xyz_mm[edges[:, 1]] - places.xyz_mm[edges[:, 0]]
     length = np.linalg.norm(side, axis=1)
@@ -290,7 +288,7 @@ def _length(places: Places, edges: NDArray[np.intp]) -> tuple[Array, Array]:
     return length, ((ends @ unit[..., np.newaxis])[..., 0] * unit).sum(axis=1)
 
 
-def _whole(parts: NDArray[np.intp], places: Places, reference: Places) -> NDArray[np.intp]:
+def _whole(parts: Indices, places: Places, reference: Places) -> Indices:
     there = np.isfinite(np.linalg.norm(places.xyz_mm + reference.xyz_mm, axis=1))
     whole = np.flatnonzero(there[parts].all(axis=1))
     if not len(whole):

@@ -22,6 +22,7 @@ from grabberd_liner.analysis.surface.free_surface import free_shape
 from grabberd_liner.analysis.surface.jets import Jets
 from grabberd_liner.analysis.surface.surface import Surface
 from grabberd_liner.analysis.wall.strain import Places, nominal_places, outer_places
+from grabberd_liner.arrays import Array
 from grabberd_liner.chain.analysis.empty_liner import EmptyLiner, empty_liner
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.inputs import AnalysisInputs, Reference
@@ -31,7 +32,6 @@ from grabberd_liner.chain.analysis.wall_series import Smoothings, WallSeries
 from grabberd_liner.chain.analysis.wall_state import Question, WallState
 from grabberd_liner.chain.light_clock import FoundLight
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd_liner.analysis.estimate import Estimate, Finding
 from grabberd_liner.analysis.load.empty_ramp import ramp_quantities
@@ -18,6 +17,7 @@ from grabberd_liner.analysis.pulsation.pulsation_quantities import (
     vacuum_quantities,
     wall_quantities,
 )
+from grabberd_liner.arrays import Array
 from grabberd_liner.chain.analysis.analyse import Analysis
 
 _NO_CYCLE = "there is no mean cycle"
@@ -87,7 +87,7 @@ def _of_the_load(analysis: Analysis) -> tuple[Finding, ...]:
     return tuple(one._replace(reason=said) if one.reason else one for one in found.findings)
 
 
-def _correlation(average: PhaseAverage | None, phase: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _correlation(average: PhaseAverage | None, phase: Array) -> Array | None:
     """(P, P) of the noise at those phases of a mean cycle that could be analysed."""
     if average is None:
         return None

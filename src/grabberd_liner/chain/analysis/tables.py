@@ -12,6 +12,7 @@ from grabberd.core.chain.columns import Table, make_table
 from grabberd_liner.analysis.estimate import Estimate, Finding
 from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureMap
 from grabberd_liner.analysis.surface.sections import Section
+from grabberd_liner.arrays import Array
 from grabberd_liner.chain.analysis.analyse import Analysis, Cycle
 from grabberd_liner.chain.analysis.columns import TABLES
 from grabberd_liner.chain.analysis.empty_liner import ramp_values
@@ -20,7 +21,6 @@ from grabberd_liner.chain.analysis.vacuum_inputs import Vacuum
 from grabberd_liner.chain.analysis.wall_state import WallState
 
 Keys = Mapping[str, NDArray[Any]]
-Array = NDArray[np.float64]
 
 
 def strain_tables(analysis: Analysis, keys: Keys) -> dict[str, dict[str, Any]]:
@@ -145,7 +145,7 @@ def _pulsation(cycle: Cycle | None) -> dict[str, Any]:
     }
 
 
-def _spread(values: NDArray[np.float64]) -> float:
+def _spread(values: Array) -> float:
     return float(np.std(values, ddof=1)) if len(values) > 1 else np.nan
 
 

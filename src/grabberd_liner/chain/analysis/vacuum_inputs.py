@@ -5,7 +5,6 @@ from dataclasses import fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.geometry import Reading
 from grabberd.errors import AnalysisError, InputError
@@ -21,10 +20,9 @@ from grabberd_liner.analysis.vacuum.vacuum import (
 )
 from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog, read_vacuum_log
 from grabberd_liner.analysis.vacuum.vacuum_offset import Offset, WallLag, find_offset
+from grabberd_liner.arrays import Array
 from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHANNEL, missing
 from grabberd_liner.chain.light_clock import FoundLight
-
-Array = NDArray[np.float64]
 
 # Least reach of a slope: with one clock the offset's σ is 0, and the difference quotient needs some width.
 _SLOPE_S = 0.002

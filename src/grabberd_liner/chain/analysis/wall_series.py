@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
@@ -20,6 +19,7 @@ from grabberd_liner.analysis.surface.fitting import choose_smoothing, fit_surfac
 from grabberd_liner.analysis.surface.free_surface import fit_free_surface
 from grabberd_liner.analysis.surface.smoothing import Smoothing
 from grabberd_liner.analysis.surface.surface import Surface
+from grabberd_liner.arrays import Array
 from grabberd_liner.chain.analysis.wall_state import Question, WallState, wall_states
 
 LEVELS = 5
@@ -38,7 +38,7 @@ class Smoothings:
     """
 
     grid: Grid
-    limits_mm: NDArray[np.float64]
+    limits_mm: Array
     choices: tuple[Smoothing, ...]
 
     @classmethod
@@ -90,7 +90,6 @@ def departure_mm(grid: Grid, points: Points) -> float:
 _BATCH = 8
 """Fields evaluated in one batch; larger batches are no faster."""
 
-Array = NDArray[np.float64]
 Note = Callable[[str, Iterable[str]], None]
 
 

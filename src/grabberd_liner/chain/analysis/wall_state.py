@@ -8,7 +8,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
@@ -35,8 +34,7 @@ from grabberd_liner.analysis.wall.strain import (
     principal_values,
     triangle_strain,
 )
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Indices, Mask
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,9 +79,9 @@ class TargetStrains(NamedTuple):
         edge: (E, 2) indices of the targets; `edge_stretch`: (E,).
     """
 
-    triangle: NDArray[np.intp]
+    triangle: Indices
     triangle_stretch: Estimate
-    edge: NDArray[np.intp]
+    edge: Indices
     edge_stretch: Estimate
 
 
@@ -131,7 +129,7 @@ class WallState(NamedTuple):
         problems: problems that did not prevent a result, as sentences.
     """
 
-    within: NDArray[np.bool_]
+    within: Mask
     xyz_mm: Estimate
     method: str
     curvature_per_m: Estimate
@@ -227,7 +225,7 @@ def _refused(pressure: PressureMap | None) -> tuple[str, ...]:
     return ()
 
 
-def _masked(estimate: Estimate, within: NDArray[np.bool_]) -> Estimate:
+def _masked(estimate: Estimate, within: Mask) -> Estimate:
     return Estimate(*(np.where(within[:, np.newaxis], part, np.nan) for part in estimate))
 
 

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd_liner.analysis.estimate import Estimate, Finding, Quantity
 from grabberd_liner.analysis.wall.material import Material
+from grabberd_liner.arrays import Array
 from grabberd_liner.chain.analysis.analyse import Analysis
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.profile_inputs import Profile
@@ -126,7 +126,6 @@ def worst(checks: Iterable[Check]) -> str:
     return next((one for one in (FAILED, NOT_CERTAIN, PASSED) if one in verdicts), NOT_CHECKED)
 
 
-Array = NDArray[np.float64]
 LINE, POINTS, MARK = "line", "points", "mark"
 """How a curve is drawn: a mark is a place on the x axis."""
 

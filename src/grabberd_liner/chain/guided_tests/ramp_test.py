@@ -6,16 +6,15 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.load.empty_ramp import LAW_SIGMA
 from grabberd_liner.analysis.load.load_fit import MISFIT_ALARM
+from grabberd_liner.arrays import Array, Mask
 from grabberd_liner.chain.analysis.profile_inputs import Profile
 from grabberd_liner.chain.guided_tests.outcome import (
     LINE,
     MARK,
-    Array,
     Check,
     Curve,
     Evidence,
@@ -130,7 +129,7 @@ def _between(one: Evidence, kpa: Array) -> tuple[float, float]:
     return float(ends[0].value), float(ends[1].value)
 
 
-def _speed(time_s: Array, kpa: Array, within: NDArray[np.bool_]) -> float:
+def _speed(time_s: Array, kpa: Array, within: Mask) -> float:
     """Speed of the pressure difference, by a line through it: single readings are noisy."""
     if within.sum() < 2 or np.ptp(time_s[within]) == 0:
         return math.nan

@@ -12,11 +12,11 @@ from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate, Finding, Quantity
 from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.wall.material import Material
+from grabberd_liner.arrays import Array
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.guided_tests.outcome import (
     LINE,
     POINTS,
-    Array,
     Check,
     Curve,
     Evidence,

@@ -10,12 +10,12 @@ import numpy as np
 from grabberd_liner.analysis.comparison import Line, straight_line
 from grabberd_liner.analysis.estimate import Finding, Quantity
 from grabberd_liner.analysis.mixed_model import observations
+from grabberd_liner.arrays import Array
 from grabberd_liner.chain.guided_tests.outcome import (
     FAILED,
     LINE,
     PASSED,
     POINTS,
-    Array,
     Check,
     Curve,
     Evidence,
