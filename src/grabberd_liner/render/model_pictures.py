@@ -37,11 +37,11 @@ class Quantity(NamedTuple):
 
 
 def _curvature(stage: Stage) -> Array:
-    return curvature_per_m(outer_forms(stage.mesh.jets, stage.surface.outward)).values[..., 0]
+    return curvature_per_m(outer_forms(stage.mesh.jets, stage.surface.outward))[..., 0]
 
 
 def _strain(stage: Stage) -> Array:
-    stretch: Array = outer_strain(stage.mesh.jets, stage.reference.jets).stretch.values[..., 0] - 1
+    stretch: Array = outer_strain(stage.mesh.jets, stage.reference.jets).stretch[..., 0] - 1
     return 100 * stretch
 
 

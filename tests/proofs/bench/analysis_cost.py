@@ -55,4 +55,4 @@ def _curvature(grid: Grid, places: Array, u_mm: Array, v_mm: Array) -> Array:
         spline = RectBivariateSpline(u_mm, v_mm, heights, kx=5, ky=5)
         for place, (i, j) in enumerate(ORDERS[:6]):
             jets[:, place, axis] = spline.ev(grid.u_mm, grid.v_mm, i, j)
-    return curvature_per_m(outer_forms(jets, grid.outward)).values
+    return curvature_per_m(outer_forms(jets, grid.outward))

@@ -74,11 +74,6 @@ class LoadProfile(NamedTuple):
         """(H + 1,) on the mounted tube: each height stands for what is up to halfway to its neighbours."""
         return np.concatenate([self.x_mm[:1], (self.x_mm[1:] + self.x_mm[:-1]) / 2, self.x_mm[-1:]])
 
-    @property
-    def spans_mm(self) -> Array:
-        """(H,) present length of the tube that each height stands for."""
-        return self.spans_within(float(self.x_mm[0]), float(self.x_mm[-1]))
-
     def moved(self, compression_kpa: Array, load_n_per_mm: Array, gap_mm: Array) -> "LoadProfile":
         """The profile with something added to each height's values."""
         compression, load, gap = self.compression_kpa, self.load_n_per_mm, self.gap_mm
@@ -89,7 +84,7 @@ class LoadProfile(NamedTuple):
         )
 
     def spans_within(self, first_mm: float, last_mm: float) -> Array:
-        """(H,) the same, of a stretch of the mounted tube; 0 for heights that stand for none of it."""
+        """(H,) present length that each height stands for in a stretch of the mounted tube; 0 outside it."""
         return np.diff(np.clip(self.borders_mm, first_mm, last_mm)) * self.length
 
 

@@ -186,16 +186,6 @@ class PressureModel:
         alone[list(left_out)] = False
         return SettledWall(found, free, left_out, alone)
 
-    def map(
-        self,
-        points: Points,
-        within: Mask,
-        vacuum: ChamberVacuum,
-        speed_mm_per_s: float = 0.0,
-    ) -> PressureMap:
-        """The pressure at one field; as `of_settled`, after `settled`."""
-        return self.of_settled(self.settled(points, vacuum), within, vacuum, speed_mm_per_s)
-
     def of_settled(
         self,
         settled: SettledWall,

@@ -179,15 +179,6 @@ class WallModel:
         traction = np.stack([basis.of(self.field(parameters, index)) for index in (1, 2)])
         return Load(float(self.tube_values(parameters)[3]), contact, traction), by_g
 
-    def residual(self, state: State) -> Array:
-        """(n,) force out of balance."""
-        half = self.half.of(self.tube(state.parameters))
-        load, _ = self.load(state.parameters, half.shell.basis)
-        return self._unbalanced(state, half.residual(state.control, load))
-
-    def _unbalanced(self, state: State, force: Array) -> Array:
-        return force if self.mirrored else force + self.half.cuts.forced @ state.parameters[self._forced]
-
     def moved(self, state: State, unknowns: Array, change: Array) -> State:
         """A state moved by its unknowns (n,) and parameters (P,)."""
         control = self.half.moved(state.control, unknowns)
@@ -207,7 +198,9 @@ class WallModel:
         factors = tangent.factors
         by_parameters = self._followed(factors, forces, by_control)
         by_parameters[:, self._tube.start + 1] += self._places.by_thickness(half, state.control)
-        residual = self._unbalanced(state, half.gathered(work.unbalanced(load)[..., np.newaxis])[:, 0])
+        residual = half.gathered(work.unbalanced(load)[..., np.newaxis])[:, 0]
+        if not self.mirrored:
+            residual = residual + self.half.cuts.forced @ state.parameters[self._forced]
         settling = factors.solve(residual)
         settled = places + (by_control @ (half.cuts.free @ settling)).reshape(places.shape)
         return Linearised(state, settled, by_parameters, settling, factors, forces)
@@ -255,8 +248,3 @@ class WallModel:
         parameters = state.parameters.copy()
         parameters[self._tube.start + index] += _SMALL
         return self.half.of(self.tube(parameters)).shell.work(state.control)
-
-    def places_mm(self, state: State) -> Array:
-        """(T, 3) targets of a state."""
-        half = self.half.of(self.tube(state.parameters))
-        return self._places.places_mm(half, state.control)

@@ -37,18 +37,11 @@ class PhaseAverage(NamedTuple):
         points: (P,) targets at each phase, with averaged noise and the full covariance of the calibration;
             image coordinates and residuals are NaN, since nothing was observed there. Targets that one view
             sees throughout, but not both, are among the images of a single view.
-        variation_mm: (N,) σ of the targets' positions from cycle to cycle at the same phase, per coordinate,
-            beyond their noise; in the order of `points`.
-        fields: (N,) number of fields in which each target was seen.
-        left_out: ids of targets that both views see in too small a part of the cycle.
         correlation: (P, P) of the noise of places at two phases: neighbours come from the same fields.
     """
 
     phase: Array
     points: tuple[Points, ...]
-    variation_mm: Array
-    fields: Indices
-    left_out: tuple[int, ...]
     correlation: Array
 
 
@@ -80,20 +73,17 @@ def phase_average(
         raise AnalysisError(
             "no target is seen in the whole cycle", "capture longer, or more bursts; check what hides targets"
         )
-    lost = np.setdiff1d(np.arange(len(all_tracks.target)), good)
     found = [field.points for field, used in zip(fields, inside, strict=True) if used]
     single = _single(found, all_tracks.target[good], at, wanted, harmonics)
-    return _joined(all_tracks, averages, good, wanted, tuple(all_tracks.target[lost].tolist()), single)
+    return _joined(all_tracks, averages, good, wanted, single)
 
 
 class _Average(NamedTuple):
-    """Averages of targets seen in the same fields: (M,), (P, M, D), (P, M, D, D), (M,), (M,); and (P, P)."""
+    """Averages of targets seen in the same fields: (M,), (P, M, D), (P, M, D, D); and (P, P)."""
 
     place: Indices
     value: Array
     covariance: Array
-    variation: Array
-    fields: Indices
     correlation: Array
 
 
@@ -141,8 +131,6 @@ def _average(index: Indices, values: Array, covariance: Array, terms: Array, wan
         index,
         mean,
         noise + more[..., None, None] * np.eye(dimensions),
-        variation,
-        np.full(len(index), len(values), np.intp),
         share @ share.T / np.outer(deviation, deviation),
     )
 
@@ -208,7 +196,6 @@ def _joined(
     averages: Sequence[_Average],
     good: Indices,
     phase: Array,
-    left_out: tuple[int, ...],
     single: Sequence[SingleViewImages | None],
 ) -> PhaseAverage:
     order = np.argsort(np.concatenate([average.place for average in averages]))
@@ -217,9 +204,6 @@ def _joined(
     return PhaseAverage(
         phase,
         tuple(_points(all_tracks, good, xyz[p], covariance[p], one) for p, one in enumerate(single)),
-        np.concatenate([average.variation for average in averages])[order],
-        np.concatenate([average.fields for average in averages])[order],
-        left_out,
         # Targets that hide at times have fewer fields; most of them share those of the largest group.
         max(averages, key=lambda average: len(average.place)).correlation,
     )

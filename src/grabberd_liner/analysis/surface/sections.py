@@ -200,23 +200,6 @@ def symmetry_plane(grid: Grid) -> Plane:
     return Plane(shape.origin_mm, outward - (outward @ along) * along)
 
 
-def section(surface: Face, x_mm: float, plane: Plane | None = None) -> Section:
-    """The section at one height, each value with σ from the points' noise and the smoothing.
-
-    Args:
-        surface: surface of one field.
-        x_mm: height in the object's frame.
-        plane: origin of widths and areas if the targets do not go all the way round.
-
-    Raises:
-        AnalysisError: the wall does not reach this height between its first and last row of targets.
-    """
-    found, missed = sections(surface, [x_mm], plane)
-    if missed:
-        raise AnalysisError(missed[0], _HINT)
-    return found[0]
-
-
 def sections(
     surface: Face, x_mm: Sequence[float], plane: Plane | None = None
 ) -> tuple[tuple[Section, ...], tuple[str, ...]]:

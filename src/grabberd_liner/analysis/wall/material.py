@@ -25,7 +25,6 @@ _HINT = "give the values of the very liner in the teatcup"
 _ENDS = ("first_end_mm", "last_end_mm")
 _CORRELATIONS = ("E_wall_correlation", "E_F0_correlation", "F0_wall_correlation")
 _SIGMAS = {"E_mpa": "E_sigma_mpa", "wall_mm": "wall_sigma_mm", "F0_n": "F0_sigma_n"}
-_OPTIONAL = (*_SIGMAS.values(), *_CORRELATIONS, *_ENDS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,12 +177,6 @@ class Wall(NamedTuple):
     def stiffness_n_mm(self) -> Array:
         """D = E t³ / 12 (1 − ν²) in N mm."""
         return self.E_mpa * self.wall_mm**3 / (12 * (1 - self.poisson**2))
-
-
-def lacking(inputs: Mapping[str, object]) -> tuple[str, ...]:
-    """Names of the missing inputs of a material, which tension and pressure need."""
-    needed = [field.name for field in fields(Material) if field.name not in _OPTIONAL]
-    return tuple(name for name in needed if inputs.get(name) is None)
 
 
 def wall_at(zones: Sequence[Zone], u_mm: Array) -> Wall:

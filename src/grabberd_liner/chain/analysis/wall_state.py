@@ -16,11 +16,9 @@ from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.load.pressure import PressureMap
 from grabberd_liner.analysis.load.wall_surfaces import MiddleSurface
 from grabberd_liner.analysis.surface.face import Area, Face, surface_area
-from grabberd_liner.analysis.surface.fitting import fit_surface
 from grabberd_liner.analysis.surface.free_surface import Height, Tube
 from grabberd_liner.analysis.surface.jets import Jets
 from grabberd_liner.analysis.surface.sections import Plane, Section, sections, volume_mm3
-from grabberd_liner.analysis.surface.smoothing import Smoothing
 from grabberd_liner.analysis.surface.surface import Surface, propagate
 from grabberd_liner.analysis.wall.material import VARIED, Wall, Zone, mixed_tension, varied, wall_at
 from grabberd_liner.analysis.wall.strain import (
@@ -142,16 +140,6 @@ class WallState(NamedTuple):
     strains: TargetStrains | None
     misfit: float
     problems: tuple[str, ...]
-
-
-def wall_state(points: Points, question: Question, smoothing: Smoothing) -> WallState:
-    """The wall at one field.
-
-    Raises:
-        AnalysisError: the points do not determine a surface.
-    """
-    surface = fit_surface(question.grid, points, smoothing)
-    return wall_states([points], [surface], question, [None])[0]
 
 
 def wall_states(

@@ -39,9 +39,6 @@ class Found(NamedTuple):
     reason: str
 
 
-NOTHING = Found("", math.nan, math.nan, None, "")
-
-
 class Meaning(NamedTuple):
     """Title and definition of a quantity; empty if the analysis does not tell."""
 

@@ -23,7 +23,7 @@ PLACES = grid().u_mm, grid().v_mm
 
 
 def kappa(jets):
-    return curvature_of(outer_forms(jets, grid().outward)).values
+    return curvature_of(outer_forms(jets, grid().outward))
 
 
 def chi_squared(closed, sigma_mm, missing, fields=12):

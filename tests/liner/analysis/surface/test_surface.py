@@ -53,7 +53,7 @@ def test_missing_targets_that_touch_at_a_corner_alone_are_bridged():
 
 
 def kappa(jets):
-    return curvature_per_m(outer_forms(jets, grid().outward)).values
+    return curvature_per_m(outer_forms(jets, grid().outward))
 
 
 def test_sigma_is_by_how_much_surfaces_drawn_from_the_posterior_spread():
