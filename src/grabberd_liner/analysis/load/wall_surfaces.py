@@ -105,12 +105,16 @@ class FaceLattice:
 
     def __init__(self, grid: Grid, mounting: Mounting) -> None:
         """Finds the lattice on the mounted wall."""
-        rows, columns = int(grid.row.max()) + 1, int(grid.column.max()) + 1
-        self.domain = Domain(0.0, 0.0, grid.u_pitch_mm, grid.v_pitch_mm, rows, columns)
+        self.domain = Domain.of(grid)
+        rows, columns = self.domain.rows, self.domain.columns
         reach_mm = 0.5 * grid.u_pitch_mm
         self._grid = SplineGrid(
             SplineAxis.over(0.0, (columns - 1) * grid.v_pitch_mm, _PER_PITCH[1] * (columns - 1)),
-            SplineAxis.over(-reach_mm, (rows - 1) * grid.u_pitch_mm + reach_mm, _PER_PITCH[0] * rows),
+            SplineAxis.over(
+                -reach_mm,
+                (rows - 1) * grid.u_pitch_mm + reach_mm,
+                _PER_PITCH[0] * rows,
+            ),
         )
         around, along = self._grid.around.greville, self._grid.along.greville
         nodes = np.repeat(along, len(around)), np.tile(around, len(along))

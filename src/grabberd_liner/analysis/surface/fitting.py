@@ -15,7 +15,6 @@ from grabberd_liner.analysis.grid import Grid, NominalShape
 from grabberd_liner.analysis.surface.face import supported_places
 from grabberd_liner.analysis.surface.smoothing import (
     FREE,
-    Criterion,
     Departures,
     Domain,
     Modes,
@@ -62,7 +61,7 @@ def fit_modes(
         covariance_mm2: (N, D, D) noise.
     """
     places = modes.jets(u_mm, v_mm, highest=0)[:, 0]
-    weight = np.linalg.inv(covariance_mm2 * smoothing.noise_factor**2).astype(np.float64, copy=False)
+    weight = np.linalg.inv(covariance_mm2).astype(np.float64, copy=False)
     scale = _scale(modes, smoothing)
     normal = _normal(places, weight, scale)
     right = scale * (places.T @ np.einsum("nab,nb->na", weight, departure_mm)).T
@@ -221,7 +220,7 @@ def fit_surface(grid: Grid, points: Points, smoothing: Smoothing | None = None) 
     """
     field = _screened(grid, points)
     shape = _shape(grid)
-    chosen = smoothing or choose(_domain(grid), [_departures(field)])
+    chosen = smoothing or choose(Domain.of(grid), [_departures(field)])
     field, posterior, left_out = _without_outliers(grid, field, chosen)
     problems = (*field.problems, *left_out_problems(grid, left_out))
     _check_share(len(points), len(points) - len(field.place), problems)
@@ -238,9 +237,7 @@ def fit_surface(grid: Grid, points: Points, smoothing: Smoothing | None = None) 
     )
 
 
-def choose_smoothing(
-    grid: Grid, fields: Sequence[Points], by: Criterion = "likelihood", along_mm: float | None = None
-) -> Smoothing:
+def choose_smoothing(grid: Grid, fields: Sequence[Points], along_mm: float | None = None) -> Smoothing:
     """A common smoothing for fields of similar shape: those of a capture or of one phase.
 
     Of many fields, four evenly spread ones are used. If the phases of the movement differ much in shape, a
@@ -249,8 +246,6 @@ def choose_smoothing(
     Args:
         grid: the object model's target grid.
         fields: the points of one or more fields.
-        by: "likelihood" takes the points' σ as known; "cross-validation" uses only their ratios and estimates
-            their common factor.
         along_mm: correlation length along the rows, if known; only amplitudes are then chosen.
 
     Raises:
@@ -264,7 +259,7 @@ def choose_smoothing(
         )
     spread = np.unique(np.linspace(0, len(enough) - 1, _MOST_FIELDS).round().astype(int))
     departures = [_departures(_screened(grid, enough[index])) for index in spread]
-    return choose(_domain(grid), departures, by, along_mm)
+    return choose(Domain.of(grid), departures, along_mm)
 
 
 def possible(grid: Grid, points: Points) -> tuple[Points, tuple[str, ...]]:
@@ -367,12 +362,7 @@ def _departures(field: _Field) -> Departures:
 
 
 def _modes(grid: Grid, smoothing: Smoothing) -> Modes:
-    return modes(_domain(grid), smoothing.along_mm, smoothing.round_mm)
-
-
-def _domain(grid: Grid) -> Domain:
-    rows, columns = int(grid.row.max()) + 1, int(grid.column.max()) + 1
-    return Domain(0.0, 0.0, grid.u_pitch_mm, grid.v_pitch_mm, rows, columns)
+    return modes(Domain.of(grid), smoothing.along_mm, smoothing.round_mm)
 
 
 @lru_cache(maxsize=8)

@@ -12,7 +12,7 @@ import numpy as np
 
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.grid import Grid, NominalShape
-from grabberd_liner.analysis.surface.fitting import Posterior, fit_modes
+from grabberd_liner.analysis.surface.fitting import LARGEST_SHARE_OUT, Posterior, fit_modes
 from grabberd_liner.analysis.surface.jets import ORDERS, Jets, index
 from grabberd_liner.analysis.surface.smoothing import (
     FREE,
@@ -31,8 +31,7 @@ _OUTLYING = 40.0
 
 _LEAST_POINTS = 4 * FREE
 _PASSES = 3
-_LARGEST_SHARE_OUT = 0.2
-# The passes are needed because the noise across the surface depends on its normal, which the fit gives.
+"""They are needed because the noise across the surface depends on its normal, which the fit gives."""
 _ASKEW = 0.05
 
 
@@ -197,7 +196,7 @@ def _without_outliers(
         if posterior.outlying[worst] < _OUTLYING:
             return posterior, kept
         kept[np.flatnonzero(kept)[worst]] = False
-        if (~kept).sum() > _LARGEST_SHARE_OUT * len(kept):
+        if (~kept).sum() > LARGEST_SHARE_OUT * len(kept):
             raise AnalysisError(
                 f"more than a fifth of {len(kept)} points contradict the others",
                 "the surface may not be a function over this plane or axis: choose another",

@@ -18,10 +18,11 @@ the remedy is more columns, or leaving out the outermost ones.
 from collections.abc import Sequence
 from functools import lru_cache
 from math import comb, factorial
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.surface.jets import HIGHEST, ORDERS, count_to
 from grabberd_liner.arrays import Array
 
@@ -49,6 +50,12 @@ class Domain(NamedTuple):
     v_pitch_mm: float
     rows: int
     columns: int
+
+    @classmethod
+    def of(cls, grid: Grid) -> "Domain":
+        """A knot at every target of a grid."""
+        rows, columns = int(grid.row.max()) + 1, int(grid.column.max()) + 1
+        return cls(0.0, 0.0, grid.u_pitch_mm, grid.v_pitch_mm, rows, columns)
 
 
 class Modes:
@@ -198,13 +205,11 @@ class Smoothing(NamedTuple):
         along_mm: correlation length along the rows of the departure from the nominal shape.
         round_mm: correlation length round the wall.
         amplitude_mm: σ of the departure's x, y, z, beyond terms linear in u and in v.
-        noise_factor: factor on the points' σ: 1 unless chosen by cross-validation.
     """
 
     along_mm: float
     round_mm: float
     amplitude_mm: tuple[float, ...]
-    noise_factor: float = 1.0
 
 
 class Departures(NamedTuple):
@@ -221,26 +226,20 @@ class Departures(NamedTuple):
     sigma_mm: Array
 
 
-Criterion = Literal["likelihood", "cross-validation"]
-
-
 def choose(
     domain: Domain,
     fields: Sequence[Departures],
-    by: Criterion = "likelihood",
     along_mm: float | None = None,
 ) -> Smoothing:
-    """Choose a common smoothing for fields.
+    """Choose a common smoothing for fields by restricted likelihood, which takes the points' σ as known.
 
-    Either by restricted likelihood, which takes the points' σ as known, or by generalised cross-validation,
-    which needs only their ratios and estimates the noise factor, too. The correlation length along the rows
-    is chosen as well, unless it is given.
+    The correlation length along the rows is chosen as well, unless it is given.
     """
     round_mm = ROUND * domain.v_pitch_mm
 
     def tried(length: float) -> _Choice:
         candidate = modes(domain, length * domain.u_pitch_mm, round_mm)
-        return _best([_spectra(candidate, field) for field in fields], by)
+        return _best([_spectra(candidate, field) for field in fields])
 
     known = () if along_mm is None else (along_mm / domain.u_pitch_mm,)
     choices = {length: tried(length) for length in known or _LENGTHS}
@@ -250,28 +249,26 @@ def choose(
         choices |= {length: tried(length) for length in (best / step, best * step)}
     best = min(choices, key=lambda length: choices[length].cost)
     chosen = choices[best]
-    return Smoothing(best * domain.u_pitch_mm, round_mm, chosen.amplitude_mm, chosen.noise_factor)
+    return Smoothing(best * domain.u_pitch_mm, round_mm, chosen.amplitude_mm)
 
 
 class _Choice(NamedTuple):
-    """Cost, amplitude of each direction and noise factor at the best amplitudes."""
+    """Cost and amplitude of each direction at the best amplitudes."""
 
     cost: float
     amplitude_mm: tuple[float, ...]
-    noise_factor: float
 
 
 class _Spectrum(NamedTuple):
-    """One direction of one field: n values of unit noise, after the free modes are projected out.
+    """One direction of one field: values of unit noise, after the free modes are projected out.
 
     Attributes:
         energy: (K,) squared singular values of the modes at the points; `part2`: (K,) squared parts of the
-            departure along their vectors; `number`: n.
+            departure along their vectors.
     """
 
     energy: Array
     part2: Array
-    number: int
 
 
 def _spectra(candidate: Modes, field: Departures) -> list[_Spectrum]:
@@ -286,18 +283,15 @@ def _spectrum(design: Array, departure: Array) -> _Spectrum:
     basis = np.linalg.qr(design[:, :FREE], mode="complete")[0][:, FREE:]
     penalised, value = basis.T @ design[:, FREE:], basis.T @ departure
     energy, vectors = np.linalg.eigh(penalised @ penalised.T)
-    part2 = (vectors.T @ value) ** 2
-    return _Spectrum(np.maximum(energy, 0.0), part2, len(value))
+    return _Spectrum(np.maximum(energy, 0.0), (vectors.T @ value) ** 2)
 
 
-def _best(spectra: list[list[_Spectrum]], by: Criterion) -> _Choice:
-    directions = list(zip(*spectra, strict=True))
-    if by == "likelihood":
-        costs = [np.sum([_likelihood(field) for field in direction], axis=0) for direction in directions]
-        best = [_shown(cost) for cost in costs]
-        total = float(sum(cost[place] for cost, place in zip(costs, best, strict=True)))
-        return _Choice(total, tuple(float(_AMPLITUDES_MM[place]) for place in best), 1.0)
-    return _cross_validated(directions)
+def _best(spectra: list[list[_Spectrum]]) -> _Choice:
+    directions = zip(*spectra, strict=True)
+    costs = [np.sum([_likelihood(field) for field in direction], axis=0) for direction in directions]
+    best = [_shown(cost) for cost in costs]
+    total = float(sum(cost[place] for cost, place in zip(costs, best, strict=True)))
+    return _Choice(total, tuple(float(_AMPLITUDES_MM[place]) for place in best))
 
 
 def _shown(cost: Array) -> int:
@@ -310,19 +304,3 @@ def _likelihood(spectrum: _Spectrum) -> Array:
     """Minus twice the log restricted likelihood, at every amplitude."""
     variance = 1 + np.multiply.outer(_AMPLITUDES_MM**2, spectrum.energy)
     return (np.log(variance) + spectrum.part2 / variance).sum(axis=1)
-
-
-def _cross_validated(directions: list[tuple[_Spectrum, ...]]) -> _Choice:
-    total, ratios, squares, freedom = 0.0, [], 0.0, 0.0
-    for direction in directions:
-        left = [1 / (1 + np.multiply.outer(_AMPLITUDES_MM**2, field.energy)) for field in direction]
-        residual = sum((one**2 * field.part2).sum(axis=1) for one, field in zip(left, direction, strict=True))
-        free = sum(one.sum(axis=1) for one in left)
-        count = sum(field.number for field in direction)
-        score = count * residual / free**2
-        place = int(np.argmin(score))
-        total += count * float(np.log(score[place]))
-        ratios.append(float(_AMPLITUDES_MM[place]))
-        squares, freedom = squares + float(residual[place]), freedom + float(free[place])
-    factor = float(np.sqrt(squares / freedom))
-    return _Choice(total, tuple(ratio * factor for ratio in ratios), factor)
