@@ -79,12 +79,12 @@ def study(  # noqa: PLR0913, PLR0917 - options of a command
     Example: grabberd study liner=A --over milkings --url http://barn.local:8050 --token-file token --out wear
     """
     from grabberd.files.disk import results_folder  # noqa: PLC0415
+    from grabberd_liner.analyses.export import TABLE_FORMATS, check_formats  # noqa: PLC0415
     from grabberd_liner.chain.study.study import StudyQuestion  # noqa: PLC0415
-    from grabberd_liner.studies.export import check_study_formats  # noqa: PLC0415
     from grabberd_liner.studies.selection import Selection  # noqa: PLC0415
 
     wanted = _names(formats)
-    check_study_formats(wanted)
+    check_formats(wanted, TABLE_FORMATS, "a study")
     selection = Selection.of(select or [])
     question = StudyQuestion(by, within, unit, over, tuple(_names(quantities or "")))
     with results_folder(out):
@@ -129,10 +129,10 @@ def _written(
     """Make the study and write its files; return its document with them."""
     from grabberd import __version__  # noqa: PLC0415
     from grabberd.clock import SystemClock, iso_utc  # noqa: PLC0415
+    from grabberd_liner.analyses.export import write_tables  # noqa: PLC0415
     from grabberd_liner.chain.study.study import make_study  # noqa: PLC0415
     from grabberd_liner.chain.study.study_document import study_document  # noqa: PLC0415
     from grabberd_liner.chain.study.tables import tables  # noqa: PLC0415
-    from grabberd_liner.studies.export import write_study  # noqa: PLC0415
 
     with progress_bar("comparing") as progress:
         made = make_study(question, captures, left_out, progress)
@@ -141,7 +141,7 @@ def _written(
     document = study_document(made, all_tables, about)
     with progress_bar("writing"):
         report = _report(out, document)
-        return document, write_study(out, all_tables, about, formats) + report
+        return document, write_tables(out, all_tables, about, formats) + report
 
 
 def _report(out: Path, document: Mapping[str, Any]) -> list[Path]:
