@@ -1,5 +1,6 @@
-"""Analyses of a capture: run, list, and read their curves, maps, report and tables; and, with routers of their
-own, analyses of several captures and the latest pulsation rate of the liner before a device.
+"""Analyses of a capture: run, list, and read their curves, maps, report and tables.
+
+With routers of their own: analyses of several captures, and the latest pulsation rate before a device.
 """
 
 from typing import Annotated

@@ -20,6 +20,11 @@ class Estimate(NamedTuple):
     value: Array
     sigma: Array
 
+    @classmethod
+    def of(cls, value: float, sigma: float) -> "Estimate":
+        """A single value."""
+        return cls(np.asarray(value, np.float64), np.asarray(sigma, np.float64))
+
 
 class Joint(NamedTuple):
     """N values whose errors go together.
@@ -99,4 +104,4 @@ class Finding(NamedTuple):
     @property
     def estimate(self) -> Estimate:
         """Value with σ; NaN if nothing was found."""
-        return Estimate(np.asarray(self.value), np.asarray(self.sigma))
+        return Estimate.of(self.value, self.sigma)

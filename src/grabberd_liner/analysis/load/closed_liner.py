@@ -230,7 +230,7 @@ def _end_mm(profile: LoadProfile, run: range) -> Estimate:
     weights[[at, beyond]] = 1 - part, part
     by_noise_mm = float(profile.compression_kpa.summed(weights).sigma) * abs(step_mm) / falls_kpa
     sigma_mm = np.hypot(by_noise_mm, _STRAIGHT * step_mm)
-    return Estimate(np.asarray(profile.x_mm[at] + part * step_mm), np.asarray(sigma_mm))
+    return Estimate.of(profile.x_mm[at] + part * step_mm, sigma_mm)
 
 
 _DRAWS, _SEED = 200, 5

@@ -203,7 +203,7 @@ def _touch(curve: _Curve, radius_mm: float) -> tuple[Estimate, float]:
             _HINT,
         )
     found, covariance = drawn.polynomial(drawn.height_mm, 2)
-    return Estimate(np.asarray(found[0]), np.sqrt(covariance[0, 0])), float(found[1])
+    return Estimate.of(found[0], np.sqrt(covariance[0, 0])), float(found[1])
 
 
 def _buckling(curve: _Curve, radius_mm: float) -> Estimate:
@@ -227,7 +227,7 @@ def _buckling(curve: _Curve, radius_mm: float) -> Estimate:
     # The tangent at its steepest place meets the open wall's line, where nothing has fallen.
     steepest_mm = _STEEPEST * radius_mm
     by_terms = np.array([1.0, 0.0, -(steepest_mm**2), -2 * steepest_mm**3])
-    return Estimate(np.asarray(by_terms @ found), np.sqrt(by_terms @ covariance @ by_terms))
+    return Estimate.of(float(by_terms @ found), np.sqrt(by_terms @ covariance @ by_terms))
 
 
 def _line(curve: _Curve) -> tuple[float, float]:

@@ -83,7 +83,7 @@ class LinerValues:
     def stiffness_n_mm(self) -> Estimate:
         """Bending stiffness D = E t³ / 12 (1 − ν²), ν = .5: better known than its parts."""
         value = self.E_mpa * self.wall_mm**3 / 9
-        return Estimate(np.asarray(value), np.asarray(value * _stiffness_sigma(self.covariance)))
+        return Estimate.of(value, value * _stiffness_sigma(self.covariance))
 
     def material(self, material: Material) -> Material:
         """The material with these values, their σ and their correlations."""

@@ -256,7 +256,7 @@ def _greatest(joint: Joint, teat: Mask, x_mm: Array) -> tuple[Array, Estimate]:
     draws = value + np.random.default_rng(_SEED).normal(size=(_DRAWS, len(value))) @ root.T
     scatter_mm = np.sqrt(np.mean((at_mm[draws.argmax(axis=1)] - at_mm[index]) ** 2))
     spacing_mm = float(np.diff(x_mm).mean())
-    height = Estimate(np.asarray(at_mm[index]), np.hypot(scatter_mm, spacing_mm / np.sqrt(12)))
+    height = Estimate.of(at_mm[index], np.hypot(scatter_mm, spacing_mm / np.sqrt(12)))
     return np.asarray(x_mm == at_mm[index], np.float64), height
 
 

@@ -278,7 +278,7 @@ def _refusal(misfit: float, speed_mm_per_s: float) -> str:
 
 def _mean(value: Array, covariance: Array, use: Mask, reasons: Sequence[str]) -> Estimate:
     if all(reasons):
-        return Estimate(np.asarray(np.nan), np.asarray(np.nan))
+        return Estimate.of(np.nan, np.nan)
     mean = value[use].mean()
     return Estimate(mean, np.hypot(np.sqrt(covariance[np.ix_(use, use)].mean()), _MEAN_SHARE * mean))
 

@@ -134,8 +134,8 @@ def _of_wall(pulsation: Pulsation, parts: Array, gradient: Array, unseen_s2: Arr
     ratio_variance += (unseen_s2[0] + unseen_s2[2]) / pulsation.period_s**2
     return Phases(
         Estimate(parts * pulsation.period_s, np.sqrt(spread)),
-        Estimate(np.asarray(pulsation.period_s), np.asarray(pulsation.period_sigma_s)),
-        Estimate(np.asarray(parts[0] + parts[1]), np.asarray(np.sqrt(ratio_variance))),
+        Estimate.of(pulsation.period_s, pulsation.period_sigma_s),
+        Estimate.of(parts[0] + parts[1], np.sqrt(ratio_variance)),
         "wall",
         np.full(4, np.nan),
         int(pulsation.cycles),

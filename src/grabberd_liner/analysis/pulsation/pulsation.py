@@ -98,7 +98,7 @@ class Pulsation:
     def rate_per_min(self) -> Estimate:
         """Cycles a minute."""
         rate = np.float64(60 / self.period_s)
-        return Estimate(np.asarray(rate), np.asarray(rate * self.period_sigma_s / self.period_s))
+        return Estimate.of(rate, rate * self.period_sigma_s / self.period_s)
 
     @property
     def stroke_mm(self) -> Estimate:
@@ -107,7 +107,7 @@ class Pulsation:
         terms, covariance = high - low, self.waveform.covariance
         stroke_mm = terms @ self.waveform.coefficients
         own_mm = np.sqrt(terms @ covariance @ terms)
-        return Estimate(np.asarray(stroke_mm), np.hypot(own_mm, stroke_mm * self.size_sigma))
+        return Estimate.of(stroke_mm, np.hypot(own_mm, stroke_mm * self.size_sigma))
 
     def reached_s(self, phase: Array) -> Array:
         """Times (P,) at which the first capture first reached phases.

@@ -99,7 +99,7 @@ def surface_area(surface: Face) -> Area:
     slopes = kept[:, np.newaxis, np.newaxis] * _slopes(jets)
     variance = surface.covariance(slopes[np.newaxis], u, v)[0, 0]
     value = (kept * np.linalg.norm(_normal(jets), axis=1)).sum()
-    return Area(Estimate(np.asarray(value), np.sqrt(variance)), float(kept.sum() / share.sum()))
+    return Area(Estimate.of(value, np.sqrt(variance)), float(kept.sum() / share.sum()))
 
 
 def _nodes(start: float, pitch: float, knots: int) -> tuple[Array, Array]:

@@ -252,7 +252,7 @@ def volume_mm3(surface: Face, x_mm: tuple[float, float], plane: Plane) -> Estima
     slopes = _at_height(share[:, np.newaxis, np.newaxis] * areas.slopes, cuts.along)
     places = cuts.u_mm.ravel(), cuts.v_mm.ravel()
     variance = surface.covariance(slopes.reshape(1, -1, 1, 3), *places)[0, 0]
-    return Estimate(np.asarray(share @ areas.value), np.sqrt(variance))
+    return Estimate.of(float(share @ areas.value), np.sqrt(variance))
 
 
 class _Cuts(NamedTuple):

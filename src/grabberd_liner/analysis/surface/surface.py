@@ -298,7 +298,7 @@ def _steps(targets: int) -> Array:
 
 def _taylor(du_mm: Array, dv_mm: Array) -> Array:
     """(N, 3, 15) weights of a jet's entries in X, X_u and X_v at these distances from its position."""
-    along, across = (_powers(step) for step in (du_mm, dv_mm))
+    along, across = ([step**k / factorial(k) for k in range(5)] for step in (du_mm, dv_mm))
     weights = np.zeros((len(du_mm), 3, len(ORDERS)))
     for place, (i, j) in enumerate(ORDERS):
         weights[:, 0, place] = along[i] * across[j]
@@ -307,8 +307,3 @@ def _taylor(du_mm: Array, dv_mm: Array) -> Array:
         if j:
             weights[:, 2, place] = along[i] * across[j - 1]
     return weights
-
-
-def _powers(step: Array) -> list[Array]:
-    """step^k / k!, k from 0 to 4."""
-    return [step**k / factorial(k) for k in range(5)]

@@ -17,7 +17,7 @@ from grabberd_liner.analysis.load.empty_ramp import COLLAPSE, VALUES, LinerValue
 from grabberd_liner.analysis.load.load_prior import Difference
 from grabberd_liner.analysis.load.pressure import ChamberVacuum
 from grabberd_liner.analysis.wall.material import Material
-from grabberd_liner.chain.analysis.inputs import CHANNEL, AnalysisInputs, missing
+from grabberd_liner.chain.analysis.inputs import CHAMBERS, CHANNEL, AnalysisInputs, missing
 from grabberd_liner.chain.analysis.vacuum_inputs import channel_sigma_kpa, recorded_channel
 
 T = TypeVar("T")
@@ -123,7 +123,7 @@ def _material(inputs: AnalysisInputs) -> Material:
 
 def _common_sigma_kpa(inputs: AnalysisInputs) -> float:
     """σ that the pressure differences of all fields share: of constants, and of a logger's zero."""
-    given = {name: inputs.vacuum[name] for name in ("pulsation", "liner")}
+    given = {name: inputs.vacuum[name] for name in CHAMBERS}
     constant = [one["sigma_kpa"] for one in given.values() if one not in ("log", CHANNEL)]
     recorded = [recorded_channel(name, inputs.channels) for name in given if given[name] == CHANNEL]
     constant += [channel_sigma_kpa(inputs.vacuum, one) for one in recorded]

@@ -49,9 +49,11 @@ KEYS = (
     "flow_stop",
     "average",
 )
+CHAMBERS = ("pulsation", "liner")
+"""Chambers whose vacuum an analysis takes."""
 CHANNEL = "channel"
 """Stands for a vacuum that was recorded with the capture itself."""
-_VACUUM_KEYS = ("pulsation", "liner", "log", "offset", "lag", "gauge_sigma_kpa")
+_VACUUM_KEYS = (*CHAMBERS, "log", "offset", "lag", "gauge_sigma_kpa")
 BY_LIGHT = "light"
 """Of `vacuum.offset`: the clocks are related by the light in the picture and in the log."""
 _HINT = "correct these inputs; docs/howto/analyse.md describes all of them"

@@ -58,7 +58,7 @@ def _lags(analysis: Analysis) -> tuple[Finding, ...]:
     if source is None or lag is None:
         return lag_quantities((), np.nan, _NO_TEAT if analysis.inputs.empty else _NO_LAG)
     shifts = ((lag.opening_shift_s, lag.opening_sigma_s), (lag.closing_shift_s, lag.closing_sigma_s))
-    each = [Estimate(np.asarray(value), np.asarray(sigma)) for value, sigma in shifts]
+    each = [Estimate.of(value, sigma) for value, sigma in shifts]
     return lag_quantities(each, source.time_sigma_s, "")
 
 

@@ -20,7 +20,6 @@ from grabberd_liner.chain.guided_tests.outcome import (
     Evidence,
     Outcome,
     Question,
-    estimate,
     exact,
 )
 from grabberd_liner.chain.guided_tests.ramp_test import ramp_test
@@ -40,7 +39,7 @@ def unrest_mm(fields: Sequence[FieldPoints]) -> Estimate:
     """
     z_mm, sigma_mm = _heights(fields) if fields else (np.empty(0), np.empty(0))
     if len(z_mm) < 3 or not z_mm.size:
-        return estimate(np.nan, np.nan)
+        return Estimate.of(np.nan, np.nan)
     with np.errstate(invalid="ignore"):
         from_mean = z_mm - np.nanmean(z_mm, axis=0)
         seen = np.isfinite(z_mm).sum(axis=1)
@@ -49,7 +48,7 @@ def unrest_mm(fields: Sequence[FieldPoints]) -> Estimate:
     beyond = max(float(np.nanvar(common_mm, ddof=1) - np.nanmean(np.square(noise))), 0.0)
     # σ of a standard deviation, of what is left of it and of what was taken off.
     sigma = float(np.nanstd(common_mm, ddof=1)) / np.sqrt(2 * (len(common_mm) - 1))
-    return estimate(np.sqrt(beyond), sigma)
+    return Estimate.of(np.sqrt(beyond), sigma)
 
 
 def _heights(fields: Sequence[FieldPoints]) -> tuple[Array, Array]:

@@ -21,7 +21,6 @@ from grabberd_liner.chain.guided_tests.outcome import (
     Offer,
     Outcome,
     Question,
-    estimate,
     exact,
     findings_of,
 )
@@ -95,7 +94,7 @@ def _course(one: Evidence) -> Iterator[Check]:
         yield from (ask.not_checked("the vacuum is not known") for ask in (STARTS_OPEN, SLOW, CALM, GAUGE))
         return
     time_s, kpa, sigma_kpa = course
-    yield STARTS_OPEN.at_most(estimate(kpa[0], sigma_kpa[0]), _OPEN_KPA)
+    yield STARTS_OPEN.at_most(Estimate.of(kpa[0], sigma_kpa[0]), _OPEN_KPA)
     low, high = _between(one, kpa)
     within = (kpa >= low) & (kpa <= high)
     speed = _speed(time_s, kpa, within)
