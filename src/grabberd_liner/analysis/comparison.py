@@ -180,18 +180,17 @@ class Trend(NamedTuple):
     slopes: tuple[Contrast | None, ...]
 
 
-def straight_line(observed: Observations, x: Array, unit: Levels | None = None) -> Line:
+def straight_line(observed: Observations, x: Array) -> Line:
     """A straight line through N observations.
 
     Args:
         observed: N values.
         x: (N,) where; at least two different ones.
-        unit: (N,) what is observed at several x and keeps a departure of its own; default: none.
 
     Raises:
         ValueError: all x are the same.
     """
-    means, at, effects, _ = _replicates(observed, x, np.zeros(len(x), np.int64), unit, None)
+    means, at, effects, _ = _replicates(observed, x, np.zeros(len(x), np.int64), None, None)
     scale = _scale(at)
     design = np.column_stack([np.ones_like(at), at / scale])
     fitted = _fit(means, design, effects)

@@ -39,10 +39,10 @@ class Canvas:
         """Fills a convex polygon, (K, 2) corners."""
         cv2.fillConvexPoly(self._picture, _fixed(corners), colour, cv2.LINE_8, _SHIFT)
 
-    def lines(self, corners: Array, colour: Colour, width: int = 1) -> None:
+    def lines(self, corners: Array, colour: Colour) -> None:
         """Draws a polyline through (K, 2) positions."""
         cv2.polylines(
-            self._picture, [_fixed(corners)], isClosed=False, color=colour, thickness=width * _LARGER,
+            self._picture, [_fixed(corners)], isClosed=False, color=colour, thickness=_LARGER,
             lineType=cv2.LINE_8, shift=_SHIFT,
         )  # fmt: skip
 

@@ -157,23 +157,19 @@ class Pulsation:
         return Moment(which, np.where(which < 0, 0, np.nan_to_num(whole)).astype(np.intp), turns - whole)
 
 
-def fit_pulsation(
-    movements: Sequence[Movement], shortest_s: float = SHORTEST_S, longest_s: float = LONGEST_S
-) -> Pulsation:
+def fit_pulsation(movements: Sequence[Movement]) -> Pulsation:
     """The pulsation of one capture or of several together.
 
     Args:
         movements: one movement per capture; the captures' clocks may differ.
-        shortest_s: shortest cycle length of the search.
-        longest_s: longest cycle length of the search.
 
     Raises:
         AnalysisError: nothing pulsates, the fields together show no more than a cycle, or the movement does
             not repeat itself.
     """
     _check_movement(movements)
-    runs = _split(movements, shortest_s)
-    likely = _likely([run for _, run in runs], shortest_s, longest_s)
+    runs = _split(movements, SHORTEST_S)
+    likely = _likely([run for _, run in runs])
     runs = _split(movements, likely.period_s)
     every = [run for _, run in runs]
     fit = _whole(every, likely)
@@ -213,16 +209,16 @@ def _span_s(run: Movement) -> float:
     return float(run.time_s[-1] - run.time_s[0])
 
 
-def _likely(runs: Sequence[Movement], shortest_s: float, longest_s: float) -> Fit:
+def _likely(runs: Sequence[Movement]) -> Fit:
     """Period and waveform from the longest runs."""
     ordered = sorted(runs, key=_span_s, reverse=True)
-    alone = _best(ordered[:1], shortest_s, longest_s)
+    alone = _best(ordered[:1])
     if len(runs) == 1 or not _lacks(alone, ordered[:1]):
         return alone
-    return _best(ordered[:_MOST_RUNS], shortest_s, longest_s)
+    return _best(ordered[:_MOST_RUNS])
 
 
-def _best(runs: Sequence[Movement], shortest_s: float, longest_s: float) -> Fit:
+def _best(runs: Sequence[Movement]) -> Fit:
     fits = [
         adjust(
             [_first(run, 6 * one.period_s) for run in runs],
@@ -230,7 +226,7 @@ def _best(runs: Sequence[Movement], shortest_s: float, longest_s: float) -> Fit:
             one.phases,
             harmonics(one.period_s, _step_s(runs)),
         )
-        for one in search(runs, shortest_s, longest_s)
+        for one in search(runs, SHORTEST_S, LONGEST_S)
     ]
     return max(fits, key=lambda fit: fit.evidence)
 

@@ -105,7 +105,6 @@ def fit_free_surface(
     xyz_mm: Array,
     covariance_mm2: Array,
     over: Tube | Height,
-    smoothing: Smoothing | None = None,
 ) -> Surface:
     """The surface of one field's points without ids.
 
@@ -115,8 +114,6 @@ def fit_free_surface(
         xyz_mm: (N, 3) points, object's frame.
         covariance_mm2: (N, 3, 3) their noise.
         over: base shape; the branch cut of its angle has to lie outside the points.
-        smoothing: smoothing of another field's surface of the same extent; by default chosen from these
-            points.
 
     Raises:
         AnalysisError: too few points, or more than a fifth of them contradict the others.
@@ -132,7 +129,7 @@ def fit_free_surface(
     for _ in range(_PASSES):
         variance = _across(covariance_mm2, normal, away)
         field = Departures(u_mm[kept], v_mm[kept], departure[kept], np.sqrt(variance[kept]))
-        chosen = smoothing or choose(domain, [field])
+        chosen = choose(domain, [field])
         candidate = modes(domain, chosen.along_mm, chosen.round_mm)
         posterior, kept = _without_outliers(
             candidate, chosen, (u_mm, v_mm, departure, variance[:, :, np.newaxis]), kept

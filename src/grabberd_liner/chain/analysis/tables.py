@@ -21,6 +21,10 @@ from grabberd_liner.chain.analysis.vacuum_inputs import Vacuum
 from grabberd_liner.chain.analysis.wall_state import WallState
 
 Keys = Mapping[str, NDArray[Any]]
+Values = Mapping[str, Any]
+"""Values by column name: an array, or an estimate if the column is measured."""
+AnalysisTables = Mapping[str, Table]
+"""Tables by name, in the order of `TABLES`; docs/reference/analysis.md describes each."""
 
 
 def strain_tables(analysis: Analysis, keys: Keys) -> dict[str, dict[str, Any]]:
@@ -143,14 +147,6 @@ def gap_values(analysis: Analysis) -> dict[str, NDArray[np.int64]]:
     missing = np.diff(n) - 1
     at = np.flatnonzero(missing)
     return {"after_n": n[at], "until_n": n[at + 1], "missing": missing[at]}
-
-
-Values = Mapping[str, Any]
-"""Values by column name: an array, or an estimate if the column is measured."""
-
-
-AnalysisTables = Mapping[str, Table]
-"""Tables by name, in the order of `TABLES`; docs/reference/analysis.md describes each."""
 
 
 def tables(analysis: Analysis) -> AnalysisTables:

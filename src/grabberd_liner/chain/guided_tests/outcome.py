@@ -83,15 +83,15 @@ class Question(NamedTuple):
         margin = tolerance - abs(float(found.value) - expected)
         return self._by_margin(found, margin, words, reason)
 
-    def agrees(self, found: Estimate, expected: float, sigma: float, reason: str = "") -> Check:
+    def agrees(self, found: Estimate, expected: float, sigma: float) -> Check:
         """The check of a value that has to be another one, but for the σ of their difference."""
         words = f"{self._with_unit(expected)} within {_CERTAIN:g} σ"
         if not math.isfinite(float(found.value)):
-            return self.not_checked(reason or "it was not found")
+            return self.not_checked("it was not found")
         off = abs(float(found.value) - expected) / sigma
         verdict = PASSED if off <= _CERTAIN else NOT_CERTAIN if off <= _UNEQUAL else FAILED
         said = f"it is {off:.1f} σ away; σ of the difference is {sigma:.2g} {self.unit}".strip()
-        return self._judged(found, verdict, words, said + (f"; {reason}" if reason else ""))
+        return self._judged(found, verdict, words, said)
 
     def _by_margin(self, found: Estimate, margin: float, limit: str, reason: str) -> Check:
         if not math.isfinite(margin):
