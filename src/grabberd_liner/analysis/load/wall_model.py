@@ -75,6 +75,7 @@ class WallModel:
         tube_prior: of the liner.
         mirrored: true if the hidden half is taken for the seen one's mirror image.
         targets: splines at the targets.
+        of_tube: the parameters that are the liner's own values and the pressure difference.
     """
 
     def __init__(
@@ -91,8 +92,8 @@ class WallModel:
         self.targets = self._places.basis
         points = 0 if mirrored else len(cut_points(half.grid))
         self._fields = 3 * half.grid.count
-        self._tube = slice(self._fields, self._fields + TUBE_VALUES)
-        self._moved = slice(self._tube.stop, self._tube.stop + 4 * points)
+        self.of_tube = slice(self._fields, self._fields + TUBE_VALUES)
+        self._moved = slice(self.of_tube.stop, self.of_tube.stop + 4 * points)
         self._forced = slice(self._moved.stop, self._moved.stop + 2 * points)
 
     @property
@@ -114,7 +115,7 @@ class WallModel:
     def spread(self, columns: Array) -> Array:
         """(P, M) prior covariance times columns (P, M), with unit variances of g and pressure difference."""
         fields = columns[: self._fields].reshape(3, self.half.grid.count, -1)
-        tube = columns[self._tube]
+        tube = columns[self.of_tube]
         parts = [
             self.prior.spread(self.half.grid, fields).reshape(self._fields, -1),
             self.tube_prior.covariance @ tube[:-1],
@@ -138,11 +139,6 @@ class WallModel:
         """The parameters of g."""
         return slice(0, self.half.grid.count)
 
-    @property
-    def of_tube(self) -> slice:
-        """The liner's own values and the pressure difference."""
-        return self._tube
-
     def tube_covariance(self, difference: Difference) -> Array:
         """(4, 4) prior covariance of the liner's own values and of the pressure difference."""
         covariance = np.zeros((TUBE_VALUES, TUBE_VALUES))
@@ -153,7 +149,7 @@ class WallModel:
     @property
     def of_difference(self) -> slice:
         """The parameter that is the pressure difference."""
-        return slice(self._tube.stop - 1, self._tube.stop)
+        return slice(self.of_tube.stop - 1, self.of_tube.stop)
 
     @cached_property
     def _cut_covariances(self) -> list[Array]:
@@ -166,7 +162,7 @@ class WallModel:
 
     def tube_values(self, parameters: Array) -> Array:
         """(4,) or (4, …) the liner's own values and the pressure difference."""
-        return parameters[self._tube]
+        return parameters[self.of_tube]
 
     def tube(self, parameters: Array) -> MountedTube:
         """The liner."""
@@ -197,7 +193,7 @@ class WallModel:
         by_control = self._places.by_control(half, state.control)
         factors = tangent.factors
         by_parameters = self._followed(factors, forces, by_control)
-        by_parameters[:, self._tube.start + 1] += self._places.by_thickness(half, state.control)
+        by_parameters[:, self.of_tube.start + 1] += self._places.by_thickness(half, state.control)
         residual = half.gathered(work.unbalanced(load)[..., np.newaxis])[:, 0]
         if not self.mirrored:
             residual = residual + self.half.cuts.forced @ state.parameters[self._forced]
@@ -246,5 +242,5 @@ class WallModel:
     def _other_tube(self, state: State, index: int) -> Work:
         """Work with one of the liner's values changed by `_SMALL`."""
         parameters = state.parameters.copy()
-        parameters[self._tube.start + index] += _SMALL
+        parameters[self.of_tube.start + index] += _SMALL
         return self.half.of(self.tube(parameters)).shell.work(state.control)
