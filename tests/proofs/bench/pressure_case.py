@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.liner.analysis.walls import SolvedLiner, with_noise
+from tests.liner.analysis.walls import SolvedLiner, pressure_map, with_noise
 
 from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Points
@@ -138,7 +138,7 @@ class Estimator:
         true_kpa = self._liner.contact_kpa(outer_kpa)
         everywhere = np.ones(len(true_kpa), bool)
         try:
-            one = self._model.map(points, everywhere, vacuum)
+            one = pressure_map(self._model, points, everywhere, vacuum)
         except AnalysisError:
             return Judged.refusal(len(true_kpa))
         return Judged.of(one, true_kpa)
