@@ -25,7 +25,9 @@ from grabberd.core.field import Field, NumberedField, PackedField, double_lines,
 from grabberd.files.documents import read_yaml
 from grabberd.instrument.setup import set_up
 from grabberd_fake import FakeGrabber, JumpingClock
-from grabberd_liner.analysis import Grid, Surface, TimedPoints
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.pulsation.movement import TimedPoints
+from grabberd_liner.analysis.surface.surface import Surface
 from grabberd_liner.chain.analysis.analyse import analyse
 from grabberd_liner.chain.analysis.analysis_document import analysis_document
 from grabberd_liner.chain.analysis.field_points import FieldPoints

@@ -37,7 +37,7 @@ class Extension:
         name: Name of the extension.
         commands: Commands, by modules that have a function of that name.
         groups: Groups of commands, by modules that have `commands`.
-        routes: Routers of the API under /api/v1, by modules that have `router`.
+        routes: Routers of the API under /api/v1.
         jobs: Kinds of jobs: subclasses of `JobSpec`.
         results: Documents of what its jobs have done.
         part: What makes its part of the running daemon, of a `Service`; see `ServicePart`.

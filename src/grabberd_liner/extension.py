@@ -12,12 +12,12 @@ EXTENSION = Extension(
     ),
     groups=(Place("profile", "grabberd_liner.profiles.command", after="outlet"),),
     routes=(
-        Place("analysis_batches", "grabberd_liner.analyses.batch_routes", after="captures"),
-        Place("analyses", "grabberd_liner.analyses.routes", after="capture_contents"),
-        Place("profiles", "grabberd_liner.profiles.routes", after="calibrations"),
-        Place("studies", "grabberd_liner.studies.routes", after="profiles"),
-        Place("liner_tests", "grabberd_liner.guided_tests.routes", after="studies"),
-        Place("pulsation", "grabberd_liner.analyses.pulsation_routes", after="devices"),
+        Place("analysis_batches", "grabberd_liner.analyses.routes:batch_router", after="captures"),
+        Place("analyses", "grabberd_liner.analyses.routes:router", after="capture_contents"),
+        Place("profiles", "grabberd_liner.profiles.routes:router", after="calibrations"),
+        Place("studies", "grabberd_liner.studies.routes:router", after="profiles"),
+        Place("liner_tests", "grabberd_liner.guided_tests.routes:router", after="studies"),
+        Place("pulsation", "grabberd_liner.analyses.routes:pulsation_router", after="devices"),
     ),
     jobs=("grabberd_liner.analyses.job:AnalysisJob", "grabberd_liner.guided_tests.job:LinerTestJob"),
     results=(

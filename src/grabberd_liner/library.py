@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.archive.input_files import read_vacuum_log
 from grabberd.errors import InputError
@@ -25,6 +24,7 @@ from grabberd_liner.analyses.job import (
     write_document,
     write_page,
 )
+from grabberd_liner.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -88,7 +88,7 @@ class Analysis:
             for name, (value, sigma, *words) in zip(table["name"], rows, strict=True)
         }
 
-    def map(self, quantity: str, n: int) -> NDArray[np.float64]:
+    def map(self, quantity: str, n: int) -> Array:
         """(rows, columns) values of a quantity at the targets of one field, NaN where there is none.
 
         Args:

@@ -20,7 +20,7 @@ from grabberd.schemas.forms import (
     positive,
     text,
 )
-from grabberd_liner.analysis import UNSEEN
+from grabberd_liner.analysis.load.pressure_model import UNSEEN
 from grabberd_liner.analysis.wall.material import LAWS, Material
 from grabberd_liner.chain.analysis.inputs import MOST_PHASES
 from grabberd_liner.profiles.documents import ProfileContent

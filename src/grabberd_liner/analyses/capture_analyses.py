@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from pydantic import ValidationError
 
@@ -12,7 +12,7 @@ from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.document import JobProblem
 from grabberd.documents.jobs import JobDocument
 from grabberd.errors import GrabberdError
-from grabberd.work.job_rows import Unanalysed
+from grabberd.work.job_queue import JobQueue
 from grabberd_liner.analyses.documents import (
     AnalysisRecord,
     CaptureAnalysis,
@@ -42,18 +42,6 @@ MAIN = (
 REMEMBERED = 4096
 
 
-class Jobs(Protocol):
-    """The part of the queue that tells of analyses."""
-
-    def analysing(self, capture_id: str) -> JobDocument | None:
-        """Returns the job that waits or runs and analyses a capture."""
-        ...
-
-    def unanalysed(self, capture_id: str) -> Unanalysed | None:
-        """Returns why the latest analysis of a capture came to nothing."""
-        ...
-
-
 class _Made(NamedTuple):
     """An analysis in short."""
 
@@ -75,7 +63,7 @@ class CaptureAnalyses:
             for a disk.
     """
 
-    def __init__(self, analyses: AnalysisStore, jobs: Jobs, index: CaptureIndex) -> None:
+    def __init__(self, analyses: AnalysisStore, jobs: JobQueue, index: CaptureIndex) -> None:
         self.latest: dict[str, DeviceAnalysis] = {}
         self._analyses = analyses
         self._jobs = jobs

@@ -40,7 +40,7 @@ from grabberd.core.chain.columns import Column, Rows, Table
 from grabberd.errors import InputError
 from grabberd.files.checked_file import checked_file, checked_path, write_checked
 from grabberd.files.disk import storage_errors
-from grabberd_liner.analysis import Grid
+from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.chain.analysis.tables import AnalysisTables
 
 Array = NDArray[Any]
@@ -163,17 +163,24 @@ class _Analysis(NamedTuple):
     about: Mapping[str, Any]
 
 
-def check_formats(formats: Collection[str]) -> None:
+def check_formats(
+    formats: Collection[str], known: Collection[str] | None = None, subject: str = "an analysis"
+) -> None:
     """Checks that all formats can be written, before any work is done for them.
+
+    Args:
+        formats: Those that are asked for.
+        known: Those that there are; default: `ANALYSIS_FORMATS`.
+        subject: What is to be written.
 
     Raises:
         InputError: One is unknown.
         ExtraMissing: The library for one is not installed.
     """
-    if unknown := sorted(set(formats) - set(ANALYSIS_FORMATS)):
+    choice = known or ANALYSIS_FORMATS
+    if unknown := sorted(set(formats) - set(choice)):
         raise InputError(
-            f"an analysis cannot be written as {', '.join(unknown)}",
-            f"choose from {', '.join(ANALYSIS_FORMATS)}",
+            f"{subject} cannot be written as {', '.join(unknown)}", f"choose from {', '.join(choice)}"
         )
     for one in formats:
         if one in _CHECKS:
@@ -199,6 +206,25 @@ def write_analysis(
     check_formats(formats)
     analysis = _Analysis(tables, grid, about)
     return [path for one in ANALYSIS_FORMATS if one in formats for path in _WRITERS[one](folder, analysis)]
+
+
+def write_tables(
+    folder: Path, tables: Mapping[str, Table], about: Mapping[str, Any], formats: Collection[str]
+) -> list[Path]:
+    """Writes tables alone, such as a study's, into an existing folder; returns the files.
+
+    Args:
+        folder: Gets a file for each table and format.
+        tables: The tables.
+        about: Their origin, for the formats that have room for it.
+        formats: Any of `TABLE_FORMATS`.
+
+    Raises:
+        ExtraMissing: The library for one is not installed.
+        StorageError: A file cannot be written, or exists already.
+    """
+    written = write_csv(folder, tables) if "csv" in formats else []
+    return written + (write_parquet_files(folder, tables, about) if "parquet" in formats else [])
 
 
 def write_csv(folder: Path, tables: AnalysisTables) -> list[Path]:
@@ -323,5 +349,5 @@ _WRITERS: Mapping[str, Callable[[Path, _Analysis], list[Path]]] = {
     "ply": _ply,
     "mat": _mat,
 }
-ANALYSIS_FORMATS = tuple(_WRITERS)
+ANALYSIS_FORMATS, TABLE_FORMATS = tuple(_WRITERS), ("csv", "parquet")
 _CHECKS: Mapping[str, Callable[[], None]] = {"parquet": check_parquet, "hdf5": check_hdf5}

@@ -61,7 +61,7 @@ def _problems(setup: DeviceSetup, file: Path) -> Iterator[Problem]:
         return
     # Not at the head: the daemon reads inputs, but never analyses.
     from grabberd.core.reconstruction import ObjectModel  # noqa: PLC0415
-    from grabberd_liner.analysis import Grid  # noqa: PLC0415
+    from grabberd_liner.analysis.grid import Grid  # noqa: PLC0415
     from grabberd_liner.chain.analysis.inputs import read_inputs  # noqa: PLC0415
 
     try:

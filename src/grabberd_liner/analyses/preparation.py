@@ -43,7 +43,7 @@ def prepared(path: Path, job: AnalysisJob) -> AnalysisPreparation:
         read_origin,
         recorded_quantities,
     )
-    from grabberd_liner.analysis import Grid  # noqa: PLC0415
+    from grabberd_liner.analysis.grid import Grid  # noqa: PLC0415
     from grabberd_liner.chain.analysis.profile_inputs import Subject  # noqa: PLC0415
 
     about, model = read_origin(path, job.run_number)

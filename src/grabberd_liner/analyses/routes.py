@@ -1,16 +1,28 @@
-"""Analyses of a capture: run, list, and read their curves, maps, report and tables."""
+"""Analyses of a capture: run, list, and read their curves, maps, report and tables.
+
+With routers of their own: analyses of several captures, and the latest pulsation rate before a device.
+"""
 
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response, status
 from fastapi.responses import FileResponse
 
+from grabberd.archive.catalogue.capture_list import for_each
+from grabberd.documents.captures import BatchDocument, CaptureSelection
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.problems import Problem
 from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.server.api.readings import reads
-from grabberd.server.api.responses import IMMUTABLE, NOT_MODIFIED, IfNoneMatch, tagged
-from grabberd.server.api.routes.dependencies import PROBLEMS, REPORT_HEADERS, CaptureId, ServiceOf, accepted
+from grabberd.server.api.responses import IMMUTABLE, NOT_MODIFIED, IfNoneMatch, RenderedRoute, tagged
+from grabberd.server.api.routes.dependencies import (
+    PROBLEMS,
+    REPORT_HEADERS,
+    CaptureId,
+    DeviceName,
+    ServiceOf,
+    accepted,
+)
 from grabberd.server.daemon.service import Service
 from grabberd_liner.analyses.documents import (
     AnalysisDocument,
@@ -18,13 +30,24 @@ from grabberd_liner.analyses.documents import (
     AnalysisPreparation,
     AnalysisRequest,
     MapDocument,
+    PulsationDocument,
 )
 from grabberd_liner.analyses.job import AnalysisJob
 from grabberd_liner.analyses.preparation import prepare_in_process
-from grabberd_liner.analyses.store import DOCUMENT, RECORD, analysis_list, analysis_row, read_map, report_page
+from grabberd_liner.analyses.store import (
+    DOCUMENT,
+    RECORD,
+    analysis_list,
+    analysis_row,
+    pulsation_document,
+    read_map,
+    report_page,
+)
 from grabberd_liner.part import liner_of
 
 router = APIRouter(prefix="/captures", tags=["analyses"], responses=PROBLEMS, route_class=OnceRoute)
+batch_router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=OnceRoute)
+pulsation_router = APIRouter(prefix="/devices", tags=["devices"], route_class=RenderedRoute)
 
 AnalysisNumber = Annotated[int, Path(ge=1, le=2**53, description="Number of the analysis.")]
 TableName = Annotated[str, Path(pattern=r"^[a-z_]{1,40}$", description="Name of the table.")]
@@ -147,6 +170,27 @@ def get_analysis_table(
     mark = "-outdated-pressure" if row is not None and row.outdated_pressure else ""
     name = f"{capture_id}-analysis-{number}-{table}{mark}.csv"
     return FileResponse(path, media_type="text/csv", filename=name, headers={"Cache-Control": IMMUTABLE})
+
+
+@batch_router.post(
+    "/analysis",
+    status_code=status.HTTP_202_ACCEPTED,
+    dependencies=[TAKES_KEY],
+    summary="Analyse several captures",
+)
+def analyse_captures(selection: CaptureSelection, service: ServiceOf) -> BatchDocument:
+    """Queue an analysis of each of up to a hundred captures, with the inputs that the profiles of its labels
+    give.
+    """
+    wanted = AnalysisRequest(profiles=True)
+    return for_each(selection.captures, lambda one: queue_analysis(service, one, wanted).id)
+
+
+@pulsation_router.get("/{name}/pulsation", responses=PROBLEMS, summary="Get the latest pulsation rate")
+@reads
+def get_pulsation(name: DeviceName, service: ServiceOf) -> PulsationDocument:
+    """Pulsations per minute, from the analysis of the device's newest analysed capture."""
+    return pulsation_document(liner_of(service).analyses, service.instrument(name).name)
 
 
 def queue_analysis(service: Service, capture_id: str, new: AnalysisRequest) -> JobDocument:

@@ -15,13 +15,14 @@ from grabberd.core.chain.measure import MeasureSetup, single_view_images
 from grabberd.core.channels import Dating, Quantity
 from grabberd.core.geometry import Calibration, Rig
 from grabberd.core.ledger import Ledger
-from grabberd.core.reconstruction import ObjectModel, Points
+from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.document import JsonObject
 from grabberd.errors import InputError, NotReady
-from grabberd_liner.analysis import TimedPoints, read_vacuum_log
+from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.analysis.vacuum.vacuum import ChannelCurve
+from grabberd_liner.analysis.vacuum.vacuum_log import read_vacuum_log
 from grabberd_liner.chain.analysis.field_points import FieldPoints
-from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHANNEL
+from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHAMBERS, CHANNEL
 from grabberd_liner.chain.light_clock import FoundLight, find_light, logged_light
 
 _LONGEST_REASON = 200
@@ -75,7 +76,10 @@ def read_source(path: Path, run: int | None, single: bool) -> AnalysisSource:
             points_of = {n: points for n, (_, points) in timed.items()}
             for n, images in single_view_images(reader.received(), points_of, setup):
                 timed[n] = timed[n][0], replace(points_of[n], single=images)
-        fields = [_field(n, time_ns - first_ns, points) for n, (time_ns, points) in timed.items()]
+        fields = [
+            FieldPoints(n, TimedPoints((time_ns - first_ns) / 1e9, points))
+            for n, (time_ns, points) in timed.items()
+        ]
         calibration = info.made_with.get("calibration") if setup else None
         return AnalysisSource(fields, model, calibration, _origin(reader, info), problem)
 
@@ -213,10 +217,6 @@ def _reason(error: InputError) -> str:
     return shorten(error.message, _LONGEST_REASON, placeholder=" …")
 
 
-def _field(n: int, since_first_ns: int, points: Points) -> FieldPoints:
-    return FieldPoints(n, TimedPoints(since_first_ns / 1e9, points))
-
-
 def _origin(reader: CaptureReader, info: RunInfo) -> JsonObject:
     meta = reader.meta
     return {
@@ -246,7 +246,7 @@ def wanted_channels(inputs: Mapping[str, Any]) -> list[str]:
     vacuum = inputs.get("vacuum")
     if not isinstance(vacuum, Mapping):
         return []
-    return [name for name in ("pulsation", "liner") if vacuum.get(name) == CHANNEL]
+    return [name for name in CHAMBERS if vacuum.get(name) == CHANNEL]
 
 
 def recorded_quantities(path: Path) -> frozenset[str]:

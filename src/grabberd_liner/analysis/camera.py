@@ -12,12 +12,10 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.geometry import Calibration, LocalField, View, project, rays, rotation_angles
 from grabberd_liner.analysis.surface.surface import Mesh, Surface
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Indices, Mask
 
 _STEPS = 4
 """A local field changes by far less than a tenth of a pixel per pixel: each step gains at least one digit."""
@@ -243,9 +241,7 @@ def nearest(mesh: Mesh, camera: Camera, raster: Raster) -> Seen:
     return Seen(*picture.T.reshape(3, *raster.shape))
 
 
-def _candidates(
-    place: Array, shape: tuple[int, int]
-) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+def _candidates(place: Array, shape: tuple[int, int]) -> tuple[Indices, Indices, Indices]:
     """Triangle, column and row of every pixel in the bounding boxes of triangles (K, 3, 2)."""
     limit = np.array([shape[1], shape[0]])
     low = np.clip(np.ceil(place.min(axis=1)), 0, limit).astype(np.intp)
@@ -257,7 +253,7 @@ def _candidates(
     return owner, low[owner, 0] + inner % size[owner, 0], low[owner, 1] + inner // size[owner, 0]
 
 
-def _barycentric(corner: Array, column: NDArray[np.intp], row: NDArray[np.intp]) -> Array:
+def _barycentric(corner: Array, column: Indices, row: Indices) -> Array:
     """(N, 3) weights of the corners (N, 3, 2) at pixels; a triangle seen edge on contains none."""
     along, across = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
     x, y = column - corner[:, 0, 0], row - corner[:, 0, 1]
@@ -276,7 +272,7 @@ def _meet(surface: Surface, mesh: Mesh, center: Array, directions: Array, u_mm: 
     for _ in range(_MOST_STEPS):
         jets = mesh.tangents(u, v)
         excess = np.einsum("nka,na->nk", across, jets[:, 0] - center)
-        settled: NDArray[np.bool_] = np.abs(excess).max(axis=1) < SETTLED_MM
+        settled: Mask = np.abs(excess).max(axis=1) < SETTLED_MM
         if settled.all():
             break
         slopes = np.einsum("nka,nja->nkj", across, jets[:, 1:3])

@@ -10,7 +10,6 @@ import numpy as np
 from scipy.special import chdtrc
 
 from grabberd_liner.analysis.mixed_model import (
-    Array,
     Contrast,
     Fit,
     Levels,
@@ -20,6 +19,7 @@ from grabberd_liner.analysis.mixed_model import (
     identifiable,
     levels_of,
 )
+from grabberd_liner.arrays import Array
 
 
 class ScatterCheck(NamedTuple):
@@ -162,14 +162,10 @@ class Line(NamedTuple):
     Attributes:
         offset: the quantity at x = 0.
         slope: its change with x, per unit of x.
-        residual_sigma: standard deviation of the replicates about the line; NaN if there are only two.
-        check: scatter of the captures about the line against their own σ.
     """
 
     offset: Contrast
     slope: Contrast
-    residual_sigma: float
-    check: ScatterCheck
 
 
 class Trend(NamedTuple):
@@ -178,40 +174,27 @@ class Trend(NamedTuple):
     Attributes:
         common: slope that all groups share.
         slopes: slope of each group; None for a group whose x are all the same.
-        replicates: how many independent values there are.
-        residual_sigma: standard deviation of the replicates about the lines with slopes of their own.
-        check: scatter of the captures about those lines against their own σ.
     """
 
     common: Contrast
     slopes: tuple[Contrast | None, ...]
-    replicates: int
-    residual_sigma: float
-    check: ScatterCheck
 
 
-def straight_line(observed: Observations, x: Array, unit: Levels | None = None) -> Line:
+def straight_line(observed: Observations, x: Array) -> Line:
     """A straight line through N observations.
 
     Args:
         observed: N values.
         x: (N,) where; at least two different ones.
-        unit: (N,) what is observed at several x and keeps a departure of its own; default: none.
 
     Raises:
         ValueError: all x are the same.
     """
-    means, at, effects, _ = _replicates(observed, x, np.zeros(len(x), np.int64), unit, None)
+    means, at, effects, _ = _replicates(observed, x, np.zeros(len(x), np.int64), None, None)
     scale = _scale(at)
     design = np.column_stack([np.ones_like(at), at / scale])
     fitted = _fit(means, design, effects)
-    check = scatter_check(observed, np.column_stack([np.ones_like(x), x]), [] if unit is None else [unit])
-    return Line(
-        fitted.contrast(np.array([1.0, 0.0])),
-        fitted.contrast(np.array([0.0, 1.0 / scale])),
-        _residual(fitted),
-        check,
-    )
+    return Line(fitted.contrast(np.array([1.0, 0.0])), fitted.contrast(np.array([0.0, 1.0 / scale])))
 
 
 def trend(
@@ -245,18 +228,12 @@ def trend(
     each = _fit(means, np.column_stack([inside, (inside * centred[:, None])[:, has_slope]]), effects)
     places = iter(np.eye(count + sum(has_slope))[count:] / scale)
     slopes = tuple(each.contrast(next(places)) if one else None for one in has_slope)
-    own_lines = np.column_stack([*_indicators(group, count), *(_indicators(group, count) * x)])
-    check = scatter_check(observed, own_lines, [one for one in (unit, block) if one is not None])
-    return Trend(common.contrast(np.eye(count + 1)[count] / scale), slopes, len(at), _residual(each), check)
+    return Trend(common.contrast(np.eye(count + 1)[count] / scale), slopes)
 
 
 def _scale(x: Array) -> float:
     """Size of x, by which it is divided: milkings and days are far from the indicators of groups."""
     return float(np.abs(x).max()) or 1.0
-
-
-def _indicators(group: Levels, count: int) -> Array:
-    return np.asarray((group[None, :] == np.arange(count)[:, None]) * 1.0)
 
 
 def _replicates(
@@ -275,7 +252,3 @@ def _replicates(
 
 def _fit(observed: Observations, design: Array, effects: list[Levels]) -> Fit:
     return fit(observed, design, [effects[number] for number in identifiable(design, effects)])
-
-
-def _residual(fitted: Fit) -> float:
-    return float(np.sqrt(fitted.variances[0])) if len(fitted.variances) else np.nan

@@ -5,7 +5,8 @@ source, and what was found of them.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from grabberd_liner.arrays import Array
 
 
 class Estimate(NamedTuple):
@@ -16,8 +17,13 @@ class Estimate(NamedTuple):
         sigma: (same shape) one standard deviation, in the same unit; NaN where the value is NaN.
     """
 
-    value: NDArray[np.float64]
-    sigma: NDArray[np.float64]
+    value: Array
+    sigma: Array
+
+    @classmethod
+    def of(cls, value: float, sigma: float) -> "Estimate":
+        """A single value."""
+        return cls(np.asarray(value, np.float64), np.asarray(sigma, np.float64))
 
 
 class Joint(NamedTuple):
@@ -28,15 +34,15 @@ class Joint(NamedTuple):
         covariance: (N, N) in the square of that unit.
     """
 
-    value: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    value: Array
+    covariance: Array
 
     @property
     def estimate(self) -> Estimate:
         """(N,) the values one by one."""
         return Estimate(self.value, np.sqrt(np.diagonal(self.covariance)))
 
-    def summed(self, weights: NDArray[np.float64]) -> Estimate:
+    def summed(self, weights: Array) -> Estimate:
         """Sums of the values with weights (…, N), with the σ of each sum."""
         variance = ((weights @ self.covariance) * weights).sum(axis=-1)
         return Estimate(weights @ self.value, np.sqrt(np.maximum(variance, 0.0)))
@@ -98,4 +104,4 @@ class Finding(NamedTuple):
     @property
     def estimate(self) -> Estimate:
         """Value with σ; NaN if nothing was found."""
-        return Estimate(np.asarray(self.value), np.asarray(self.sigma))
+        return Estimate.of(self.value, self.sigma)

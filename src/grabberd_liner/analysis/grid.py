@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.surface.jets import ORDERS, Jets, index
+from grabberd_liner.arrays import Array, Indices
 
 # Curvature needs three points in each direction.
 _LEAST = 3
@@ -37,13 +38,13 @@ class Grid:
     target: NDArray[np.int32]
     row: NDArray[np.int32]
     column: NDArray[np.int32]
-    nominal_mm: NDArray[np.float64]
-    u_mm: NDArray[np.float64]
-    v_mm: NDArray[np.float64]
+    nominal_mm: Array
+    u_mm: Array
+    v_mm: Array
     u_pitch_mm: float
     v_pitch_mm: float
     outward: float
-    triangles: NDArray[np.intp]
+    triangles: Indices
     homologous: bool = True
 
     def __len__(self) -> int:
@@ -81,7 +82,7 @@ class Grid:
             homologous=model.homologous,
         )
 
-    def indices(self, target: NDArray[np.int32]) -> NDArray[np.intp]:
+    def indices(self, target: NDArray[np.int32]) -> Indices:
         """(M,) indices of these ids in the grid.
 
         Raises:
@@ -97,7 +98,7 @@ class Grid:
             )
         return index
 
-    def pairs(self) -> NDArray[np.intp]:
+    def pairs(self) -> Indices:
         """(K, 2) indices of the targets next to each other along a row or a column, each pair once."""
         place = _place(self.row, self.column)
         along = np.stack([place[:-1, :-1], place[1:, :-1]], axis=-1).reshape(-1, 2)
@@ -105,7 +106,7 @@ class Grid:
         pairs = np.concatenate([along, across])
         return pairs[(pairs >= 0).all(axis=1)]
 
-    def adjoining_triangles(self) -> NDArray[np.intp]:
+    def adjoining_triangles(self) -> Indices:
         """(K, 2) indices of the triangles that share an edge."""
         edges = np.sort(self.triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
         owner = np.repeat(np.arange(len(self.triangles)), 3)
@@ -124,7 +125,7 @@ def _check_size(model: ObjectModel, row: NDArray[np.int32], column: NDArray[np.i
         )
 
 
-def _pitch(xyz: NDArray[np.float64], along: NDArray[np.int32], across: NDArray[np.int32]) -> float:
+def _pitch(xyz: Array, along: NDArray[np.int32], across: NDArray[np.int32]) -> float:
     """Mean distance of targets that differ by one in `along` alone; 1 mm where there are none."""
     order = np.lexsort((along, across))
     first, second = order[:-1], order[1:]
@@ -133,28 +134,28 @@ def _pitch(xyz: NDArray[np.float64], along: NDArray[np.int32], across: NDArray[n
     return float(steps.mean()) if len(steps) else 1.0
 
 
-def _place(row: NDArray[np.int32], column: NDArray[np.int32]) -> NDArray[np.intp]:
+def _place(row: NDArray[np.int32], column: NDArray[np.int32]) -> Indices:
     """(rows + 1, columns + 1) index of the target at each grid place, −1 where there is none."""
     place = np.full((row.max() + 2, column.max() + 2), -1, np.intp)
     place[row, column] = np.arange(len(row))
     return place
 
 
-def _cells(row: NDArray[np.int32], column: NDArray[np.int32]) -> NDArray[np.intp]:
+def _cells(row: NDArray[np.int32], column: NDArray[np.int32]) -> Indices:
     """(K, 4) indices of four neighbours: (r, c), (r + 1, c), (r + 1, c + 1), (r, c + 1)."""
     place = _place(row, column)
     cells = np.stack([place[:-1, :-1], place[1:, :-1], place[1:, 1:], place[:-1, 1:]], axis=-1).reshape(-1, 4)
     return cells[(cells >= 0).all(axis=1)]
 
 
-def _outward(xyz: NDArray[np.float64], cells: NDArray[np.intp]) -> float:
+def _outward(xyz: Array, cells: Indices) -> float:
     """The sign of the mean normal's z."""
     corner = xyz[cells]
     normal = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1]).sum(axis=0)
     return 1.0 if normal[2] >= 0 else -1.0
 
 
-def _triangles(cells: NDArray[np.intp], outward: float) -> NDArray[np.intp]:
+def _triangles(cells: Indices, outward: float) -> Indices:
     triangles = np.concatenate([cells[:, [0, 1, 2]], cells[:, [0, 2, 3]]])
     triangles = triangles[np.lexsort((triangles[:, 2], triangles[:, 1], triangles[:, 0]))]
     return triangles if outward > 0 else triangles[:, [0, 2, 1]]
@@ -178,15 +179,15 @@ class NominalShape:
         turn_per_mm: angle per mm of v; `start`: angle at v = 0.
     """
 
-    origin_mm: NDArray[np.float64]
-    along: NDArray[np.float64]
-    up: NDArray[np.float64]
-    side: NDArray[np.float64]
+    origin_mm: Array
+    along: Array
+    up: Array
+    side: Array
     radius_mm: float
     turn_per_mm: float
     start: float
 
-    def jets(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> Jets:
+    def jets(self, u_mm: Array, v_mm: Array) -> Jets:
         """(N, 15, 3)."""
         jets = np.zeros((len(u_mm), len(ORDERS), 3))
         jets[:, 0] = self.origin_mm + np.multiply.outer(u_mm, self.along)
@@ -221,7 +222,7 @@ class NominalShape:
         return shape if near else cls.none()
 
 
-def _axes(grid: Grid) -> NDArray[np.float64]:
+def _axes(grid: Grid) -> Array:
     """(3, 3) rows: along the grid's rows, up (away from the middle of the arc's ends), side."""
     design = np.column_stack([np.ones(len(grid)), grid.u_mm, grid.v_mm, grid.v_mm**2])
     _, along, across, bend = np.linalg.lstsq(design, grid.nominal_mm, rcond=None)[0]
@@ -232,7 +233,7 @@ def _axes(grid: Grid) -> NDArray[np.float64]:
     return np.stack([along, np.cross(side, along), side])
 
 
-def _circle(places: NDArray[np.float64]) -> tuple[NDArray[np.float64], float] | None:
+def _circle(places: Array) -> tuple[Array, float] | None:
     """Centre and radius of the circle through (N, 2) positions; None if they are practically straight."""
     design = np.column_stack([2 * places, np.ones(len(places))])
     solution, _, rank, _ = np.linalg.lstsq(design, (places**2).sum(axis=1), rcond=1e-9)
@@ -242,7 +243,7 @@ def _circle(places: NDArray[np.float64]) -> tuple[NDArray[np.float64], float] | 
     return solution[:2], float(np.sqrt(square))
 
 
-def _turn(grid: Grid, spokes: NDArray[np.float64]) -> tuple[float, float]:
+def _turn(grid: Grid, spokes: Array) -> tuple[float, float]:
     """Angle per mm of v, and angle at v = 0, of positions (N, 2) round their centre."""
     angle = np.arctan2(spokes[:, 1], spokes[:, 0])
     chord = min(grid.v_pitch_mm / (2 * np.linalg.norm(spokes, axis=1).mean()), 1.0)
@@ -252,7 +253,7 @@ def _turn(grid: Grid, spokes: NDArray[np.float64]) -> tuple[float, float]:
     return float(turns[best]), float(np.angle(pointers[best]))
 
 
-def _adjusted(grid: Grid, frame: NDArray[np.float64], unknowns: NDArray[np.float64]) -> NominalShape:
+def _adjusted(grid: Grid, frame: Array, unknowns: Array) -> NominalShape:
     """Gauss–Newton adjustment of centre, radius, turn and start; the axis is fitted to all rows."""
     middle = grid.nominal_mm.mean(axis=0)
     section = (grid.nominal_mm - middle) @ frame.T

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.special import stdtr, stdtrit
 
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Mask
+
 Levels = NDArray[np.int64]
 
 
@@ -35,7 +36,7 @@ class Observations(NamedTuple):
     shared: Array
     unsplit: Array
 
-    def taken(self, rows: NDArray[np.bool_] | Levels) -> "Observations":
+    def taken(self, rows: Mask | Levels) -> "Observations":
         """Some of them."""
         return Observations(*(part[rows] for part in self))
 

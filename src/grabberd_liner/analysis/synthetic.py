@@ -9,15 +9,13 @@ source view. Errors of model, surface and calibration shift one picture against 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.field import PROGRESSIVE, Field
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.camera import Camera, Hits, Raster, cast, nearest
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.surface.surface import Mesh, Surface
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Indices, Mask
 
 _HIDDEN_MM = 1.0
 """A point is hidden from a camera if the mesh in the nearest pixel is nearer by more than this."""
@@ -38,7 +36,7 @@ class SyntheticView(NamedTuple):
     hits: Hits
 
     @property
-    def filled(self) -> NDArray[np.bool_]:
+    def filled(self) -> Mask:
         """(lines, columns) True for pixels that are not empty."""
         return np.isfinite(self.grey)
 
@@ -78,9 +76,7 @@ def grey_at(field: Field, xy_px: Array) -> Array:
     return np.where(inside, (1 - part_y) * upper + part_y * lower, np.nan)
 
 
-def _shown(
-    xyz_mm: Array, normal: Array, places: Array, source: Camera, field: Field, mesh: Mesh
-) -> NDArray[np.bool_]:
+def _shown(xyz_mm: Array, normal: Array, places: Array, source: Camera, field: Field, mesh: Mesh) -> Mask:
     """(N,) True for points that the source's picture shows: in its half, facing it, and not hidden."""
     toward = source.view.center_mm - xyz_mm
     line = (places[:, 1] - field.y0) / field.y_step
@@ -123,7 +119,7 @@ class Agreement(NamedTuple):
     pixels: int
     rms_grey: float
     correlation: float
-    places: NDArray[np.intp]
+    places: Indices
     shift_px: Estimate
     mean_px: Estimate
 
@@ -167,11 +163,11 @@ class _Matching(NamedTuple):
     noise is less between pixels than on them, matches would be drawn to half pixels.
     """
 
-    column: NDArray[np.intp]
-    row: NDArray[np.intp]
+    column: Indices
+    row: Indices
     grey: Array
     slope: Array
-    label: NDArray[np.intp]
+    label: Indices
     labels: int
 
     @classmethod
@@ -189,7 +185,7 @@ class _Matching(NamedTuple):
         grey = synthetic.grey.ravel()[own]
         return cls(column, row, grey, slope[own], label, domain.rows * domain.columns)
 
-    def solve(self, field: Field) -> tuple[Array, Array, NDArray[np.bool_]]:
+    def solve(self, field: Field) -> tuple[Array, Array, Mask]:
         """(labels, 2) shifts in frame pixels and their σ, and which were found."""
         spline, shift, enough = _spline(field), np.zeros((self.labels, 2)), self._contrasty()
         design = np.stack([-self.slope[:, 0], -self.slope[:, 1], np.ones_like(self.grey), self.grey])
@@ -204,7 +200,7 @@ class _Matching(NamedTuple):
         near = (np.abs(shift) < _FARTHEST_PX) & (np.abs(step) < _STILL_PX) & np.isfinite(sigma)
         return shift, sigma, enough & near.all(axis=1)
 
-    def _contrasty(self) -> NDArray[np.bool_]:
+    def _contrasty(self) -> Mask:
         count = np.bincount(self.label, minlength=self.labels)
         mean, square = (self._sum(values) / np.maximum(count, 1) for values in (self.grey, self.grey**2))
         return (count >= _LEAST_PIXELS) & (square - mean**2 > _LEAST_CONTRAST**2)

@@ -16,8 +16,7 @@ from grabberd_liner.analysis.vacuum.light_clock import (
     relate_clocks,
 )
 from grabberd_liner.analysis.vacuum.vacuum import ChannelCurve
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array
 
 MOST_FIELDS = 3000
 """Fields that are looked at, those of a minute at 50 a second and of 25 s at 120: they give the offset to a

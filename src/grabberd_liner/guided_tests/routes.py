@@ -18,7 +18,7 @@ from grabberd.server.api.routes.dependencies import (
     accepted,
     page_of,
 )
-from grabberd_liner.chain.guided_tests.recipes import RECIPES, Recipe
+from grabberd_liner.chain.guided_tests.recipes import RECIPES
 from grabberd_liner.guided_tests.documents import (
     LinerTestDocument,
     LinerTestKind,
@@ -27,7 +27,6 @@ from grabberd_liner.guided_tests.documents import (
     LinerTestRow,
     RecipeDocument,
     RecipeList,
-    RecipeStep,
 )
 from grabberd_liner.guided_tests.store import DOCUMENT, PAGE
 from grabberd_liner.part import liner_of
@@ -73,7 +72,9 @@ def make_test(
 @router.get("/recipes", summary="List the recipes of guided tests")
 def list_recipes() -> RecipeList:
     """The available guided tests: what to do for each, and how its captures are made."""
-    return RecipeList(recipes=[_recipe(one) for one in RECIPES.values()])
+    return RecipeList(
+        recipes=[RecipeDocument.model_validate(one, from_attributes=True) for one in RECIPES.values()]
+    )
 
 
 @router.get(
@@ -85,10 +86,9 @@ def list_recipes() -> RecipeList:
 @reads
 def get_test(test_id: TestId, service: ServiceOf, if_none_match: IfNoneMatch = None) -> Response:
     """The checks of a test with their reasons, its quantities, and its offer to the liner's profile."""
-    liner_of(service).liner_tests.store.document(
-        test_id
-    )  # 507 for a damaged one, in place of what is no document
-    content = liner_of(service).liner_tests.store.file(test_id, DOCUMENT).read_bytes()
+    store = liner_of(service).liner_tests.store
+    store.document(test_id)  # 507 for a damaged one, in place of what is no document
+    content = store.file(test_id, DOCUMENT).read_bytes()
     return tagged(content, "application/json", if_none_match, IMMUTABLE)
 
 
@@ -111,21 +111,6 @@ def accept_offer(test_id: TestId, service: ServiceOf) -> ProfileDocument:
     or the profile has been changed since the test; repeated, it answers with the version stored.
     """
     return liner_of(service).liner_tests.accept(test_id)
-
-
-def _recipe(recipe: Recipe) -> RecipeDocument:
-    return RecipeDocument.model_validate(
-        {
-            "kind": recipe.kind,
-            "title": recipe.title,
-            "duration_s": recipe.duration_s,
-            "bits": recipe.bits,
-            "several": recipe.several,
-            "pulsates": recipe.pulsates,
-            "teat": recipe.teat,
-            "steps": [RecipeStep(name=step.name, text=step.text) for step in recipe.steps],
-        }
-    )
 
 
 def _by_number(test: LinerTestRow) -> tuple[str, str]:

@@ -13,6 +13,7 @@ from grabberd.clock import SystemClock, iso_utc
 from grabberd.core.geometry.document_reader import finite
 from grabberd.documents.document import JsonObject
 from grabberd.errors import GrabberdError, InputError
+from grabberd.files.checked_file import write_text
 from grabberd.work.job_spec import Progress, portion
 from grabberd_liner.analyses.job import (
     AnalysisOptions,
@@ -20,11 +21,11 @@ from grabberd_liner.analyses.job import (
     analyse_file,
     drawn,
     write_stored,
-    write_text,
 )
 from grabberd_liner.analyses.source import capture_origin, recorded_quantities
 from grabberd_liner.analyses.store import AnalysisStore
 from grabberd_liner.analysis.estimate import Finding
+from grabberd_liner.chain.analysis.inputs import CHAMBERS
 from grabberd_liner.chain.analysis.profile_inputs import Profile
 from grabberd_liner.chain.guided_tests.evaluate import evaluate
 from grabberd_liner.chain.guided_tests.outcome import Check, Curve, Evidence, Offer, Outcome, worst
@@ -140,7 +141,6 @@ def _offer(offer: Offer, one: Evidence) -> ProfileOffer:
     )
 
 
-_CHAMBERS = ("pulsation", "liner")
 _REFERENCE = "reference"
 
 
@@ -303,7 +303,7 @@ def _inputs(
         stated["reference"] = {"capture": reference.id}
     given = inputs.get("vacuum") or {}
     recorded = recorded_quantities(one.path)
-    channels = {name: "channel" for name in _CHAMBERS if name in recorded and "log" not in given}
+    channels = {name: "channel" for name in CHAMBERS if name in recorded and "log" not in given}
     of_recipe = {} if "log" in given else stated.pop("vacuum", {})
     vacuum = {**of_recipe, **channels, **given}
     said = f"the recipe {recipe.kind}"

@@ -1,7 +1,7 @@
 """Profiles as the commands reach them: in a state directory, or through a daemon."""
 
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 from urllib.parse import quote
 
 from grabberd.cli.options import load
@@ -14,30 +14,6 @@ PROFILES = "/api/v1/profiles"
 _PAGE = 500
 _CHECKED_WITHIN_S = 120.0
 """Time for an answer: a busy daemon starts a process that checks a profile, and fields come first."""
-
-
-class ProfileAccess(Protocol):
-    """Access to profiles, whose documents are those of the API."""
-
-    def rows(self, kind: str | None, retired: bool) -> list[JsonObject]:
-        """The newest version of each profile."""
-        ...
-
-    def get(self, kind: str, name: str, version: int | None) -> JsonObject:
-        """A version of a profile, the newest by default."""
-        ...
-
-    def versions(self, kind: str, name: str) -> list[JsonObject]:
-        """All versions of a profile, the newest first."""
-        ...
-
-    def put(self, document: JsonObject) -> tuple[JsonObject, bool]:
-        """Stores a profile's next version; returns the newest one, and whether it is new."""
-        ...
-
-    def retire(self, kind: str, name: str) -> JsonObject:
-        """Takes a profile out of use."""
-        ...
 
 
 class LocalProfiles:
@@ -111,6 +87,10 @@ class DaemonProfiles:
 
     def _asked(self, path: str, method: str = "GET", body: object = None) -> JsonObject:
         return self._daemon.ask(path, method, body, _CHECKED_WITHIN_S)
+
+
+ProfileAccess = LocalProfiles | DaemonProfiles
+"""Access to profiles, whose documents are those of the API."""
 
 
 def profile_access(config: Path | None, url: str | None, token_file: Path | None) -> ProfileAccess:

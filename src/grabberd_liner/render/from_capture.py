@@ -20,7 +20,7 @@ from grabberd.core.chain.measure import MeasureSetup
 from grabberd.core.field import Field, unpack
 from grabberd.core.reconstruction import Points
 from grabberd.errors import InputError, NotFound, NotReady
-from grabberd_liner.analysis import Agreement
+from grabberd_liner.analysis.synthetic import Agreement
 from grabberd_liner.render import synthetic_view
 from grabberd_liner.render.model_pictures import Gallery, Modelling
 from grabberd_liner.render.wire_model import SIDES, Look

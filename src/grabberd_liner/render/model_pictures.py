@@ -9,21 +9,13 @@ from numpy.typing import NDArray
 
 from grabberd.core.reconstruction import ObjectModel, Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import (
-    Grid,
-    Mesh,
-    Smoothing,
-    Surface,
-    choose_smoothing,
-    curvature_per_m,
-    fit_surface,
-    middles,
-    outer_forms,
-    outer_strain,
-)
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.surface.fitting import choose_smoothing, fit_surface
+from grabberd_liner.analysis.surface.smoothing import Smoothing
+from grabberd_liner.analysis.surface.surface import Mesh, Surface, middles
+from grabberd_liner.analysis.wall.strain import curvature_per_m, outer_forms, outer_strain
+from grabberd_liner.arrays import Array
 from grabberd_liner.render.wire_model import Box, Look, Painted, Scale, wire_model
-
-Array = NDArray[np.float64]
 
 _SPREAD = 12
 """Number of evenly spread fields from which box and colours are chosen."""
@@ -45,11 +37,11 @@ class Quantity(NamedTuple):
 
 
 def _curvature(stage: Stage) -> Array:
-    return curvature_per_m(outer_forms(stage.mesh.jets, stage.surface.outward)).values[..., 0]
+    return curvature_per_m(outer_forms(stage.mesh.jets, stage.surface.outward))[..., 0]
 
 
 def _strain(stage: Stage) -> Array:
-    stretch: Array = outer_strain(stage.mesh.jets, stage.reference.jets).stretch.values[..., 0] - 1
+    stretch: Array = outer_strain(stage.mesh.jets, stage.reference.jets).stretch[..., 0] - 1
     return 100 * stretch
 
 

@@ -8,16 +8,10 @@ from numpy.typing import NDArray
 from grabberd.core.field import Field, double_lines
 from grabberd.core.geometry import Calibration
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import (
-    Agreement,
-    Camera,
-    Mesh,
-    Raster,
-    Surface,
-    SyntheticView,
-    agreement,
-    synthetic_view,
-)
+from grabberd_liner.analysis.camera import Camera, Raster
+from grabberd_liner.analysis.surface.surface import Mesh, Surface
+from grabberd_liner.analysis.synthetic import Agreement, SyntheticView, agreement, synthetic_view
+from grabberd_liner.arrays import Array
 
 Picture = NDArray[np.uint8]
 
@@ -95,7 +89,7 @@ def free_view(
     return left._replace(grey=np.where(left.filled, left.grey, right.grey))
 
 
-def frame_of(pair: SyntheticPair, calibration: Calibration) -> NDArray[np.float64]:
+def frame_of(pair: SyntheticPair, calibration: Calibration) -> Array:
     """(lines, columns) both synthetic views at their positions in the frame; NaN where they are empty."""
     frame = np.full((calibration.lines, calibration.columns), np.nan)
     for view in (pair.left, pair.right):
@@ -103,14 +97,14 @@ def frame_of(pair: SyntheticPair, calibration: Calibration) -> NDArray[np.float6
     return frame
 
 
-def see_through(grey: NDArray[np.float64]) -> Picture:
+def see_through(grey: Array) -> Picture:
     """(lines, columns, 4) uint8: blue, green, red, and alpha, 0 where the view is empty."""
     filled = np.isfinite(grey)
     luma = _rounded(grey)
     return np.dstack([luma, luma, luma, np.where(filled, 255, 0).astype(np.uint8)])
 
 
-def laid_over(grey: NDArray[np.float64], field: Field) -> Picture:
+def laid_over(grey: Array, field: Field) -> Picture:
     """(lines, columns, 3) uint8: the camera's picture in red, the model's in cyan: grey where they agree.
 
     Where the model's is empty, the camera's stays as it is, darker.
@@ -121,10 +115,10 @@ def laid_over(grey: NDArray[np.float64], field: Field) -> Picture:
     return np.dstack([model, model, np.where(filled, camera, plain)])
 
 
-def difference(grey: NDArray[np.float64], field: Field) -> Picture:
+def difference(grey: Array, field: Field) -> Picture:
     """(lines, columns) uint8: 128 + half of camera minus model; 128 where the model's is empty."""
     return _rounded(_HALF_GREY + (double_lines(field).luma - grey) / 2, _HALF_GREY)
 
 
-def _rounded(grey: NDArray[np.float64], empty: int = 0) -> Picture:
+def _rounded(grey: Array, empty: int = 0) -> Picture:
     return np.clip(np.round(np.nan_to_num(grey, nan=empty)), 0, 255).astype(np.uint8)

@@ -10,9 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd_liner.analysis import PER_PITCH, Mesh, viewing_axes
+from grabberd_liner.analysis.camera import viewing_axes
+from grabberd_liner.analysis.surface.surface import PER_PITCH, Mesh
+from grabberd_liner.arrays import Array, Indices, Mask
 
-Array = NDArray[np.float64]
 Colour = tuple[float, float, float]
 """Blue, green, red, 0 to 255."""
 
@@ -38,10 +39,10 @@ class Canvas:
         """Fills a convex polygon, (K, 2) corners."""
         cv2.fillConvexPoly(self._picture, _fixed(corners), colour, cv2.LINE_8, _SHIFT)
 
-    def lines(self, corners: Array, colour: Colour, width: int = 1) -> None:
+    def lines(self, corners: Array, colour: Colour) -> None:
         """Draws a polyline through (K, 2) positions."""
         cv2.polylines(
-            self._picture, [_fixed(corners)], isClosed=False, color=colour, thickness=width * _LARGER,
+            self._picture, [_fixed(corners)], isClosed=False, color=colour, thickness=_LARGER,
             lineType=cv2.LINE_8, shift=_SHIFT,
         )  # fmt: skip
 
@@ -342,7 +343,7 @@ def _draw_facets(
             canvas.lines(corner[[first, (first + 1) % 4]], WIRE)
 
 
-def _on_grid(line: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _on_grid(line: Indices) -> Mask:
     """Mask of the mesh lines that pass through targets."""
     return (line - PER_PITCH // 2) % PER_PITCH == 0
 

@@ -4,11 +4,9 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.reports.notation import DASH, fixed, measured
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array
 
 
 class Spread(NamedTuple):

@@ -79,12 +79,12 @@ def study(  # noqa: PLR0913, PLR0917 - options of a command
     Example: grabberd study liner=A --over milkings --url http://barn.local:8050 --token-file token --out wear
     """
     from grabberd.files.disk import results_folder  # noqa: PLC0415
+    from grabberd_liner.analyses.export import TABLE_FORMATS, check_formats  # noqa: PLC0415
     from grabberd_liner.chain.study.study import StudyQuestion  # noqa: PLC0415
-    from grabberd_liner.studies.export import check_study_formats  # noqa: PLC0415
     from grabberd_liner.studies.selection import Selection  # noqa: PLC0415
 
     wanted = _names(formats)
-    check_study_formats(wanted)
+    check_formats(wanted, TABLE_FORMATS, "a study")
     selection = Selection.of(select or [])
     question = StudyQuestion(by, within, unit, over, tuple(_names(quantities or "")))
     with results_folder(out):
@@ -129,10 +129,10 @@ def _written(
     """Make the study and write its files; return its document with them."""
     from grabberd import __version__  # noqa: PLC0415
     from grabberd.clock import SystemClock, iso_utc  # noqa: PLC0415
+    from grabberd_liner.analyses.export import write_tables  # noqa: PLC0415
     from grabberd_liner.chain.study.study import make_study  # noqa: PLC0415
     from grabberd_liner.chain.study.study_document import study_document  # noqa: PLC0415
     from grabberd_liner.chain.study.tables import tables  # noqa: PLC0415
-    from grabberd_liner.studies.export import write_study  # noqa: PLC0415
 
     with progress_bar("comparing") as progress:
         made = make_study(question, captures, left_out, progress)
@@ -141,29 +141,21 @@ def _written(
     document = study_document(made, all_tables, about)
     with progress_bar("writing"):
         report = _report(out, document)
-        return document, write_study(out, all_tables, about, formats) + report
+        return document, write_tables(out, all_tables, about, formats) + report
 
 
 def _report(out: Path, document: Mapping[str, Any]) -> list[Path]:
     """Write the document and, if it can be drawn, the page."""
+    from grabberd.files.checked_file import write_text  # noqa: PLC0415
     from grabberd.reports import document_json  # noqa: PLC0415
     from grabberd_liner.studies.report import study_html  # noqa: PLC0415
 
-    written = [_write(out / DOCUMENT, document_json(document))]
+    written = [write_text(out / DOCUMENT, document_json(document))]
     try:
-        return [*written, _write(out / PAGE, study_html(document))]
+        return [*written, write_text(out / PAGE, study_html(document))]
     except ExtraMissing as error:
         warn([f"{error.message}; {error.hint}"])
         return written
-
-
-def _write(path: Path, text: str) -> Path:
-    from grabberd.files.checked_file import (  # noqa: PLC0415
-        text_check,
-        write_checked,
-    )
-
-    return write_checked(path, [text.encode()], text_check(text))
 
 
 def _show(document: Mapping[str, Any]) -> None:

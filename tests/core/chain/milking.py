@@ -8,7 +8,8 @@ from grabberd.core.reconstruction import ObjectModel, Points
 from grabberd_fake import FakeOptions, truth_of_wall
 from grabberd_fake.ellipse_liner import EllipseLiner
 from grabberd_fake.vacuum import vacuum_log
-from grabberd_liner.analysis import Grid, TimedPoints
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.chain.analysis.analyse import analyse
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.inputs import read_inputs

@@ -2,7 +2,7 @@
 
 from functools import cache
 
-from grabberd_liner.analysis import TimedPoints
+from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.chain.analysis.analyse import analyse
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.inputs import read_inputs

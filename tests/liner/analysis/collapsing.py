@@ -6,7 +6,7 @@ import numpy as np
 
 from grabberd.core.reconstruction import ObjectModel, Points
 from grabberd_fake import ellipse_liner
-from grabberd_liner.analysis import Grid
+from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.surface.jets import ORDERS
 
 ROWS, COLUMNS, PITCH_MM = 18, 6, 6.5

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from grabberd_liner.analysis import Smoothing, Surface
-from grabberd_liner.analysis.surface.smoothing import Domain, modes
+from grabberd_liner.analysis.surface.smoothing import Domain, Smoothing, modes
+from grabberd_liner.analysis.surface.surface import Surface
 
 PITCH_MM = 6.5
 SMOOTHING = Smoothing(45.0, 10.0, (0.1, 2.0, 1.5))

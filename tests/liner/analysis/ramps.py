@@ -3,7 +3,9 @@
 import numpy as np
 
 from grabberd.core.reconstruction import Points
-from grabberd_liner.analysis import Difference, Material, RampLevel
+from grabberd_liner.analysis.load.collapse import RampLevel
+from grabberd_liner.analysis.load.load_prior import Difference
+from grabberd_liner.analysis.wall.material import Material
 from liner.analysis.walls import EIGHT_BITS_MM, SolvedLiner, as_points, solved
 
 BROAD = {"E_mpa": 0.2, "wall_mm": 0.05, "F0_n": 0.3}

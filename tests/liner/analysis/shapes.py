@@ -4,7 +4,7 @@ from math import comb, factorial
 
 import numpy as np
 
-from grabberd_liner.analysis import ORDERS, index
+from grabberd_liner.analysis.surface.jets import ORDERS, index
 
 
 def sine(angle, radius, order):

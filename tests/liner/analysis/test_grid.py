@@ -5,7 +5,7 @@ import pytest
 
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import Grid
+from grabberd_liner.analysis.grid import Grid
 from liner.analysis.collapsing import grid, model
 
 

@@ -9,7 +9,9 @@ from core.geometry.rigs import calibration
 from grabberd.core.geometry import Rig, project_all
 from grabberd.core.reconstruction import ObjectModel, Points, SingleViewImages
 from grabberd_fake.wall_states import Patch, wall_states
-from grabberd_liner.analysis import Grid
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureMap
+from grabberd_liner.analysis.load.pressure_model import PressureModel
 from grabberd_liner.analysis.wall.material import Material, Zone
 
 PITCH_MM, ROWS, COLUMNS = 6.5, 18, 4
@@ -96,6 +98,13 @@ class SolvedLiner:
             **values,
         )
         return [Zone(-10.0, 200.0, material)]
+
+
+def pressure_map(
+    model: PressureModel, points: Points, within: np.ndarray, vacuum: ChamberVacuum
+) -> PressureMap:
+    """The pressure at one field."""
+    return model.of_settled(model.settled(points, vacuum), within, vacuum)
 
 
 @cache

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grabberd_liner.analysis import Mesh
+from grabberd_liner.analysis.surface.surface import Mesh
 from grabberd_liner.render.wire_model import (
     PAPER,
     PLAIN,

@@ -17,7 +17,8 @@ from grabberd_fake.ellipse_liner import closure, profile
 from grabberd_fake.ellipse_truth import WallTruth, truth_of_wall
 from grabberd_fake.truth import truth_at
 from grabberd_fake.vacuum import pulsation_kpa
-from grabberd_liner.analysis import Grid, TimedPoints
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.chain.analysis.analyse import Analysis, analyse
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.inputs import read_inputs

@@ -10,16 +10,17 @@ from tests.proofs.bench.analysed import FIELDS, HEIGHTS_MM, PERIOD_S, PHASES, An
 from tests.proofs.bench.analysis_cost import cost
 
 from grabberd.core.reconstruction import Points
-from grabberd_liner.analysis import (
-    Estimate,
-    Surface,
+from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.surface.fitting import fit_surface
+from grabberd_liner.analysis.surface.surface import Surface
+from grabberd_liner.analysis.wall.material import wall_at
+from grabberd_liner.analysis.wall.strain import (
     edge_strain,
-    fit_surface,
+    middle_forms,
     nominal_places,
     outer_places,
-    wall_at,
+    strain,
 )
-from grabberd_liner.analysis.wall.strain import middle_forms, strain
 from grabberd_liner.chain.analysis.wall_series import Smoothings
 from grabberd_liner.chain.analysis.wall_state import WallState
 

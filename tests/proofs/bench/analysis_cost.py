@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 from tests.proofs.bench.analysed import Analysed
 
-from grabberd_liner.analysis import ORDERS, Grid, curvature_per_m, outer_forms
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.surface.jets import ORDERS
+from grabberd_liner.analysis.wall.strain import curvature_per_m, outer_forms
 
 Array = NDArray[np.float64]
 
@@ -53,4 +55,4 @@ def _curvature(grid: Grid, places: Array, u_mm: Array, v_mm: Array) -> Array:
         spline = RectBivariateSpline(u_mm, v_mm, heights, kx=5, ky=5)
         for place, (i, j) in enumerate(ORDERS[:6]):
             jets[:, place, axis] = spline.ev(grid.u_mm, grid.v_mm, i, j)
-    return curvature_per_m(outer_forms(jets, grid.outward)).values
+    return curvature_per_m(outer_forms(jets, grid.outward))

@@ -14,7 +14,9 @@ from tests.proofs.bench.closures import EXPOSURES_MS, LOST, SECONDS, WAYS
 
 from grabberd.core.chain.accuracy import Investigation
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import TimedPoints, first_movement, fit_pulsation, wall_phases
+from grabberd_liner.analysis.pulsation.movement import TimedPoints, first_movement
+from grabberd_liner.analysis.pulsation.phases import wall_phases
+from grabberd_liner.analysis.pulsation.pulsation import fit_pulsation
 
 RIGS = tuple(range(501, 505))
 FILMS = tuple(range(200, 208))

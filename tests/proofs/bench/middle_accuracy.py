@@ -6,13 +6,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from tests.liner.analysis.solved_middle import solved_middle
-from tests.liner.analysis.walls import SolvedLiner, as_points
+from tests.liner.analysis.walls import SolvedLiner, as_points, pressure_map
 from tests.proofs.bench.pressure_accuracy import DESIGNS, NOISE_MM, TEATS
 from tests.proofs.bench.pressure_case import SOUGHT_KPA, Figures, Given, paragraph, reference_points
 
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import Estimate, PressureModel, fit_surface, outer_places
+from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.load.pressure_model import PressureModel
+from grabberd_liner.analysis.surface.fitting import fit_surface
+from grabberd_liner.analysis.wall.strain import outer_places
 from grabberd_liner.chain.analysis.wall_series import Smoothings
 from grabberd_liner.chain.analysis.wall_state import EQUILIBRIUM, SMOOTH, Question, WallState, wall_states
 
@@ -65,7 +68,8 @@ def case(name: str, phases: dict[str, tuple[float, ...]] = PHASES) -> list[Compa
             for kpa in some:
                 surface = fit_surface(liner.grid, states[kpa], smoothings.for_points(states[kpa]))
                 try:
-                    pressure = model.map(states[kpa], np.ones(len(liner.grid), bool), given.vacuum(kpa))
+                    seen = np.ones(len(liner.grid), bool)
+                    pressure = pressure_map(model, states[kpa], seen, given.vacuum(kpa))
                 except AnalysisError:
                     pressure = None
                 both = wall_states([states[kpa]] * 2, [surface] * 2, question, [pressure, None])

@@ -6,12 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.liner.analysis.walls import SolvedLiner, with_noise
+from tests.liner.analysis.walls import SolvedLiner, pressure_map, with_noise
 
 from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import ChamberVacuum, PressureMap, PressureModel
+from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureMap
+from grabberd_liner.analysis.load.pressure_model import PressureModel
 
 Array = NDArray[np.float64]
 
@@ -137,7 +138,7 @@ class Estimator:
         true_kpa = self._liner.contact_kpa(outer_kpa)
         everywhere = np.ones(len(true_kpa), bool)
         try:
-            one = self._model.map(points, everywhere, vacuum)
+            one = pressure_map(self._model, points, everywhere, vacuum)
         except AnalysisError:
             return Judged.refusal(len(true_kpa))
         return Judged.of(one, true_kpa)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from tests.liner.analysis.ramps import solved_kpa
 from tests.liner.analysis.walls import solved
 
-from grabberd_liner.analysis import TimedPoints
+from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.chain.analysis.analyse import analyse
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.inputs import read_inputs

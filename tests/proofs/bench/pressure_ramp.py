@@ -6,19 +6,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from tests.liner.analysis.ramps import BROAD, empty, guessed, open_liner, ramp, solved_kpa
-from tests.liner.analysis.walls import SolvedLiner, solved
+from tests.liner.analysis.walls import SolvedLiner, pressure_map, solved
 from tests.proofs.bench.pressure_case import SOUGHT_KPA, Given, paragraph
 
 from grabberd_fake.wall_states import buckling_kpa, touch_kpa
-from grabberd_liner.analysis import (
-    Collapse,
-    LinerValues,
-    Material,
-    PressureModel,
-    Zone,
-    collapse,
-    liner_values,
-)
+from grabberd_liner.analysis.load.collapse import Collapse, collapse
+from grabberd_liner.analysis.load.empty_ramp import LinerValues, liner_values
+from grabberd_liner.analysis.load.pressure_model import PressureModel
+from grabberd_liner.analysis.wall.material import Material, Zone
 
 Array = NDArray[np.float64]
 
@@ -86,7 +81,8 @@ def _mean_errors_kpa(liner: SolvedLiner, material: Material) -> list[float]:
     seen, given = np.ones(len(liner.grid), bool), Given()
     errors = []
     for kpa in STATES_KPA:
-        maps = [model.map(liner.points(kpa, seed), seen, given.vacuum(kpa)) for seed in range(DRAWS)]
+        vacuum = given.vacuum(kpa)
+        maps = [pressure_map(model, liner.points(kpa, seed), seen, vacuum) for seed in range(DRAWS)]
         true_kpa = float(liner.contact_kpa(kpa).mean())
         errors.append(float(np.mean([one.mean_kpa.value for one in maps])) - true_kpa)
     return errors

@@ -12,9 +12,10 @@ from tests.liner.analysis.walls import EIGHT_BITS_MM, SolvedLiner, with_noise
 from tests.proofs.bench.pressure_case import LINER_VACUUM_KPA, Given, paragraph
 
 from grabberd_fake.wall_states import buckling_kpa, touch_kpa
-from grabberd_liner.analysis import TimedPoints, collapse, liner_values
 from grabberd_liner.analysis.estimate import Finding
-from grabberd_liner.analysis.load.empty_ramp import ramp_quantities
+from grabberd_liner.analysis.load.collapse import collapse
+from grabberd_liner.analysis.load.empty_ramp import liner_values, ramp_quantities
+from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.chain.analysis.analyse import FieldPoints, analyse
 from grabberd_liner.chain.analysis.inputs import read_inputs
 from grabberd_liner.chain.analysis.quantities import quantities

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from grabberd_liner.analysis import ChamberVacuum, Collapse, LinerValues
 from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.load.collapse import Collapse
+from grabberd_liner.analysis.load.empty_ramp import LinerValues
+from grabberd_liner.analysis.load.pressure import ChamberVacuum
 
 from .middle_accuracy import case as middles
 from .pressure_accuracy import CYCLE, FIELD, FOUR, PHASE, case

@@ -22,7 +22,7 @@ from grabberd.core.geometry import Calibration
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import GrabberdError
 from grabberd.files.documents import read_documents, read_yaml
-from grabberd_liner.analysis import read_vacuum_log
+from grabberd_liner.analysis.vacuum.vacuum_log import read_vacuum_log
 from grabberd_replay import ReplayGrabber
 from grabberd_v4l2.profiles import Profiles
 from proofs.fuzz.commands import run_command

@@ -9,13 +9,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate, Joint
 from grabberd_liner.analysis.load.load_profile import LoadProfile, Noise
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Mask
 
 CERTAIN = 3.0
 """A load or a gap of more than that many σ is there."""
@@ -46,7 +44,7 @@ class TeatHeights(NamedTuple):
         reason: why there is no end; empty if there is one.
     """
 
-    teat: NDArray[np.bool_]
+    teat: Mask
     first_mm: float
     last_mm: float
     end_mm: Estimate | None
@@ -155,12 +153,12 @@ def is_empty(profile: LoadProfile) -> bool:
     return bool(pressed.any() and not (pressed & _held_apart(profile)).any())
 
 
-def _pressed(profile: LoadProfile) -> NDArray[np.bool_]:
+def _pressed(profile: LoadProfile) -> Mask:
     load = profile.load_n_per_mm.estimate
     return load.value > CERTAIN * load.sigma
 
 
-def _held_apart(profile: LoadProfile) -> NDArray[np.bool_]:
+def _held_apart(profile: LoadProfile) -> Mask:
     return _margin_mm(profile) > 0
 
 
@@ -170,7 +168,7 @@ def _margin_mm(profile: LoadProfile) -> Array:
     return gap.value - CERTAIN * gap.sigma - LEAST_GAP_MM
 
 
-def _runs(yes: NDArray[np.bool_], broken: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _runs(yes: Mask, broken: Mask) -> list[tuple[int, int]]:
     """First and last index of each run of `yes`, over others between but not over `broken` ones."""
     runs: list[tuple[int, int]] = []
     for index in np.flatnonzero(yes):
@@ -232,7 +230,7 @@ def _end_mm(profile: LoadProfile, run: range) -> Estimate:
     weights[[at, beyond]] = 1 - part, part
     by_noise_mm = float(profile.compression_kpa.summed(weights).sigma) * abs(step_mm) / falls_kpa
     sigma_mm = np.hypot(by_noise_mm, _STRAIGHT * step_mm)
-    return Estimate(np.asarray(profile.x_mm[at] + part * step_mm), np.asarray(sigma_mm))
+    return Estimate.of(profile.x_mm[at] + part * step_mm, sigma_mm)
 
 
 _DRAWS, _SEED = 200, 5

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
@@ -19,8 +18,7 @@ from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.load.load_prior import Difference
 from grabberd_liner.analysis.load.mounting import Mounting
 from grabberd_liner.analysis.wall.material import Material
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Mask
 
 _TERMS = 3
 """Of a row's height round the wall: level, slope, bend."""
@@ -164,7 +162,7 @@ class _Curve(NamedTuple):
     height_mm: Array
     sigma_mm: Array
 
-    def only(self, which: NDArray[np.bool_]) -> "_Curve":
+    def only(self, which: Mask) -> "_Curve":
         return _Curve(*(part[which] for part in self))
 
     def before_touch(self, radius_mm: float) -> "_Curve":
@@ -205,7 +203,7 @@ def _touch(curve: _Curve, radius_mm: float) -> tuple[Estimate, float]:
             _HINT,
         )
     found, covariance = drawn.polynomial(drawn.height_mm, 2)
-    return Estimate(np.asarray(found[0]), np.sqrt(covariance[0, 0])), float(found[1])
+    return Estimate.of(found[0], np.sqrt(covariance[0, 0])), float(found[1])
 
 
 def _buckling(curve: _Curve, radius_mm: float) -> Estimate:
@@ -229,7 +227,7 @@ def _buckling(curve: _Curve, radius_mm: float) -> Estimate:
     # The tangent at its steepest place meets the open wall's line, where nothing has fallen.
     steepest_mm = _STEEPEST * radius_mm
     by_terms = np.array([1.0, 0.0, -(steepest_mm**2), -2 * steepest_mm**3])
-    return Estimate(np.asarray(by_terms @ found), np.sqrt(by_terms @ covariance @ by_terms))
+    return Estimate.of(float(by_terms @ found), np.sqrt(by_terms @ covariance @ by_terms))
 
 
 def _line(curve: _Curve) -> tuple[float, float]:

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Points
@@ -22,8 +21,7 @@ from grabberd_liner.analysis.load.load_prior import TubePrior
 from grabberd_liner.analysis.load.mounting import Mounting
 from grabberd_liner.analysis.load.ramp_fit import TUBE_VALUES, EmptyWall, Ramp, fit_ramp
 from grabberd_liner.analysis.wall.material import Material
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Mask
 
 LEAST_LEVELS = 4
 """Buckled levels that are needed; fewer cannot contradict each other."""
@@ -85,7 +83,7 @@ class LinerValues:
     def stiffness_n_mm(self) -> Estimate:
         """Bending stiffness D = E t³ / 12 (1 − ν²), ν = .5: better known than its parts."""
         value = self.E_mpa * self.wall_mm**3 / 9
-        return Estimate(np.asarray(value), np.asarray(value * _stiffness_sigma(self.covariance)))
+        return Estimate.of(value, value * _stiffness_sigma(self.covariance))
 
     def material(self, material: Material) -> Material:
         """The material with these values, their σ and their correlations."""
@@ -202,7 +200,7 @@ def _open_heights(levels: Sequence[RampLevel], heights: Array) -> Array:
     return heights[least]
 
 
-def _spread(values: Array, among: NDArray[np.bool_], most: int) -> list[int]:
+def _spread(values: Array, among: Mask, most: int) -> list[int]:
     """Indices of at most `most`, evenly spread by value."""
     index = np.flatnonzero(among)
     if len(index) <= most:

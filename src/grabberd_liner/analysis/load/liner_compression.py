@@ -4,7 +4,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate, Finding, Joint, Quantity
@@ -19,8 +18,7 @@ from grabberd_liner.analysis.load.closed_liner import (
 )
 from grabberd_liner.analysis.load.load_profile import LoadProfile
 from grabberd_liner.analysis.pulsation.phases import Phases
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Mask
 
 COMPRESSION_SHARE, LOAD_SHARE = 0.08, 0.04
 """σ of the estimator itself by the value, on walls solved as solids, beyond that of its inputs and noise.
@@ -250,7 +248,7 @@ def _sum(name: str, profile: LoadProfile, weights: Array, chosen: float = 0.0) -
     return Finding.of(QUANTITIES[name], Estimate(found.value, np.sqrt(variance + chosen)), float(common))
 
 
-def _greatest(joint: Joint, teat: NDArray[np.bool_], x_mm: Array) -> tuple[Array, Estimate]:
+def _greatest(joint: Joint, teat: Mask, x_mm: Array) -> tuple[Array, Estimate]:
     """Weights that pick the greatest value, and its height; σ of that from draws of the profile."""
     value, covariance, at_mm = joint.value[teat], joint.covariance[np.ix_(teat, teat)], x_mm[teat]
     index = int(np.argmax(value))
@@ -258,7 +256,7 @@ def _greatest(joint: Joint, teat: NDArray[np.bool_], x_mm: Array) -> tuple[Array
     draws = value + np.random.default_rng(_SEED).normal(size=(_DRAWS, len(value))) @ root.T
     scatter_mm = np.sqrt(np.mean((at_mm[draws.argmax(axis=1)] - at_mm[index]) ** 2))
     spacing_mm = float(np.diff(x_mm).mean())
-    height = Estimate(np.asarray(at_mm[index]), np.hypot(scatter_mm, spacing_mm / np.sqrt(12)))
+    height = Estimate.of(at_mm[index], np.hypot(scatter_mm, spacing_mm / np.sqrt(12)))
     return np.asarray(x_mm == at_mm[index], np.float64), height
 
 

@@ -11,7 +11,6 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, blas, cho_factor, cho_solve, lapack
 
 from grabberd.errors import AnalysisError
@@ -20,8 +19,7 @@ from grabberd_liner.analysis.load.load_prior import MPA_PER_KPA, Difference
 from grabberd_liner.analysis.load.targets import Sights
 from grabberd_liner.analysis.load.wall_model import Linearised, State, WallModel
 from grabberd_liner.analysis.wall.splines import Basis
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array
 
 STEPS = 60
 """Of Gauss and Newton; from the open wall to a closed one some twenty are taken."""
@@ -92,7 +90,7 @@ class Response:
     linear: Linearised
     spread: Array
     _covariance: "_Parts"
-    _at_points: dict[tuple[Basis, int], Array]
+    _at_points: dict[Basis, Array]
 
     @classmethod
     def of(cls, model: WallModel, state: State) -> "Response":
@@ -105,13 +103,11 @@ class Response:
         """(3 T, 3 T) prior covariance of the places."""
         return self._covariance.sum(self.model, difference)
 
-    def at_points(self, basis: Basis, index: int) -> Array:
-        """(N, 3 T) rows of `spread` of g (0) or a traction (1, 2), at points of the wall; kept."""
-        if (basis, index) not in self._at_points:
-            count = self.model.half.grid.count
-            at_points = basis.matrices[0] @ self.spread[index * count : (index + 1) * count]
-            self._at_points[basis, index] = at_points
-        return self._at_points[basis, index]
+    def at_points(self, basis: Basis) -> Array:
+        """(N, 3 T) rows of `spread` of g at points of the wall; kept."""
+        if basis not in self._at_points:
+            self._at_points[basis] = basis.matrices[0] @ self.spread[: self.model.half.grid.count]
+        return self._at_points[basis]
 
     def followers(self, by_parameters: Array) -> "Followers":
         """Quantities (Q, P) that depend on the parameters as the places do."""
@@ -209,7 +205,9 @@ class Posterior:
     def contact_kpa(self, basis: Basis) -> tuple[Array, Array]:
         """Median contact pressure at points of the wall (N,), and its covariance (N, N) in kPa²."""
         g = basis.matrices[0] @ self.model.field(self.parameters, 0)
-        covariance = self._field_covariance(basis, 0)
+        variance = self.model.variances(self.difference)[0]
+        seen = variance * self.sights.of_places(self.response.at_points(basis))
+        covariance = self._left(variance * _unit_covariance(self.model, basis), seen)
         sigma = np.sqrt(np.diagonal(covariance))
         pressure, _ = self.model.prior.contact_mpa(g)
         # Not by the slope at the median: without contact, that is too flat for all that g may be.
@@ -230,9 +228,9 @@ class Posterior:
         """
         model, groups = self.model, len(weights)
         g = basis.matrices[0] @ model.field(self.parameters, 0)
-        unit, variance = _unit_covariance(model, basis, 0), float(model.variances(self.difference)[0])
+        unit, variance = _unit_covariance(model, basis), float(model.variances(self.difference)[0])
         prior = variance * np.diagonal(unit)
-        whitened = self._whitened(variance * self.sights.of_places(self.response.at_points(basis, 0)))
+        whitened = self._whitened(variance * self.sights.of_places(self.response.at_points(basis)))
         # Rounding must not leave a place that is very well known with no σ at all.
         sigma = np.sqrt(np.maximum(prior - (whitened * whitened).sum(axis=0), 1e-6 * prior))
         pressure, _ = model.prior.contact_mpa(g)
@@ -266,7 +264,7 @@ class Posterior:
         _, slope = model.prior.contact_mpa(basis.matrices[0] @ model.field(self.parameters, 0))
         scaled = weights * slope.reshape(groups, 1, -1)
         variance = float(model.variances(self.difference)[0])
-        whitened = self._whitened(variance * self.sights.of_places(self.response.at_points(basis, 0)))
+        whitened = self._whitened(variance * self.sights.of_places(self.response.at_points(basis)))
         seen = (scaled @ whitened.T.reshape(groups, scaled.shape[2], -1)).reshape(-1, len(whitened))
         cross = followers.cross.sum(model, self.difference)
         others = self._whitened(self.sights.of_places(cross)).T
@@ -284,22 +282,12 @@ class Posterior:
         left = np.maximum(prior - (whitened * whitened).sum(axis=0), 1e-9 * prior)
         return np.sqrt(left)
 
-    def traction_kpa(self, basis: Basis, along: bool) -> tuple[Array, Array]:
-        """Friction on the inner face (N,), round the wall or along it, and its covariance (N, N) in kPa²."""
-        traction = basis.matrices[0] @ self.model.field(self.parameters, 1 + along)
-        return traction / MPA_PER_KPA, self._field_covariance(basis, 1 + along) / MPA_PER_KPA**2
-
     def tube_values(self) -> tuple[Array, Array]:
         """Changes of ln E, ln t, ln F₀, and the pressure difference in MPa (4,); covariance (4, 4)."""
         part, factors = self.model.of_tube, self.model.variances(self.difference)
         seen = self.sights.of_places(factors[part, np.newaxis] * self.response.spread[part])
         covariance = self._left(self.model.tube_covariance(self.difference), seen)
         return self.model.tube_values(self.parameters), covariance
-
-    def _field_covariance(self, basis: Basis, index: int) -> Array:
-        variance = self.model.variances(self.difference)[index * self.model.half.grid.count]
-        seen = variance * self.sights.of_places(self.response.at_points(basis, index))
-        return self._left(variance * _unit_covariance(self.model, basis, index), seen)
 
     def _left(self, prior: Array, seen: Array) -> Array:
         """(N, N) posterior covariance, from the prior one and that with the sights (N, M)."""
@@ -313,12 +301,12 @@ class Posterior:
 
 
 @lru_cache(maxsize=4)
-def _unit_covariance(model: WallModel, basis: Basis, index: int) -> Array:
-    """(N, N) prior covariance of g (0) or a traction (1, 2) at points of the wall, by `WallModel.spread`."""
+def _unit_covariance(model: WallModel, basis: Basis) -> Array:
+    """(N, N) prior covariance of g at points of the wall, by `WallModel.spread`."""
     at = basis.matrices[0]
     columns = np.zeros((3, *at.shape[::-1]))
-    columns[index] = at.T.toarray()
-    return np.asarray(at @ model.prior.spread(model.half.grid, columns)[index], np.float64)
+    columns[0] = at.T.toarray()
+    return np.asarray(at @ model.prior.spread(model.half.grid, columns)[0], np.float64)
 
 
 def posterior(response: Response, sights: Sights, difference: Difference) -> Posterior:

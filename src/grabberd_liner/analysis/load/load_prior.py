@@ -13,13 +13,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd_liner.analysis.wall.half_tube import cut_points
 from grabberd_liner.analysis.wall.material import Material
 from grabberd_liner.analysis.wall.splines import SplineGrid
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array
 
 MPA_PER_KPA = 1e-3
 _NUGGET = 1e-8

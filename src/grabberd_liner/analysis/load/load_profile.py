@@ -7,15 +7,13 @@ one place has too much its neighbour has too little. So the sums are taken with 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd_liner.analysis.estimate import Estimate, Joint
 from grabberd_liner.analysis.gauss import gauss_rule
 from grabberd_liner.analysis.load.load_fit import Followers, Posterior
 from grabberd_liner.analysis.load.wall_model import WallModel
 from grabberd_liner.analysis.wall.shell import Geometry, inner_area
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array
 
 SPACING_MM = 3.25
 """Of the heights: half the usual pitch of targets; the prior lets the load change over 4.5 mm."""
@@ -76,11 +74,6 @@ class LoadProfile(NamedTuple):
         """(H + 1,) on the mounted tube: each height stands for what is up to halfway to its neighbours."""
         return np.concatenate([self.x_mm[:1], (self.x_mm[1:] + self.x_mm[:-1]) / 2, self.x_mm[-1:]])
 
-    @property
-    def spans_mm(self) -> Array:
-        """(H,) present length of the tube that each height stands for."""
-        return self.spans_within(float(self.x_mm[0]), float(self.x_mm[-1]))
-
     def moved(self, compression_kpa: Array, load_n_per_mm: Array, gap_mm: Array) -> "LoadProfile":
         """The profile with something added to each height's values."""
         compression, load, gap = self.compression_kpa, self.load_n_per_mm, self.gap_mm
@@ -91,7 +84,7 @@ class LoadProfile(NamedTuple):
         )
 
     def spans_within(self, first_mm: float, last_mm: float) -> Array:
-        """(H,) the same, of a stretch of the mounted tube; 0 for heights that stand for none of it."""
+        """(H,) present length that each height stands for in a stretch of the mounted tube; 0 outside it."""
         return np.diff(np.clip(self.borders_mm, first_mm, last_mm)) * self.length
 
 

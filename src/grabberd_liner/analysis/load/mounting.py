@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Points
@@ -15,9 +14,7 @@ from grabberd_liner.analysis.grid import Grid, NominalShape
 from grabberd_liner.analysis.load.targets import SightLines, Sights, TargetPlaces, Targets
 from grabberd_liner.analysis.wall.half_tube import HalfTube, MountedTube
 from grabberd_liner.analysis.wall.material import Material
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from grabberd_liner.arrays import Array, Indices, Mask
 
 _DEPARTURE_MM, _SMOOTH_MM = 0.2, 15.0
 """Departure of a mounted wall from a cone, and the length over which it changes."""
@@ -288,7 +285,7 @@ class Mounting:
             sights = sights.joined(lines.sights())
         return sights.shared(self.shared_mm2) if shared else sights
 
-    def seen_alone(self, points: Points, grid: Grid) -> NDArray[np.bool_]:
+    def seen_alone(self, points: Points, grid: Grid) -> Mask:
         """(N,) True for targets that one view alone sees, if its rays can be used."""
         lines = _sight_lines(points, grid, self.frame, self.rig)
         return np.isin(np.arange(len(grid)), lines.target if lines else [])

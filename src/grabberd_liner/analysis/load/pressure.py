@@ -7,17 +7,17 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.load.load_profile import LoadProfile
 from grabberd_liner.analysis.load.wall_surfaces import MiddleSurface
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Mask
 
 _VALUES = re.compile(r" of \S+ kPa| \([^)]*\)")
 """Parts of a reason that differ from target to target."""
+_TOUCHES = 3.0
+"""σ from which on a pressure shows that the wall touches the teat."""
 
 
 class ChamberVacuum(NamedTuple):
@@ -75,13 +75,13 @@ class PressureMap(NamedTuple):
     above_atmosphere_kpa: Estimate
     misfit: float
     unseen_kpa: Array | None
-    supported: NDArray[np.bool_]
+    supported: Mask
     reason: tuple[str, ...]
     profile: LoadProfile | None = None
     middle: MiddleSurface | None = None
 
     @property
-    def usable(self) -> NDArray[np.bool_]:
+    def usable(self) -> Mask:
         """(N,) True for targets with a pressure."""
         return np.array([not reason for reason in self.reason], np.bool_)
 
@@ -111,18 +111,18 @@ class Touch(NamedTuple):
     place: int
 
 
-def first_touch(maps: Sequence[PressureMap], limit: float = 3.0) -> Touch:
-    """The first field with a target whose pressure exceeds `limit` σ in that field and the next.
+def first_touch(maps: Sequence[PressureMap]) -> Touch:
+    """The first field with a target whose pressure exceeds `_TOUCHES` σ in that field and the next.
 
     Raises:
         AnalysisError: there is no such field.
     """
-    pressed = [_ratio(one) > limit for one in maps]
+    pressed = [_ratio(one) > _TOUCHES for one in maps]
     lasting = [now & after for now, after in pairwise(pressed)]
     field = next((at for at, places in enumerate(lasting) if places.any()), None)
     if field is None:
         raise AnalysisError(
-            f"in none of {len(maps)} fields, and the next, does a pressure exceed {limit:g} times its σ",
+            f"in none of {len(maps)} fields, and the next, does a pressure exceed {_TOUCHES:g} times its σ",
             "name the field of the first touch yourself, or average over phases for a smaller σ",
         )
     ratio = np.where(lasting[field], _ratio(maps[field]), -np.inf)

@@ -11,7 +11,6 @@ from sys import intern
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Points
@@ -29,6 +28,7 @@ from grabberd_liner.analysis.load.wall_model import WallModel
 from grabberd_liner.analysis.load.wall_surfaces import FaceLattice, MiddleSurfaces, OuterFace
 from grabberd_liner.analysis.surface.fitting import LARGEST_SHARE_OUT, OUTLYING
 from grabberd_liner.analysis.wall.material import Material, Zone
+from grabberd_liner.arrays import Array, Mask
 
 REACH_MM = 0.8
 """Movement of the wall within which a linearised model holds: at 1 mm contact pressures err by up to .2 σ."""
@@ -92,8 +92,6 @@ class LoadSeries:
         return self._known[int(np.argmin(away))]
 
 
-Array = NDArray[np.float64]
-
 UNSEEN = ("free", "mirrored")
 """What is taken for the half of the wall that no camera sees: nothing, or the seen half's mirror image."""
 FASTEST_MM_PER_S = 300.0
@@ -122,7 +120,7 @@ class SettledWall(NamedTuple):
     found: Posterior
     free: Posterior | None
     left_out: tuple[int, ...]
-    alone: NDArray[np.bool_]
+    alone: Mask
 
     @property
     def contradicted(self) -> bool:
@@ -188,20 +186,10 @@ class PressureModel:
         alone[list(left_out)] = False
         return SettledWall(found, free, left_out, alone)
 
-    def map(
-        self,
-        points: Points,
-        within: NDArray[np.bool_],
-        vacuum: ChamberVacuum,
-        speed_mm_per_s: float = 0.0,
-    ) -> PressureMap:
-        """The pressure at one field; as `of_settled`, after `settled`."""
-        return self.of_settled(self.settled(points, vacuum), within, vacuum, speed_mm_per_s)
-
     def of_settled(
         self,
         settled: SettledWall,
-        within: NDArray[np.bool_],
+        within: Mask,
         vacuum: ChamberVacuum,
         speed_mm_per_s: float = 0.0,
         *,
@@ -234,9 +222,7 @@ class PressureModel:
         middle = None if settled.contradicted else self._middle.of(found)
         return PressureMap(contact, mean, above, found.j, unseen_kpa, within, reasons, profile, middle)
 
-    def face(
-        self, settled: SettledWall, supported: NDArray[np.bool_], problems: tuple[str, ...]
-    ) -> OuterFace:
+    def face(self, settled: SettledWall, supported: Mask, problems: tuple[str, ...]) -> OuterFace:
         """The outer face of a wall in equilibrium.
 
         Args:
@@ -256,7 +242,7 @@ class PressureModel:
         profile = self._sections.profile(found, reference_mm2)
         return profile._replace(x_mm=frame.origin_mm[0] + frame.axes[0, 0] * profile.x_mm)
 
-    def _reasons(self, contact: Estimate, within: NDArray[np.bool_]) -> tuple[str, ...]:
+    def _reasons(self, contact: Estimate, within: Mask) -> tuple[str, ...]:
         """The first applicable reason why each target has no pressure; empty if it has one."""
         least = np.maximum(contact.value, self._sought_kpa)
         vague = [
@@ -290,9 +276,9 @@ def _refusal(misfit: float, speed_mm_per_s: float) -> str:
     return ""
 
 
-def _mean(value: Array, covariance: Array, use: NDArray[np.bool_], reasons: Sequence[str]) -> Estimate:
+def _mean(value: Array, covariance: Array, use: Mask, reasons: Sequence[str]) -> Estimate:
     if all(reasons):
-        return Estimate(np.asarray(np.nan), np.asarray(np.nan))
+        return Estimate.of(np.nan, np.nan)
     mean = value[use].mean()
     return Estimate(mean, np.hypot(np.sqrt(covariance[np.ix_(use, use)].mean()), _MEAN_SHARE * mean))
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.linalg import block_diag
 
@@ -19,8 +18,7 @@ from grabberd.core.reconstruction import SingleViewImages
 from grabberd_liner.analysis.wall.half_tube import HalfTube, MountedTube
 from grabberd_liner.analysis.wall.rubber import RubberWall
 from grabberd_liner.analysis.wall.shell import Geometry
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Indices
 
 _SMALL = 1e-4
 """Step of a logarithm: its square is far below what a place rounds to."""
@@ -103,7 +101,7 @@ class Sights:
         covariance: (M, M) of the values.
     """
 
-    target: NDArray[np.intp]
+    target: Indices
     direction: Array
     value: Array
     covariance: Array
@@ -192,7 +190,7 @@ class SightLines(NamedTuple):
         sigma_mm: (N, 2) of the place along them.
     """
 
-    target: NDArray[np.intp]
+    target: Indices
     near_mm: Array
     direction: Array
     across: Array
@@ -203,7 +201,7 @@ class SightLines(NamedTuple):
         cls,
         rig: Rig,
         images: SingleViewImages,
-        target: NDArray[np.intp],
+        target: Indices,
         nominal_mm: Array,
         origin_mm: Array,
         axes: Array,

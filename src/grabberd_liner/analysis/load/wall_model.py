@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from grabberd_liner.analysis.load.load_prior import MPA_PER_KPA, Difference, LoadPrior, TubePrior
@@ -18,8 +17,7 @@ from grabberd_liner.analysis.wall.block_band import Factors, Forces
 from grabberd_liner.analysis.wall.half_tube import HalfTube, MountedTube, Tangent, cut_points
 from grabberd_liner.analysis.wall.shell import Load, Work
 from grabberd_liner.analysis.wall.splines import Basis
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array
 
 _SMALL = 1e-4
 """Step of a logarithm: its square is far below what a residual rounds to."""
@@ -77,6 +75,7 @@ class WallModel:
         tube_prior: of the liner.
         mirrored: true if the hidden half is taken for the seen one's mirror image.
         targets: splines at the targets.
+        of_tube: the parameters that are the liner's own values and the pressure difference.
     """
 
     def __init__(
@@ -93,8 +92,8 @@ class WallModel:
         self.targets = self._places.basis
         points = 0 if mirrored else len(cut_points(half.grid))
         self._fields = 3 * half.grid.count
-        self._tube = slice(self._fields, self._fields + TUBE_VALUES)
-        self._moved = slice(self._tube.stop, self._tube.stop + 4 * points)
+        self.of_tube = slice(self._fields, self._fields + TUBE_VALUES)
+        self._moved = slice(self.of_tube.stop, self.of_tube.stop + 4 * points)
         self._forced = slice(self._moved.stop, self._moved.stop + 2 * points)
 
     @property
@@ -116,7 +115,7 @@ class WallModel:
     def spread(self, columns: Array) -> Array:
         """(P, M) prior covariance times columns (P, M), with unit variances of g and pressure difference."""
         fields = columns[: self._fields].reshape(3, self.half.grid.count, -1)
-        tube = columns[self._tube]
+        tube = columns[self.of_tube]
         parts = [
             self.prior.spread(self.half.grid, fields).reshape(self._fields, -1),
             self.tube_prior.covariance @ tube[:-1],
@@ -140,11 +139,6 @@ class WallModel:
         """The parameters of g."""
         return slice(0, self.half.grid.count)
 
-    @property
-    def of_tube(self) -> slice:
-        """The liner's own values and the pressure difference."""
-        return self._tube
-
     def tube_covariance(self, difference: Difference) -> Array:
         """(4, 4) prior covariance of the liner's own values and of the pressure difference."""
         covariance = np.zeros((TUBE_VALUES, TUBE_VALUES))
@@ -155,7 +149,7 @@ class WallModel:
     @property
     def of_difference(self) -> slice:
         """The parameter that is the pressure difference."""
-        return slice(self._tube.stop - 1, self._tube.stop)
+        return slice(self.of_tube.stop - 1, self.of_tube.stop)
 
     @cached_property
     def _cut_covariances(self) -> list[Array]:
@@ -168,7 +162,7 @@ class WallModel:
 
     def tube_values(self, parameters: Array) -> Array:
         """(4,) or (4, …) the liner's own values and the pressure difference."""
-        return parameters[self._tube]
+        return parameters[self.of_tube]
 
     def tube(self, parameters: Array) -> MountedTube:
         """The liner."""
@@ -180,15 +174,6 @@ class WallModel:
         contact, by_g = self.prior.contact_mpa(basis.of(self.field(parameters, 0)))
         traction = np.stack([basis.of(self.field(parameters, index)) for index in (1, 2)])
         return Load(float(self.tube_values(parameters)[3]), contact, traction), by_g
-
-    def residual(self, state: State) -> Array:
-        """(n,) force out of balance."""
-        half = self.half.of(self.tube(state.parameters))
-        load, _ = self.load(state.parameters, half.shell.basis)
-        return self._unbalanced(state, half.residual(state.control, load))
-
-    def _unbalanced(self, state: State, force: Array) -> Array:
-        return force if self.mirrored else force + self.half.cuts.forced @ state.parameters[self._forced]
 
     def moved(self, state: State, unknowns: Array, change: Array) -> State:
         """A state moved by its unknowns (n,) and parameters (P,)."""
@@ -208,8 +193,10 @@ class WallModel:
         by_control = self._places.by_control(half, state.control)
         factors = tangent.factors
         by_parameters = self._followed(factors, forces, by_control)
-        by_parameters[:, self._tube.start + 1] += self._places.by_thickness(half, state.control)
-        residual = self._unbalanced(state, half.gathered(work.unbalanced(load)[..., np.newaxis])[:, 0])
+        by_parameters[:, self.of_tube.start + 1] += self._places.by_thickness(half, state.control)
+        residual = half.gathered(work.unbalanced(load)[..., np.newaxis])[:, 0]
+        if not self.mirrored:
+            residual = residual + self.half.cuts.forced @ state.parameters[self._forced]
         settling = factors.solve(residual)
         settled = places + (by_control @ (half.cuts.free @ settling)).reshape(places.shape)
         return Linearised(state, settled, by_parameters, settling, factors, forces)
@@ -255,10 +242,5 @@ class WallModel:
     def _other_tube(self, state: State, index: int) -> Work:
         """Work with one of the liner's values changed by `_SMALL`."""
         parameters = state.parameters.copy()
-        parameters[self._tube.start + index] += _SMALL
+        parameters[self.of_tube.start + index] += _SMALL
         return self.half.of(self.tube(parameters)).shell.work(state.control)
-
-    def places_mm(self, state: State) -> Array:
-        """(T, 3) targets of a state."""
-        half = self.half.of(self.tube(state.parameters))
-        return self._places.places_mm(half, state.control)

@@ -13,7 +13,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.grid import Grid
@@ -27,9 +26,7 @@ from grabberd_liner.analysis.wall.material import Material, Zone, mixed_tension,
 from grabberd_liner.analysis.wall.shell import UNKNOWNS, Geometry
 from grabberd_liner.analysis.wall.splines import DERIVATIVES, SplineAxis, SplineGrid
 from grabberd_liner.analysis.wall.strain import mixed, principal_values
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from grabberd_liner.arrays import Array, Indices, Mask
 
 _PER_PITCH = 2, 3
 """Intervals of the lattice to a pitch of targets, along and round."""
@@ -53,7 +50,7 @@ class OuterFace:
     lattice: "FaceLattice"
     control_mm: Array
     target_covariance_mm2: Array
-    supported: NDArray[np.bool_]
+    supported: Mask
     misfit: float
     problems: tuple[str, ...]
 
@@ -62,7 +59,7 @@ class OuterFace:
         """The grid of targets."""
         return self.lattice.domain
 
-    def within(self, u_mm: Array, v_mm: Array) -> NDArray[np.bool_]:
+    def within(self, u_mm: Array, v_mm: Array) -> Mask:
         """(N,) True for positions supported by data."""
         return is_within(self.domain, self.supported, u_mm, v_mm)
 
@@ -108,12 +105,16 @@ class FaceLattice:
 
     def __init__(self, grid: Grid, mounting: Mounting) -> None:
         """Finds the lattice on the mounted wall."""
-        rows, columns = int(grid.row.max()) + 1, int(grid.column.max()) + 1
-        self.domain = Domain(0.0, 0.0, grid.u_pitch_mm, grid.v_pitch_mm, rows, columns)
+        self.domain = Domain.of(grid)
+        rows, columns = self.domain.rows, self.domain.columns
         reach_mm = 0.5 * grid.u_pitch_mm
         self._grid = SplineGrid(
             SplineAxis.over(0.0, (columns - 1) * grid.v_pitch_mm, _PER_PITCH[1] * (columns - 1)),
-            SplineAxis.over(-reach_mm, (rows - 1) * grid.u_pitch_mm + reach_mm, _PER_PITCH[0] * rows),
+            SplineAxis.over(
+                -reach_mm,
+                (rows - 1) * grid.u_pitch_mm + reach_mm,
+                _PER_PITCH[0] * rows,
+            ),
         )
         around, along = self._grid.around.greville, self._grid.along.greville
         nodes = np.repeat(along, len(around)), np.tile(around, len(along))
@@ -130,7 +131,7 @@ class FaceLattice:
         )
         self._places = TargetPlaces(mounting.half, Targets(*at))
 
-    def face(self, found: Posterior, supported: NDArray[np.bool_], problems: tuple[str, ...]) -> OuterFace:
+    def face(self, found: Posterior, supported: Mask, problems: tuple[str, ...]) -> OuterFace:
         """The face of a wall that was fitted to its targets."""
         mounting, model = self._mounting, found.model
         tube = model.tube(found.parameters)

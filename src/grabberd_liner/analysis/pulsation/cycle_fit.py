@@ -13,12 +13,10 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd_liner.analysis.pulsation.movement import Movement
 from grabberd_liner.analysis.pulsation.waveform import Waveform, basis, basis_slope, prior_precision
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Indices
 
 HARMONICS = 8
 _SEARCH_PLACES = 64
@@ -93,9 +91,7 @@ def _moments(phase: Array, value: Array, noise: float, count: int) -> tuple[Arra
     return np.einsum("pfi,pfj->pij", terms, terms, optimize=True), terms.transpose(0, 2, 1) @ (value / noise)
 
 
-def _arranged(
-    moments: Sequence[tuple[Array, Array]], order: NDArray[np.intp], sweeps: int
-) -> tuple[float, Array]:
+def _arranged(moments: Sequence[tuple[Array, Array]], order: Indices, sweeps: int) -> tuple[float, Array]:
     place = np.zeros(len(moments), np.intp)
     normal, right = (moment[0].copy() for moment in moments[order[0]])
     laid = {int(order[0])}
@@ -292,7 +288,7 @@ class _Problem:
     """All fields in sequence: time since the run's first field, run, value relative to the middle."""
 
     since_s: Array
-    run: NDArray[np.intp]
+    run: Indices
     value: Array
     sigma: Array
     middle: float

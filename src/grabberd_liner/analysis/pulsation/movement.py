@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Indices, Mask
 
 # Alternating least squares, from the SVD of the data with gaps as zeros.
 _ROUNDS = 20
@@ -42,7 +41,7 @@ class Movement(NamedTuple):
     sigma_mm: Array
     size_sigma: float = 0.0
 
-    def only(self, use: NDArray[np.bool_] | NDArray[np.intp]) -> "Movement":
+    def only(self, use: Mask | Indices) -> "Movement":
         """The movement at some of the fields."""
         return Movement(self.time_s[use], self.value_mm[use], self.sigma_mm[use], self.size_sigma)
 
@@ -149,7 +148,7 @@ def _mean_and_direction(xyz: Array) -> tuple[Array, Array]:
     return mean, turned
 
 
-def _amount(filled: Array, seen: NDArray[np.bool_], direction: Array) -> Array:
+def _amount(filled: Array, seen: Mask, direction: Array) -> Array:
     share = seen @ (direction**2).sum(axis=1)
     return np.einsum("fnx,nx->f", filled, direction) / np.maximum(share, 1e-30)
 

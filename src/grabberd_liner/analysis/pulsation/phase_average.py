@@ -19,8 +19,7 @@ from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.pulsation.movement import Movement, TimedPoints, Tracks, tracks
 from grabberd_liner.analysis.pulsation.pulsation import Pulsation
 from grabberd_liner.analysis.pulsation.waveform import basis
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Indices, Mask
 
 _FEWEST = 3
 """Fewer harmonics cannot follow the plateaus of a pulsation."""
@@ -38,18 +37,11 @@ class PhaseAverage(NamedTuple):
         points: (P,) targets at each phase, with averaged noise and the full covariance of the calibration;
             image coordinates and residuals are NaN, since nothing was observed there. Targets that one view
             sees throughout, but not both, are among the images of a single view.
-        variation_mm: (N,) σ of the targets' positions from cycle to cycle at the same phase, per coordinate,
-            beyond their noise; in the order of `points`.
-        fields: (N,) number of fields in which each target was seen.
-        left_out: ids of targets that both views see in too small a part of the cycle.
         correlation: (P, P) of the noise of places at two phases: neighbours come from the same fields.
     """
 
     phase: Array
     points: tuple[Points, ...]
-    variation_mm: Array
-    fields: NDArray[np.intp]
-    left_out: tuple[int, ...]
     correlation: Array
 
 
@@ -81,20 +73,17 @@ def phase_average(
         raise AnalysisError(
             "no target is seen in the whole cycle", "capture longer, or more bursts; check what hides targets"
         )
-    lost = np.setdiff1d(np.arange(len(all_tracks.target)), good)
     found = [field.points for field, used in zip(fields, inside, strict=True) if used]
     single = _single(found, all_tracks.target[good], at, wanted, harmonics)
-    return _joined(all_tracks, averages, good, wanted, tuple(all_tracks.target[lost].tolist()), single)
+    return _joined(all_tracks, averages, good, wanted, single)
 
 
 class _Average(NamedTuple):
-    """Averages of targets seen in the same fields: (M,), (P, M, D), (P, M, D, D), (M,), (M,); and (P, P)."""
+    """Averages of targets seen in the same fields: (M,), (P, M, D), (P, M, D, D); and (P, P)."""
 
-    place: NDArray[np.intp]
+    place: Indices
     value: Array
     covariance: Array
-    variation: Array
-    fields: NDArray[np.intp]
     correlation: Array
 
 
@@ -123,9 +112,7 @@ def _count(at: Array, harmonics: int) -> int:
     return min(harmonics, int(_HALF_WAVE / hole), int((len(at) / _SLACK - 1) / 2))
 
 
-def _average(
-    index: NDArray[np.intp], values: Array, covariance: Array, terms: Array, wanted: Array
-) -> _Average:
+def _average(index: Indices, values: Array, covariance: Array, terms: Array, wanted: Array) -> _Average:
     """Least squares with equal weights for all fields; the covariance is propagated from theirs."""
     solve = np.linalg.solve(terms.T @ terms, terms.T)
     share = wanted @ solve
@@ -144,8 +131,6 @@ def _average(
         index,
         mean,
         noise + more[..., None, None] * np.eye(dimensions),
-        variation,
-        np.full(len(index), len(values), np.intp),
         share @ share.T / np.outer(deviation, deviation),
     )
 
@@ -209,9 +194,8 @@ def _images(fields: Sequence[Points], target: NDArray[np.int32]) -> tuple[Array,
 def _joined(
     all_tracks: Tracks,
     averages: Sequence[_Average],
-    good: NDArray[np.intp],
+    good: Indices,
     phase: Array,
-    left_out: tuple[int, ...],
     single: Sequence[SingleViewImages | None],
 ) -> PhaseAverage:
     order = np.argsort(np.concatenate([average.place for average in averages]))
@@ -220,9 +204,6 @@ def _joined(
     return PhaseAverage(
         phase,
         tuple(_points(all_tracks, good, xyz[p], covariance[p], one) for p, one in enumerate(single)),
-        np.concatenate([average.variation for average in averages])[order],
-        np.concatenate([average.fields for average in averages])[order],
-        left_out,
         # Targets that hide at times have fewer fields; most of them share those of the largest group.
         max(averages, key=lambda average: len(average.place)).correlation,
     )
@@ -230,7 +211,7 @@ def _joined(
 
 def _points(
     all_tracks: Tracks,
-    good: NDArray[np.intp],
+    good: Indices,
     xyz: Array,
     covariance: Array,
     single: SingleViewImages | None,
@@ -293,7 +274,7 @@ def _cycles(movement: Movement, capture: int, pulsation: Pulsation) -> list[tupl
 
 
 def _against(
-    movement: Movement, use: NDArray[np.bool_], phase: Array, pulsation: Pulsation
+    movement: Movement, use: Mask, phase: Array, pulsation: Pulsation
 ) -> tuple[float, float, float, float]:
     """Least squares of level, size and delay of one cycle against the mean one."""
     mean, slope = pulsation.waveform.value(phase), pulsation.waveform.slope(phase) / pulsation.period_s

@@ -13,15 +13,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.pulsation.pulsation import WALL_THRESHOLD, Pulsation
 from grabberd_liner.analysis.pulsation.waveform import basis
 from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Indices, Mask
 
 ISO_THRESHOLD_KPA = 4.0
 _SMOOTHED_S = 0.006
@@ -136,8 +134,8 @@ def _of_wall(pulsation: Pulsation, parts: Array, gradient: Array, unseen_s2: Arr
     ratio_variance += (unseen_s2[0] + unseen_s2[2]) / pulsation.period_s**2
     return Phases(
         Estimate(parts * pulsation.period_s, np.sqrt(spread)),
-        Estimate(np.asarray(pulsation.period_s), np.asarray(pulsation.period_sigma_s)),
-        Estimate(np.asarray(parts[0] + parts[1]), np.asarray(np.sqrt(ratio_variance))),
+        Estimate.of(pulsation.period_s, pulsation.period_sigma_s),
+        Estimate.of(parts[0] + parts[1], np.sqrt(ratio_variance)),
         "wall",
         np.full(4, np.nan),
         int(pulsation.cycles),
@@ -152,7 +150,7 @@ class Edges(NamedTuple):
             rising edge), `last_s`: its second level.
     """
 
-    rising: NDArray[np.bool_]
+    rising: Mask
     first_s: Array
     last_s: Array
 
@@ -171,7 +169,7 @@ def edges(time_s: Array, kpa: Array, low_kpa: float, high_kpa: float) -> Edges:
     return Edges(rising, _crossed(time_s, kpa, start, leaves), _crossed(time_s, kpa, end - 1, reaches))
 
 
-def _crossed(time_s: Array, kpa: Array, before: NDArray[np.intp], level: Array) -> Array:
+def _crossed(time_s: Array, kpa: Array, before: Indices, level: Array) -> Array:
     step = kpa[before + 1] - kpa[before]
     share = np.clip((level - kpa[before]) / np.where(step == 0, 1.0, step), 0.0, 1.0)
     return time_s[before] + share * (time_s[before + 1] - time_s[before])

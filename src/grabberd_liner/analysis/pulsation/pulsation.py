@@ -10,15 +10,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.pulsation.cycle_fit import Fit, adjust, harmonics, placed, search, sharpened
 from grabberd_liner.analysis.pulsation.movement import Movement
 from grabberd_liner.analysis.pulsation.waveform import Waveform, rotated
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Indices
 
 SHORTEST_S, LONGEST_S = 0.4, 3.0
 WALL_THRESHOLD = 0.1
@@ -65,8 +63,8 @@ class Moment(NamedTuple):
         phase: (F,) in [0, 1), from the beginning of wall phase a; NaN outside all runs.
     """
 
-    run: NDArray[np.intp]
-    cycle: NDArray[np.intp]
+    run: Indices
+    cycle: Indices
     phase: Array
 
 
@@ -100,7 +98,7 @@ class Pulsation:
     def rate_per_min(self) -> Estimate:
         """Cycles a minute."""
         rate = np.float64(60 / self.period_s)
-        return Estimate(np.asarray(rate), np.asarray(rate * self.period_sigma_s / self.period_s))
+        return Estimate.of(rate, rate * self.period_sigma_s / self.period_s)
 
     @property
     def stroke_mm(self) -> Estimate:
@@ -109,7 +107,7 @@ class Pulsation:
         terms, covariance = high - low, self.waveform.covariance
         stroke_mm = terms @ self.waveform.coefficients
         own_mm = np.sqrt(terms @ covariance @ terms)
-        return Estimate(np.asarray(stroke_mm), np.hypot(own_mm, stroke_mm * self.size_sigma))
+        return Estimate.of(stroke_mm, np.hypot(own_mm, stroke_mm * self.size_sigma))
 
     def reached_s(self, phase: Array) -> Array:
         """Times (P,) at which the first capture first reached phases.
@@ -159,23 +157,19 @@ class Pulsation:
         return Moment(which, np.where(which < 0, 0, np.nan_to_num(whole)).astype(np.intp), turns - whole)
 
 
-def fit_pulsation(
-    movements: Sequence[Movement], shortest_s: float = SHORTEST_S, longest_s: float = LONGEST_S
-) -> Pulsation:
+def fit_pulsation(movements: Sequence[Movement]) -> Pulsation:
     """The pulsation of one capture or of several together.
 
     Args:
         movements: one movement per capture; the captures' clocks may differ.
-        shortest_s: shortest cycle length of the search.
-        longest_s: longest cycle length of the search.
 
     Raises:
         AnalysisError: nothing pulsates, the fields together show no more than a cycle, or the movement does
             not repeat itself.
     """
     _check_movement(movements)
-    runs = _split(movements, shortest_s)
-    likely = _likely([run for _, run in runs], shortest_s, longest_s)
+    runs = _split(movements, SHORTEST_S)
+    likely = _likely([run for _, run in runs])
     runs = _split(movements, likely.period_s)
     every = [run for _, run in runs]
     fit = _whole(every, likely)
@@ -215,16 +209,16 @@ def _span_s(run: Movement) -> float:
     return float(run.time_s[-1] - run.time_s[0])
 
 
-def _likely(runs: Sequence[Movement], shortest_s: float, longest_s: float) -> Fit:
+def _likely(runs: Sequence[Movement]) -> Fit:
     """Period and waveform from the longest runs."""
     ordered = sorted(runs, key=_span_s, reverse=True)
-    alone = _best(ordered[:1], shortest_s, longest_s)
+    alone = _best(ordered[:1])
     if len(runs) == 1 or not _lacks(alone, ordered[:1]):
         return alone
-    return _best(ordered[:_MOST_RUNS], shortest_s, longest_s)
+    return _best(ordered[:_MOST_RUNS])
 
 
-def _best(runs: Sequence[Movement], shortest_s: float, longest_s: float) -> Fit:
+def _best(runs: Sequence[Movement]) -> Fit:
     fits = [
         adjust(
             [_first(run, 6 * one.period_s) for run in runs],
@@ -232,7 +226,7 @@ def _best(runs: Sequence[Movement], shortest_s: float, longest_s: float) -> Fit:
             one.phases,
             harmonics(one.period_s, _step_s(runs)),
         )
-        for one in search(runs, shortest_s, longest_s)
+        for one in search(runs, SHORTEST_S, LONGEST_S)
     ]
     return max(fits, key=lambda fit: fit.evidence)
 

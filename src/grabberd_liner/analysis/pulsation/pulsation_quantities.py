@@ -210,4 +210,4 @@ def _share(phases: Phases, index: int) -> Estimate:
     part, part_sigma = phases.durations_s.value[index], phases.durations_s.sigma[index]
     period, period_sigma = float(phases.period_s.value), float(phases.period_s.sigma)
     share = part / period
-    return Estimate(np.asarray(share), np.asarray(part_sigma / period + share * period_sigma / period))
+    return Estimate.of(share, part_sigma / period + share * period_sigma / period)

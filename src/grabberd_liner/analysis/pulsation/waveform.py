@@ -9,9 +9,8 @@ one whose flanks are so steep that they look like jumps.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array
 
 # Phases at which extremes and crossings are looked for: a quarter of a millisecond in a cycle of a second.
 _FINE = 4096

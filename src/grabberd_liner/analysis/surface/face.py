@@ -5,15 +5,13 @@ targets cover.
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.gauss import gauss_rule
 from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.surface.jets import index
 from grabberd_liner.analysis.surface.smoothing import Domain
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Indices, Mask
 
 _REACH = 0.5 + 1e-9
 """Half a pitch; the slack keeps positions halfway between two targets within both."""
@@ -34,7 +32,7 @@ class Face(Protocol):
     def problems(self) -> tuple[str, ...]:
         """Points left out and the reasons, as sentences."""
 
-    def within(self, u_mm: Array, v_mm: Array) -> NDArray[np.bool_]:
+    def within(self, u_mm: Array, v_mm: Array) -> Mask:
         """(N,) True for positions supported by data."""
 
     def places_mm(self, u_mm: Array, v_mm: Array) -> Estimate:
@@ -47,7 +45,7 @@ class Face(Protocol):
         """(k, k) covariance of sums over positions of X, X_u, X_v with weights (k, N, at most 3, 3)."""
 
 
-def supported_places(grid: Grid, seen: NDArray[np.intp]) -> NDArray[np.bool_]:
+def supported_places(grid: Grid, seen: Indices) -> Mask:
     """(rows, columns): True for targets that are seen, or the only missing one among their neighbours."""
     there = np.zeros(len(grid), bool)
     there[seen] = True
@@ -60,7 +58,7 @@ def supported_places(grid: Grid, seen: NDArray[np.intp]) -> NDArray[np.bool_]:
     return supported
 
 
-def is_within(domain: Domain, supported: NDArray[np.bool_], u_mm: Array, v_mm: Array) -> NDArray[np.bool_]:
+def is_within(domain: Domain, supported: Mask, u_mm: Array, v_mm: Array) -> Mask:
     """(N,) True for positions supported by data.
 
     These lie within half a pitch (along and round) of a target that was seen, or whose neighbours were
@@ -101,21 +99,21 @@ def surface_area(surface: Face) -> Area:
     slopes = kept[:, np.newaxis, np.newaxis] * _slopes(jets)
     variance = surface.covariance(slopes[np.newaxis], u, v)[0, 0]
     value = (kept * np.linalg.norm(_normal(jets), axis=1)).sum()
-    return Area(Estimate(np.asarray(value), np.sqrt(variance)), float(kept.sum() / share.sum()))
+    return Area(Estimate.of(value, np.sqrt(variance)), float(kept.sum() / share.sum()))
 
 
-def _nodes(start: float, pitch: float, knots: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _nodes(start: float, pitch: float, knots: int) -> tuple[Array, Array]:
     node, weight = gauss_rule(_NODES)
     half = pitch / 2
     starts = start + half * np.arange(2 * (knots - 1))
     return (starts[:, np.newaxis] + half * (node + 1) / 2).ravel(), np.tile(half / 2 * weight, len(starts))
 
 
-def _normal(jets: NDArray[np.float64]) -> NDArray[np.float64]:
+def _normal(jets: Array) -> Array:
     return np.cross(jets[:, index(1, 0)], jets[:, index(0, 1)])
 
 
-def _slopes(jets: NDArray[np.float64]) -> NDArray[np.float64]:
+def _slopes(jets: Array) -> Array:
     """(N, 3, 3) derivatives of |X_u × X_v| by X, X_u, X_v."""
     normal = _normal(jets)
     unit = normal / np.linalg.norm(normal, axis=1, keepdims=True)

@@ -7,7 +7,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dtrtri
 
 from grabberd.core.reconstruction import Points
@@ -16,7 +15,6 @@ from grabberd_liner.analysis.grid import Grid, NominalShape
 from grabberd_liner.analysis.surface.face import supported_places
 from grabberd_liner.analysis.surface.smoothing import (
     FREE,
-    Criterion,
     Departures,
     Domain,
     Modes,
@@ -25,6 +23,7 @@ from grabberd_liner.analysis.surface.smoothing import (
     modes,
 )
 from grabberd_liner.analysis.surface.surface import Surface
+from grabberd_liner.arrays import Array, Indices, Mask
 
 
 class Posterior(NamedTuple):
@@ -37,19 +36,19 @@ class Posterior(NamedTuple):
         misfit: weighted squared residuals and roughness over their expectation, which is 1.
     """
 
-    coefficients: NDArray[np.float64]
-    factor: NDArray[np.float64]
-    outlying: NDArray[np.float64]
+    coefficients: Array
+    factor: Array
+    outlying: Array
     misfit: float
 
 
 def fit_modes(
     modes: Modes,
     smoothing: Smoothing,
-    u_mm: NDArray[np.float64],
-    v_mm: NDArray[np.float64],
-    departure_mm: NDArray[np.float64],
-    covariance_mm2: NDArray[np.float64],
+    u_mm: Array,
+    v_mm: Array,
+    departure_mm: Array,
+    covariance_mm2: Array,
 ) -> Posterior:
     """Fit the modes of the departure to N points.
 
@@ -62,7 +61,7 @@ def fit_modes(
         covariance_mm2: (N, D, D) noise.
     """
     places = modes.jets(u_mm, v_mm, highest=0)[:, 0]
-    weight = np.linalg.inv(covariance_mm2 * smoothing.noise_factor**2).astype(np.float64, copy=False)
+    weight = np.linalg.inv(covariance_mm2).astype(np.float64, copy=False)
     scale = _scale(modes, smoothing)
     normal = _normal(places, weight, scale)
     right = scale * (places.T @ np.einsum("nab,nb->na", weight, departure_mm)).T
@@ -81,16 +80,14 @@ def fit_modes(
     return Posterior(coefficients, factor, outlying, squares / (residual.size - FREE * residual.shape[1]))
 
 
-def _scale(modes: Modes, smoothing: Smoothing) -> NDArray[np.float64]:
+def _scale(modes: Modes, smoothing: Smoothing) -> Array:
     """(D, R): each direction's amplitude; 1 for the free modes."""
     scale = np.repeat(np.array(smoothing.amplitude_mm)[:, np.newaxis], modes.size, axis=1)
     scale[:, :FREE] = 1.0
     return scale
 
 
-def _normal(
-    places: NDArray[np.float64], weight: NDArray[np.float64], scale: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _normal(places: Array, weight: Array, scale: Array) -> Array:
     """(D, R, D, R) matrix of the normal equations, including the prior's unit weights."""
     directions, size = scale.shape
     normal = np.empty((directions, size, directions, size))
@@ -105,11 +102,11 @@ def _normal(
 
 
 def _outlying(
-    places: NDArray[np.float64],
-    factor: NDArray[np.float64],
-    weight: NDArray[np.float64],
-    residual: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    places: Array,
+    factor: Array,
+    weight: Array,
+    residual: Array,
+) -> Array:
     """Leave-one-out χ² of every point, in closed form instead of N fits."""
     root = np.einsum("nr,ark->nak", places, factor, optimize=True)
     known = root @ root.transpose(0, 2, 1)
@@ -133,11 +130,11 @@ class Screening(NamedTuple):
         problems: one sentence for each kind of problem, with the targets.
     """
 
-    kept: NDArray[np.bool_]
+    kept: Mask
     problems: tuple[str, ...]
 
 
-def screen(grid: Grid, place: NDArray[np.intp], xyz_mm: NDArray[np.float64]) -> Screening:
+def screen(grid: Grid, place: Indices, xyz_mm: Array) -> Screening:
     """Leaves out points at impossible distances from their neighbours, the worst first; reports folds.
 
     Args:
@@ -157,9 +154,7 @@ def screen(grid: Grid, place: NDArray[np.intp], xyz_mm: NDArray[np.float64]) -> 
     return Screening(kept, (*_jumped(grid, left_out), *_folded(grid, where)))
 
 
-def _worst(
-    where: NDArray[np.float64], pairs: NDArray[np.intp], nominal_mm: NDArray[np.float64]
-) -> int | None:
+def _worst(where: Array, pairs: Indices, nominal_mm: Array) -> int | None:
     """The target with most impossible distances, by their size if several have as many; None without any."""
     ratio = _lengths(where, pairs) / nominal_mm
     wrong = (ratio < _SHORTEST) | (ratio > _LONGEST)
@@ -171,7 +166,7 @@ def _worst(
     return int(np.argmax(score))
 
 
-def _lengths(xyz: NDArray[np.float64], pairs: NDArray[np.intp]) -> NDArray[np.float64]:
+def _lengths(xyz: Array, pairs: Indices) -> Array:
     return np.linalg.norm(xyz[pairs[:, 1]] - xyz[pairs[:, 0]], axis=1)
 
 
@@ -184,7 +179,7 @@ def _jumped(grid: Grid, left_out: list[int]) -> tuple[str, ...]:
     )
 
 
-def _folded(grid: Grid, where: NDArray[np.float64]) -> tuple[str, ...]:
+def _folded(grid: Grid, where: Array) -> tuple[str, ...]:
     """Neighbouring triangles whose outsides face each other: the wall would be folded between them."""
     corner = where[grid.triangles]
     normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
@@ -225,7 +220,7 @@ def fit_surface(grid: Grid, points: Points, smoothing: Smoothing | None = None) 
     """
     field = _screened(grid, points)
     shape = _shape(grid)
-    chosen = smoothing or choose(_domain(grid), [_departures(field)])
+    chosen = smoothing or choose(Domain.of(grid), [_departures(field)])
     field, posterior, left_out = _without_outliers(grid, field, chosen)
     problems = (*field.problems, *left_out_problems(grid, left_out))
     _check_share(len(points), len(points) - len(field.place), problems)
@@ -242,9 +237,7 @@ def fit_surface(grid: Grid, points: Points, smoothing: Smoothing | None = None) 
     )
 
 
-def choose_smoothing(
-    grid: Grid, fields: Sequence[Points], by: Criterion = "likelihood", along_mm: float | None = None
-) -> Smoothing:
+def choose_smoothing(grid: Grid, fields: Sequence[Points], along_mm: float | None = None) -> Smoothing:
     """A common smoothing for fields of similar shape: those of a capture or of one phase.
 
     Of many fields, four evenly spread ones are used. If the phases of the movement differ much in shape, a
@@ -253,8 +246,6 @@ def choose_smoothing(
     Args:
         grid: the object model's target grid.
         fields: the points of one or more fields.
-        by: "likelihood" takes the points' σ as known; "cross-validation" uses only their ratios and estimates
-            their common factor.
         along_mm: correlation length along the rows, if known; only amplitudes are then chosen.
 
     Raises:
@@ -268,7 +259,7 @@ def choose_smoothing(
         )
     spread = np.unique(np.linspace(0, len(enough) - 1, _MOST_FIELDS).round().astype(int))
     departures = [_departures(_screened(grid, enough[index])) for index in spread]
-    return choose(_domain(grid), departures, by, along_mm)
+    return choose(Domain.of(grid), departures, along_mm)
 
 
 def possible(grid: Grid, points: Points) -> tuple[Points, tuple[str, ...]]:
@@ -285,14 +276,14 @@ def possible(grid: Grid, points: Points) -> tuple[Points, tuple[str, ...]]:
 class _Field(NamedTuple):
     """Points that take part: indices in the grid, material places, departure and covariance."""
 
-    place: NDArray[np.intp]
-    u_mm: NDArray[np.float64]
-    v_mm: NDArray[np.float64]
-    departure_mm: NDArray[np.float64]
-    covariance_mm2: NDArray[np.float64]
+    place: Indices
+    u_mm: Array
+    v_mm: Array
+    departure_mm: Array
+    covariance_mm2: Array
     problems: tuple[str, ...]
 
-    def select(self, kept: NDArray[np.bool_]) -> "_Field":
+    def select(self, kept: Mask) -> "_Field":
         return _Field(
             self.place[kept],
             self.u_mm[kept],
@@ -371,12 +362,7 @@ def _departures(field: _Field) -> Departures:
 
 
 def _modes(grid: Grid, smoothing: Smoothing) -> Modes:
-    return modes(_domain(grid), smoothing.along_mm, smoothing.round_mm)
-
-
-def _domain(grid: Grid) -> Domain:
-    rows, columns = int(grid.row.max()) + 1, int(grid.column.max()) + 1
-    return Domain(0.0, 0.0, grid.u_pitch_mm, grid.v_pitch_mm, rows, columns)
+    return modes(Domain.of(grid), smoothing.along_mm, smoothing.round_mm)
 
 
 @lru_cache(maxsize=8)
@@ -385,6 +371,6 @@ def _shape(grid: Grid) -> NominalShape:
 
 
 @lru_cache(maxsize=8)
-def _nominal(grid: Grid) -> NDArray[np.float64]:
+def _nominal(grid: Grid) -> Array:
     """(N, 3) the nominal shape at the targets."""
     return _shape(grid).jets(grid.u_mm, grid.v_mm)[:, 0]

@@ -9,11 +9,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.grid import Grid, NominalShape
-from grabberd_liner.analysis.surface.fitting import Posterior, fit_modes
+from grabberd_liner.analysis.surface.fitting import LARGEST_SHARE_OUT, Posterior, fit_modes
 from grabberd_liner.analysis.surface.jets import ORDERS, Jets, index
 from grabberd_liner.analysis.surface.smoothing import (
     FREE,
@@ -25,14 +24,14 @@ from grabberd_liner.analysis.surface.smoothing import (
     modes,
 )
 from grabberd_liner.analysis.surface.surface import Spread, Surface
+from grabberd_liner.arrays import Array, Indices, Mask
 
 _OUTLYING = 40.0
 """Limit on χ² of one degree of freedom that chance does not reach in ten thousand captures."""
 
 _LEAST_POINTS = 4 * FREE
 _PASSES = 3
-_LARGEST_SHARE_OUT = 0.2
-# The passes are needed because the noise across the surface depends on its normal, which the fit gives.
+"""They are needed because the noise across the surface depends on its normal, which the fit gives."""
 _ASKEW = 0.05
 
 
@@ -48,19 +47,19 @@ class Tube(NamedTuple):
     z_mm: float
     radius_mm: float
 
-    def material(self, xyz_mm: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def material(self, xyz_mm: Array) -> tuple[Array, Array]:
         """Parameters u and v, in mm, of positions (N, 3)."""
         angle = np.arctan2(xyz_mm[:, 1] - self.y_mm, xyz_mm[:, 2] - self.z_mm)
         return xyz_mm[:, 0], self.radius_mm * angle
 
-    def base(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> Jets:
+    def base(self, u_mm: Array, v_mm: Array) -> Jets:
         """(N, 15, 3) the tube of that radius."""
         jets = self.radius_mm * self.direction(u_mm, v_mm)
         jets[:, 0] += np.column_stack([u_mm, np.full_like(u_mm, self.y_mm), np.full_like(u_mm, self.z_mm)])
         jets[:, index(1, 0), 0] += 1.0
         return jets
 
-    def direction(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> Jets:
+    def direction(self, u_mm: Array, v_mm: Array) -> Jets:
         """(N, 15, 3) jets of the unit vector away from the axis."""
         jets = np.zeros((len(u_mm), len(ORDERS), 3))
         for j in range(5):
@@ -74,18 +73,18 @@ class Height(NamedTuple):
 
     z_mm: float = 0.0
 
-    def material(self, xyz_mm: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def material(self, xyz_mm: Array) -> tuple[Array, Array]:
         """Parameters u and v, in mm, of positions (N, 3)."""
         return xyz_mm[:, 0], xyz_mm[:, 1]
 
-    def base(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> Jets:
+    def base(self, u_mm: Array, v_mm: Array) -> Jets:
         """(N, 15, 3) the plane."""
         jets = np.zeros((len(u_mm), len(ORDERS), 3))
         jets[:, 0] = np.column_stack([u_mm, v_mm, np.full_like(u_mm, self.z_mm)])
         jets[:, index(1, 0), 0] = jets[:, index(0, 1), 1] = 1.0
         return jets
 
-    def direction(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> Jets:
+    def direction(self, u_mm: Array, v_mm: Array) -> Jets:
         """(N, 15, 3) jets of the unit vector along z."""
         jets = np.zeros((len(u_mm), len(ORDERS), 3))
         jets[:, 0, 2] = 1.0
@@ -103,10 +102,9 @@ def free_shape(grid: Grid) -> Tube | Height:
 
 
 def fit_free_surface(
-    xyz_mm: NDArray[np.float64],
-    covariance_mm2: NDArray[np.float64],
+    xyz_mm: Array,
+    covariance_mm2: Array,
     over: Tube | Height,
-    smoothing: Smoothing | None = None,
 ) -> Surface:
     """The surface of one field's points without ids.
 
@@ -116,8 +114,6 @@ def fit_free_surface(
         xyz_mm: (N, 3) points, object's frame.
         covariance_mm2: (N, 3, 3) their noise.
         over: base shape; the branch cut of its angle has to lie outside the points.
-        smoothing: smoothing of another field's surface of the same extent; by default chosen from these
-            points.
 
     Raises:
         AnalysisError: too few points, or more than a fifth of them contradict the others.
@@ -133,7 +129,7 @@ def fit_free_surface(
     for _ in range(_PASSES):
         variance = _across(covariance_mm2, normal, away)
         field = Departures(u_mm[kept], v_mm[kept], departure[kept], np.sqrt(variance[kept]))
-        chosen = smoothing or choose(domain, [field])
+        chosen = choose(domain, [field])
         candidate = modes(domain, chosen.along_mm, chosen.round_mm)
         posterior, kept = _without_outliers(
             candidate, chosen, (u_mm, v_mm, departure, variance[:, :, np.newaxis]), kept
@@ -155,7 +151,7 @@ def fit_free_surface(
     return surface
 
 
-def _check_enough(xyz_mm: NDArray[np.float64]) -> None:
+def _check_enough(xyz_mm: Array) -> None:
     if len(xyz_mm) < _LEAST_POINTS or not np.isfinite(xyz_mm).all():
         raise AnalysisError(
             f"{len(xyz_mm)} points are too few for a surface, or some are no numbers",
@@ -163,9 +159,7 @@ def _check_enough(xyz_mm: NDArray[np.float64]) -> None:
         )
 
 
-def _domain(
-    u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]
-) -> tuple[Domain, tuple[NDArray[np.intp], NDArray[np.intp]]]:
+def _domain(u_mm: Array, v_mm: Array) -> tuple[Domain, tuple[Indices, Indices]]:
     """Knots at 1.5 times the mean distance of the points, and each point's nearest knot."""
     low, high = np.array([u_mm.min(), v_mm.min()]), np.array([u_mm.max(), v_mm.max()])
     mean = 1.5 * np.sqrt((high - low).prod() / len(u_mm))
@@ -182,9 +176,7 @@ def _domain(
     return domain, (row, column)
 
 
-def _across(
-    covariance: NDArray[np.float64], normal: NDArray[np.float64], away: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _across(covariance: Array, normal: Array, away: Array) -> Array:
     """(N, 1) variance of the departure: noise across the surface, projected on the direction of departure."""
     slope = (normal * away).sum(axis=1)
     across = np.einsum("na,nab,nb->n", normal, covariance, normal)
@@ -192,8 +184,8 @@ def _across(
 
 
 def _without_outliers(
-    candidate: Modes, smoothing: Smoothing, field: Sequence[NDArray[np.float64]], kept: NDArray[np.bool_]
-) -> tuple[Posterior, NDArray[np.bool_]]:
+    candidate: Modes, smoothing: Smoothing, field: Sequence[Array], kept: Mask
+) -> tuple[Posterior, Mask]:
     kept = kept.copy()
     while True:
         posterior = fit_modes(candidate, smoothing, *(values[kept] for values in field))
@@ -201,16 +193,14 @@ def _without_outliers(
         if posterior.outlying[worst] < _OUTLYING:
             return posterior, kept
         kept[np.flatnonzero(kept)[worst]] = False
-        if (~kept).sum() > _LARGEST_SHARE_OUT * len(kept):
+        if (~kept).sum() > LARGEST_SHARE_OUT * len(kept):
             raise AnalysisError(
                 f"more than a fifth of {len(kept)} points contradict the others",
                 "the surface may not be a function over this plane or axis: choose another",
             )
 
 
-def _supported(
-    domain: Domain, cell: tuple[NDArray[np.intp], NDArray[np.intp]], kept: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
+def _supported(domain: Domain, cell: tuple[Indices, Indices], kept: Mask) -> Mask:
     """(rows, columns): True for knots with points near them, or near all their neighbours."""
     seen = np.zeros((domain.rows, domain.columns), bool)
     seen[cell[0][kept], cell[1][kept]] = True
@@ -219,7 +209,7 @@ def _supported(
     return seen | alone
 
 
-def _named(kept: NDArray[np.bool_]) -> tuple[str, ...]:
+def _named(kept: Mask) -> tuple[str, ...]:
     if kept.all():
         return ()
     places = ", ".join(map(str, np.flatnonzero(~kept)))

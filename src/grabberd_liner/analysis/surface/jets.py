@@ -7,9 +7,10 @@ curvature 2, the wall's equilibrium with bending 4.
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 
-Jets = NDArray[np.float64]
+from grabberd_liner.arrays import Array
+
+Jets = Array
 """(..., 15, 3): ∂^(i+j) X / ∂u^i ∂v^j at `index(i, j)`, mm / mm^(i+j), in the object's frame."""
 
 HIGHEST = 4
@@ -31,7 +32,7 @@ def count_to(order: int) -> int:
     return index(0, order) + 1
 
 
-def times(factor: Jets) -> NDArray[np.float64]:
+def times(factor: Jets) -> Array:
     """(..., 15, 15, 3) the matrix that makes a scalar's 15 derivatives the jet of scalar · factor (Leibniz).
 
     Args:

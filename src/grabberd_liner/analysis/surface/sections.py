@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate
@@ -18,8 +17,7 @@ from grabberd_liner.analysis.gauss import gauss_rule
 from grabberd_liner.analysis.grid import Grid, NominalShape
 from grabberd_liner.analysis.surface.face import Face
 from grabberd_liner.analysis.surface.jets import index
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Mask
 
 FINENESS = 8
 """Points from one column of targets to the next; even, so that every second one makes a coarser outline."""
@@ -174,9 +172,9 @@ class Section(NamedTuple):
     """
 
     x_mm: float
-    outline_mm: NDArray[np.float64]
-    v_mm: NDArray[np.float64]
-    within: NDArray[np.bool_]
+    outline_mm: Array
+    v_mm: Array
+    within: Mask
     length_mm: Estimate
     chord_mm: Estimate
     distance_mm: Estimate | None
@@ -200,23 +198,6 @@ def symmetry_plane(grid: Grid) -> Plane:
     outward = grid.nominal_mm.mean(axis=0) - shape.origin_mm
     along = shape.along / np.linalg.norm(shape.along)
     return Plane(shape.origin_mm, outward - (outward @ along) * along)
-
-
-def section(surface: Face, x_mm: float, plane: Plane | None = None) -> Section:
-    """The section at one height, each value with σ from the points' noise and the smoothing.
-
-    Args:
-        surface: surface of one field.
-        x_mm: height in the object's frame.
-        plane: origin of widths and areas if the targets do not go all the way round.
-
-    Raises:
-        AnalysisError: the wall does not reach this height between its first and last row of targets.
-    """
-    found, missed = sections(surface, [x_mm], plane)
-    if missed:
-        raise AnalysisError(missed[0], _HINT)
-    return found[0]
 
 
 def sections(
@@ -271,7 +252,7 @@ def volume_mm3(surface: Face, x_mm: tuple[float, float], plane: Plane) -> Estima
     slopes = _at_height(share[:, np.newaxis, np.newaxis] * areas.slopes, cuts.along)
     places = cuts.u_mm.ravel(), cuts.v_mm.ravel()
     variance = surface.covariance(slopes.reshape(1, -1, 1, 3), *places)[0, 0]
-    return Estimate(np.asarray(share @ areas.value), np.sqrt(variance))
+    return Estimate.of(float(share @ areas.value), np.sqrt(variance))
 
 
 class _Cuts(NamedTuple):
@@ -280,18 +261,18 @@ class _Cuts(NamedTuple):
     `reached`: (H,) True for heights that the wall reaches, up to half a pitch beyond its outermost rows.
     """
 
-    x_mm: NDArray[np.float64]
-    u_mm: NDArray[np.float64]
-    v_mm: NDArray[np.float64]
-    outline_mm: NDArray[np.float64]
-    along: NDArray[np.float64]
-    reached: NDArray[np.bool_]
+    x_mm: Array
+    u_mm: Array
+    v_mm: Array
+    outline_mm: Array
+    along: Array
+    reached: Mask
 
     def each(self) -> Iterator["_Cuts"]:
         return (_Cuts(*values) for values in zip(*self, strict=True))
 
 
-def _cuts(surface: Face, x_mm: NDArray[np.float64]) -> _Cuts:
+def _cuts(surface: Face, x_mm: Array) -> _Cuts:
     """Newton's iteration for u at every height and v; the last step is short enough to be linear."""
     domain = surface.domain
     columns, rows = domain.columns - 1, domain.rows - 1
@@ -340,7 +321,7 @@ def _all(measured: Sequence[dict[str, Measured]]) -> Iterator[Measured]:
         yield from each.values()
 
 
-def _at_height(slopes: NDArray[np.float64], along: NDArray[np.float64]) -> NDArray[np.float64]:
+def _at_height(slopes: Array, along: Array) -> Array:
     """(..., 3) derivatives by the surface's points, from those by the outline's points.
 
     The outline stays at its height: a point that moves along x is replaced by its neighbour along the wall.

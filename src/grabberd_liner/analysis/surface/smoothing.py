@@ -18,12 +18,13 @@ the remedy is more columns, or leaving out the outermost ones.
 from collections.abc import Sequence
 from functools import lru_cache
 from math import comb, factorial
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.surface.jets import HIGHEST, ORDERS, count_to
+from grabberd_liner.arrays import Array
 
 FREE = 4
 """The first modes, free of penalty: 1, u, v, u·v."""
@@ -50,6 +51,12 @@ class Domain(NamedTuple):
     rows: int
     columns: int
 
+    @classmethod
+    def of(cls, grid: Grid) -> "Domain":
+        """A knot at every target of a grid."""
+        rows, columns = int(grid.row.max()) + 1, int(grid.column.max()) + 1
+        return cls(0.0, 0.0, grid.u_pitch_mm, grid.v_pitch_mm, rows, columns)
+
 
 class Modes:
     """The prior's modes over a domain, for one pair of correlation lengths.
@@ -70,11 +77,9 @@ class Modes:
         self._along, self._across = along[1], across[1]
         self._scale = np.concatenate([np.full(FREE, _DIFFUSE_MM), scale])
         self.size = len(self._scale)
-        self._places: dict[tuple[bytes, bytes, int], NDArray[np.float64]] = {}
+        self._places: dict[tuple[bytes, bytes, int], Array] = {}
 
-    def jets(
-        self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64], highest: int = HIGHEST
-    ) -> NDArray[np.float64]:
+    def jets(self, u_mm: Array, v_mm: Array, highest: int = HIGHEST) -> Array:
         """(N, p, R) jets of the modes at N positions, at unit amplitude; results for recent ones are cached.
 
         Args:
@@ -91,9 +96,7 @@ class Modes:
             self._places.pop(next(iter(self._places)))
         return kept
 
-    def _jets(
-        self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64], highest: int
-    ) -> NDArray[np.float64]:
+    def _jets(self, u_mm: Array, v_mm: Array, highest: int) -> Array:
         domain, count = self.domain, count_to(highest)
         row, column = (u_mm - domain.u_mm) / domain.u_pitch_mm, (v_mm - domain.v_mm) / domain.v_pitch_mm
         along = _by_place(row, domain.rows, domain.u_pitch_mm, self._along, highest)
@@ -113,9 +116,7 @@ def modes(domain: Domain, along_mm: float, round_mm: float) -> Modes:
     return Modes(domain, along_mm, round_mm)
 
 
-def _by_place(
-    place: NDArray[np.float64], knots: int, pitch_mm: float, vectors: NDArray[np.float64], highest: int
-) -> NDArray[np.float64]:
+def _by_place(place: Array, knots: int, pitch_mm: float, vectors: Array, highest: int) -> Array:
     """(N, highest + 1, 2 + modes): 1, a line from −1 to 1, then the modes; derivatives per mm."""
     straight = np.zeros((len(place), highest + 1, 2))
     straight[:, 0, 0] = 1.0
@@ -126,7 +127,7 @@ def _by_place(
     return values
 
 
-def _eigenmodes(knots: int, length: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _eigenmodes(knots: int, length: float) -> tuple[Array, Array]:
     """Variances and vectors of Matérn's correlation among the splines of one direction; length in knots."""
     centres = np.arange(knots - 1 + DEGREE)
     correlation = matern(np.abs(np.subtract.outer(centres, centres)) / length, _HALF)
@@ -134,7 +135,7 @@ def _eigenmodes(knots: int, length: float) -> tuple[NDArray[np.float64], NDArray
     return np.maximum(variance, 0.0), vectors
 
 
-def matern(distance: NDArray[np.float64], half: int) -> NDArray[np.float64]:
+def matern(distance: Array, half: int) -> Array:
     """Matérn's correlation of ν = half + ½ at distances in correlation lengths."""
     scaled = np.sqrt(2 * half + 1) * distance
     terms = [
@@ -148,7 +149,7 @@ DEGREE = 5
 
 
 @lru_cache(maxsize=1)
-def _pieces() -> NDArray[np.float64]:
+def _pieces() -> Array:
     """(6, 6): coefficients [power, spline] of the six splines that live on one interval, argument 0 to 1."""
     pieces = np.zeros((DEGREE + 1, DEGREE + 1))
     for spline in range(DEGREE + 1):
@@ -160,7 +161,7 @@ def _pieces() -> NDArray[np.float64]:
     return pieces
 
 
-def splines(place: NDArray[np.float64], intervals: int, highest: int = HIGHEST) -> NDArray[np.float64]:
+def splines(place: Array, intervals: int, highest: int = HIGHEST) -> Array:
     """The splines and their derivatives by position.
 
     Args:
@@ -204,13 +205,11 @@ class Smoothing(NamedTuple):
         along_mm: correlation length along the rows of the departure from the nominal shape.
         round_mm: correlation length round the wall.
         amplitude_mm: σ of the departure's x, y, z, beyond terms linear in u and in v.
-        noise_factor: factor on the points' σ: 1 unless chosen by cross-validation.
     """
 
     along_mm: float
     round_mm: float
     amplitude_mm: tuple[float, ...]
-    noise_factor: float = 1.0
 
 
 class Departures(NamedTuple):
@@ -221,32 +220,26 @@ class Departures(NamedTuple):
         departure_mm: (N, D) departures in D directions; `sigma_mm`: (N, D) their noise.
     """
 
-    u_mm: NDArray[np.float64]
-    v_mm: NDArray[np.float64]
-    departure_mm: NDArray[np.float64]
-    sigma_mm: NDArray[np.float64]
-
-
-Criterion = Literal["likelihood", "cross-validation"]
+    u_mm: Array
+    v_mm: Array
+    departure_mm: Array
+    sigma_mm: Array
 
 
 def choose(
     domain: Domain,
     fields: Sequence[Departures],
-    by: Criterion = "likelihood",
     along_mm: float | None = None,
 ) -> Smoothing:
-    """Choose a common smoothing for fields.
+    """Choose a common smoothing for fields by restricted likelihood, which takes the points' σ as known.
 
-    Either by restricted likelihood, which takes the points' σ as known, or by generalised cross-validation,
-    which needs only their ratios and estimates the noise factor, too. The correlation length along the rows
-    is chosen as well, unless it is given.
+    The correlation length along the rows is chosen as well, unless it is given.
     """
     round_mm = ROUND * domain.v_pitch_mm
 
     def tried(length: float) -> _Choice:
         candidate = modes(domain, length * domain.u_pitch_mm, round_mm)
-        return _best([_spectra(candidate, field) for field in fields], by)
+        return _best([_spectra(candidate, field) for field in fields])
 
     known = () if along_mm is None else (along_mm / domain.u_pitch_mm,)
     choices = {length: tried(length) for length in known or _LENGTHS}
@@ -256,28 +249,26 @@ def choose(
         choices |= {length: tried(length) for length in (best / step, best * step)}
     best = min(choices, key=lambda length: choices[length].cost)
     chosen = choices[best]
-    return Smoothing(best * domain.u_pitch_mm, round_mm, chosen.amplitude_mm, chosen.noise_factor)
+    return Smoothing(best * domain.u_pitch_mm, round_mm, chosen.amplitude_mm)
 
 
 class _Choice(NamedTuple):
-    """Cost, amplitude of each direction and noise factor at the best amplitudes."""
+    """Cost and amplitude of each direction at the best amplitudes."""
 
     cost: float
     amplitude_mm: tuple[float, ...]
-    noise_factor: float
 
 
 class _Spectrum(NamedTuple):
-    """One direction of one field: n values of unit noise, after the free modes are projected out.
+    """One direction of one field: values of unit noise, after the free modes are projected out.
 
     Attributes:
         energy: (K,) squared singular values of the modes at the points; `part2`: (K,) squared parts of the
-            departure along their vectors; `number`: n.
+            departure along their vectors.
     """
 
-    energy: NDArray[np.float64]
-    part2: NDArray[np.float64]
-    number: int
+    energy: Array
+    part2: Array
 
 
 def _spectra(candidate: Modes, field: Departures) -> list[_Spectrum]:
@@ -288,47 +279,28 @@ def _spectra(candidate: Modes, field: Departures) -> list[_Spectrum]:
     ]
 
 
-def _spectrum(design: NDArray[np.float64], departure: NDArray[np.float64]) -> _Spectrum:
+def _spectrum(design: Array, departure: Array) -> _Spectrum:
     basis = np.linalg.qr(design[:, :FREE], mode="complete")[0][:, FREE:]
     penalised, value = basis.T @ design[:, FREE:], basis.T @ departure
     energy, vectors = np.linalg.eigh(penalised @ penalised.T)
-    part2 = (vectors.T @ value) ** 2
-    return _Spectrum(np.maximum(energy, 0.0), part2, len(value))
+    return _Spectrum(np.maximum(energy, 0.0), (vectors.T @ value) ** 2)
 
 
-def _best(spectra: list[list[_Spectrum]], by: Criterion) -> _Choice:
-    directions = list(zip(*spectra, strict=True))
-    if by == "likelihood":
-        costs = [np.sum([_likelihood(field) for field in direction], axis=0) for direction in directions]
-        best = [_shown(cost) for cost in costs]
-        total = float(sum(cost[place] for cost, place in zip(costs, best, strict=True)))
-        return _Choice(total, tuple(float(_AMPLITUDES_MM[place]) for place in best), 1.0)
-    return _cross_validated(directions)
+def _best(spectra: list[list[_Spectrum]]) -> _Choice:
+    directions = zip(*spectra, strict=True)
+    costs = [np.sum([_likelihood(field) for field in direction], axis=0) for direction in directions]
+    best = [_shown(cost) for cost in costs]
+    total = float(sum(cost[place] for cost, place in zip(costs, best, strict=True)))
+    return _Choice(total, tuple(float(_AMPLITUDES_MM[place]) for place in best))
 
 
-def _shown(cost: NDArray[np.float64]) -> int:
+def _shown(cost: Array) -> int:
     """Index of the best amplitude; of the least one unless the points show a significant departure."""
     best = int(np.argmin(cost))
     return best if cost[0] - cost[best] > _SHOWN else 0
 
 
-def _likelihood(spectrum: _Spectrum) -> NDArray[np.float64]:
+def _likelihood(spectrum: _Spectrum) -> Array:
     """Minus twice the log restricted likelihood, at every amplitude."""
     variance = 1 + np.multiply.outer(_AMPLITUDES_MM**2, spectrum.energy)
     return (np.log(variance) + spectrum.part2 / variance).sum(axis=1)
-
-
-def _cross_validated(directions: list[tuple[_Spectrum, ...]]) -> _Choice:
-    total, ratios, squares, freedom = 0.0, [], 0.0, 0.0
-    for direction in directions:
-        left = [1 / (1 + np.multiply.outer(_AMPLITUDES_MM**2, field.energy)) for field in direction]
-        residual = sum((one**2 * field.part2).sum(axis=1) for one, field in zip(left, direction, strict=True))
-        free = sum(one.sum(axis=1) for one in left)
-        count = sum(field.number for field in direction)
-        score = count * residual / free**2
-        place = int(np.argmin(score))
-        total += count * float(np.log(score[place]))
-        ratios.append(float(_AMPLITUDES_MM[place]))
-        squares, freedom = squares + float(residual[place]), freedom + float(free[place])
-    factor = float(np.sqrt(squares / freedom))
-    return _Choice(total, tuple(ratio * factor for ratio in ratios), factor)

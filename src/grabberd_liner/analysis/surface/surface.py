@@ -11,16 +11,16 @@ from dataclasses import dataclass
 from math import factorial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.blas import dtrmm
 
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.surface.face import is_within
 from grabberd_liner.analysis.surface.jets import HIGHEST, ORDERS, Jets, count_to, times
 from grabberd_liner.analysis.surface.smoothing import Domain, Modes, Smoothing
+from grabberd_liner.arrays import Array, Indices, Mask
 
-Shape = Callable[[NDArray[np.float64], NDArray[np.float64]], Jets]
-Function = Callable[..., NDArray[np.float64]]
+Shape = Callable[[Array, Array], Jets]
+Function = Callable[..., Array]
 
 _STEP = 1e-3
 """Step of differences, relative to the pitch: the functions are smooth, so truncation and rounding both stay
@@ -37,17 +37,13 @@ class Spread:
 
     direction: Shape
 
-    def jets(
-        self, departure: NDArray[np.float64], u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]
-    ) -> Jets:
+    def jets(self, departure: Array, u_mm: Array, v_mm: Array) -> Jets:
         """(N, p, 3) jets from those of the scalar departure (N, p, 1)."""
         count = departure.shape[1]
         matrix = times(self.direction(u_mm, v_mm))[:, :count, :count]
         return np.einsum("npqa,nq->npa", matrix, departure[:, :, 0])
 
-    def slopes(
-        self, slopes: NDArray[np.float64], u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def slopes(self, slopes: Array, u_mm: Array, v_mm: Array) -> Array:
         """(N, p, 1, ...) by the departure's derivatives from (N, p, 3, ...) by the jets' first p entries."""
         count = slopes.shape[1]
         matrix = times(self.direction(u_mm, v_mm))[:, :count, :count]
@@ -75,23 +71,23 @@ class Surface:
 
     base: Shape
     modes: Modes
-    coefficients: NDArray[np.float64]
-    factor: NDArray[np.float64]
+    coefficients: Array
+    factor: Array
     smoothing: Smoothing
-    supported: NDArray[np.bool_]
+    supported: Mask
     outward: float
     misfit: float
     problems: tuple[str, ...]
     spread: Spread | None = None
 
-    def jets(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> Jets:
+    def jets(self, u_mm: Array, v_mm: Array) -> Jets:
         """(N, 15, 3) jets of the face at N material positions, mm."""
         departure = self.modes.jets(u_mm, v_mm) @ self.coefficients.T
         if self.spread is not None:
             departure = self.spread.jets(departure, u_mm, v_mm)
         return self.base(u_mm, v_mm) + departure
 
-    def tangents(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def tangents(self, u_mm: Array, v_mm: Array) -> Array:
         """(N, 3, 3) X, X_u, X_v at N material positions: faster than `jets` if no more is needed."""
         departure = self.modes.jets(u_mm, v_mm, highest=1) @ self.coefficients.T
         if self.spread is not None:
@@ -103,11 +99,11 @@ class Surface:
         """The grid of targets."""
         return self.modes.domain
 
-    def within(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def within(self, u_mm: Array, v_mm: Array) -> Mask:
         """(N,) True for positions supported by data."""
         return is_within(self.domain, self.supported, u_mm, v_mm)
 
-    def places_mm(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> Estimate:
+    def places_mm(self, u_mm: Array, v_mm: Array) -> Estimate:
         """(N, 3) points X, each with σ."""
         straight = np.broadcast_to(np.eye(3), (len(u_mm), 1, 3, 3))
         return Estimate(self.jets(u_mm, v_mm)[:, 0], self.sigma(straight, u_mm, v_mm))
@@ -115,8 +111,8 @@ class Surface:
     def propagate(
         self,
         function: Function,
-        u_mm: NDArray[np.float64],
-        v_mm: NDArray[np.float64],
+        u_mm: Array,
+        v_mm: Array,
         reference: "Surface | None" = None,
         highest: int = HIGHEST,
     ) -> Estimate:
@@ -138,9 +134,7 @@ class Surface:
         found = propagate([self], function, (u_mm, v_mm), reference, highest)
         return Estimate(found.value[0], found.sigma[0])
 
-    def sigma(
-        self, slopes: NDArray[np.float64], u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def sigma(self, slopes: Array, u_mm: Array, v_mm: Array) -> Array:
         """(N,) or (N, k) σ of quantities with these derivatives by the jets at N positions.
 
         Args:
@@ -155,12 +149,10 @@ class Surface:
         weights = several.transpose(0, 3, 2, 1).reshape(len(u_mm), -1, slopes.shape[1])
         rows = (weights @ places).reshape(-1, slopes.shape[2] * places.shape[2])
         root = _triangular_product(rows, self.factor.reshape(-1, self.factor.shape[2]))
-        sigma: NDArray[np.float64] = np.sqrt((root * root).sum(axis=1))
+        sigma: Array = np.sqrt((root * root).sum(axis=1))
         return sigma.reshape(len(u_mm), *slopes.shape[3:])
 
-    def covariance(
-        self, weights: NDArray[np.float64], u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def covariance(self, weights: Array, u_mm: Array, v_mm: Array) -> Array:
         """(k, k) covariance of k sums over positions: Σ weights · jets.
 
         Args:
@@ -177,7 +169,7 @@ class Surface:
         return root @ root.T
 
 
-def _triangular_product(rows: NDArray[np.float64], upper: NDArray[np.float64]) -> NDArray[np.float64]:
+def _triangular_product(rows: Array, upper: Array) -> Array:
     """The product of rows with an upper triangular matrix, in half the time of a full product."""
     return dtrmm(1.0, upper.T, rows.T, lower=1, overwrite_b=1).T
 
@@ -185,7 +177,7 @@ def _triangular_product(rows: NDArray[np.float64], upper: NDArray[np.float64]) -
 def propagate(
     surfaces: Sequence[Surface],
     function: Function,
-    places: tuple[NDArray[np.float64], NDArray[np.float64]],
+    places: tuple[Array, Array],
     reference: Surface | None = None,
     highest: int = HIGHEST,
 ) -> Estimate:
@@ -215,15 +207,15 @@ def propagate(
 
 def _sigmas(
     surfaces: Sequence[Surface],
-    slopes: NDArray[np.float64],
-    places: tuple[NDArray[np.float64], NDArray[np.float64]],
-) -> NDArray[np.float64]:
+    slopes: Array,
+    places: tuple[Array, Array],
+) -> Array:
     """(F, N, ...) σ from slopes (F, N, p, 3, ...), of one surface or of F."""
     each = surfaces if len(surfaces) > 1 else [surfaces[0]] * len(slopes)
     return np.stack([one.sigma(by, *places) for one, by in zip(each, slopes, strict=True)])
 
 
-def _slopes(function: Function, jets: Jets, highest: int, pitch_mm: float) -> NDArray[np.float64]:
+def _slopes(function: Function, jets: Jets, highest: int, pitch_mm: float) -> Array:
     """(F, N, p, 3, ...) derivatives of the function by the first p entries of the jets (F, N, 15, 3)."""
     count = count_to(highest)
     order = np.repeat(np.arange(highest + 1), np.arange(1, highest + 2))
@@ -251,10 +243,10 @@ class Mesh:
         supported: (P − 1, Q − 1) True for facets whose middle is supported by data.
     """
 
-    u_mm: NDArray[np.float64]
-    v_mm: NDArray[np.float64]
+    u_mm: Array
+    v_mm: Array
     jets: Jets
-    supported: NDArray[np.bool_]
+    supported: Mask
 
     @classmethod
     def of(cls, surface: Surface) -> "Mesh":
@@ -269,11 +261,11 @@ class Mesh:
         return cls(u_mm, v_mm, jets.reshape(*u_mm.shape, *jets.shape[1:]), within)
 
     @property
-    def xyz_mm(self) -> NDArray[np.float64]:
+    def xyz_mm(self) -> Array:
         """(P, Q, 3) the corners in the object's frame."""
         return self.jets[:, :, 0]
 
-    def tangents(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def tangents(self, u_mm: Array, v_mm: Array) -> Array:
         """(N, 3, 3) X, X_u, X_v at N positions, from the jet at the nearest corner.
 
         On a liner (radius 12.5 mm, targets every 6.5 mm) that is within 1e-5 mm of the surface itself, and
@@ -287,26 +279,26 @@ class Mesh:
         weights = _taylor(u_mm - self.u_mm[row, 0], v_mm - self.v_mm[0, column])
         return weights @ self.jets[row, column]
 
-    def corners(self) -> NDArray[np.intp]:
+    def corners(self) -> Indices:
         """(F, 4) indices into the flattened corners of the supported facets, in cyclic order."""
         index = np.arange(self.u_mm.size).reshape(self.u_mm.shape)
         four = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1)
         return four[self.supported]
 
 
-def middles(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def middles(values: Array) -> Array:
     """(P − 1, Q − 1) means of the four corners (P, Q) of each facet."""
     return (values[:-1, :-1] + values[1:, :-1] + values[1:, 1:] + values[:-1, 1:]) / 4
 
 
-def _steps(targets: int) -> NDArray[np.float64]:
+def _steps(targets: int) -> Array:
     """Corners from half a pitch before the first target to half a pitch beyond the last, in pitches."""
     return np.arange(targets * PER_PITCH + 1) / PER_PITCH - 0.5
 
 
-def _taylor(du_mm: NDArray[np.float64], dv_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+def _taylor(du_mm: Array, dv_mm: Array) -> Array:
     """(N, 3, 15) weights of a jet's entries in X, X_u and X_v at these distances from its position."""
-    along, across = (_powers(step) for step in (du_mm, dv_mm))
+    along, across = ([step**k / factorial(k) for k in range(5)] for step in (du_mm, dv_mm))
     weights = np.zeros((len(du_mm), 3, len(ORDERS)))
     for place, (i, j) in enumerate(ORDERS):
         weights[:, 0, place] = along[i] * across[j]
@@ -315,8 +307,3 @@ def _taylor(du_mm: NDArray[np.float64], dv_mm: NDArray[np.float64]) -> NDArray[n
         if j:
             weights[:, 2, place] = along[i] * across[j - 1]
     return weights
-
-
-def _powers(step: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """step^k / k!, k from 0 to 4."""
-    return [step**k / factorial(k) for k in range(5)]

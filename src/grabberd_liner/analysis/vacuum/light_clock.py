@@ -11,12 +11,10 @@ asymmetry is an unknown beside offset and drift, and so is how far fields' times
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from grabberd.errors import AnalysisError
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Mask
 
 _STEP_S = 5e-3
 """Grid of the search over all offsets: several steps to each bit of the pattern."""
@@ -35,7 +33,7 @@ class LightSignal(NamedTuple):
     """
 
     time_s: Array
-    lit: NDArray[np.bool_]
+    lit: Mask
 
 
 def coarse_offset(camera: LightSignal, logger: LightSignal) -> tuple[float, float]:
@@ -175,7 +173,7 @@ class _Edges(NamedTuple):
 
     after_s: Array
     until_s: Array
-    rising: NDArray[np.bool_]
+    rising: Mask
 
 
 def relate_clocks(camera: LightSignal, logger: LightSignal) -> LightClock:
@@ -238,7 +236,7 @@ class _Bounds(NamedTuple):
     field_until_s: Array
     reading_after_s: Array
     reading_until_s: Array
-    rising: NDArray[np.bool_]
+    rising: Mask
 
 
 def _posterior(bounds: _Bounds, coarse_s: float, middle_s: float, agreement: float) -> LightClock:

@@ -10,15 +10,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.channels.vacuum import LEAST_KPA, MOST_KPA
 from grabberd.errors import InputError
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.pulsation.phases import ISO_THRESHOLD_KPA
 from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array
 
 # Slack for rounding of times.
 _ROOM_S = 1e-6
@@ -205,8 +203,8 @@ class ChannelCurve:
     """
 
     name: str
-    time_s: NDArray[np.float64]
-    kpa: NDArray[np.float64]
+    time_s: Array
+    kpa: Array
     sigma_kpa: float
     time_sigma_s: float
     origin: str

@@ -5,12 +5,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.channels.vacuum import LEAST_KPA, MOST_KPA, likely_unit
 from grabberd.errors import InputError
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array
 
 TIMES = {"time_s": 1.0, "time_ms": 1e-3}
 PULSATION, LINER, LIGHT = "pulsation_vacuum_kpa", "liner_vacuum_kpa", "light"

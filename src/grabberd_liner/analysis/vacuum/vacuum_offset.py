@@ -15,14 +15,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.errors import AnalysisError, InputError
 from grabberd_liner.analysis.pulsation.phases import edges, maximum_kpa, smoothed
 from grabberd_liner.analysis.pulsation.pulsation import Pulsation, Run
 from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array
 
 _HALF_BAND = 0.1
 """Half width, as a share of the vacuum, of the band whose two crossings average to half its height."""

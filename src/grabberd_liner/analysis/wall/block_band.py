@@ -10,12 +10,9 @@ products of blocks are several times faster than solving column by column.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd_liner.analysis.wall.splines import DEGREE
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from grabberd_liner.arrays import Array, Indices, Mask
 
 NEAR = 2 * DEGREE + 1
 """Blocks that a block has to do with, itself included."""
@@ -36,7 +33,7 @@ class Rows:
     count: int
     size: int
     unknowns: Indices
-    held: NDArray[np.bool_]
+    held: Mask
     free: Array
     _stiffness: Indices
     _fields: Indices

@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from grabberd_liner.analysis.wall.block_band import NEAR, Factors, Rows
@@ -29,9 +28,7 @@ from grabberd_liner.analysis.wall.splines import (
     SplineAxis,
     SplineGrid,
 )
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from grabberd_liner.arrays import Array, Indices, Mask
 
 _X, _Y, _Z, _SHEAR = range(UNKNOWNS)
 
@@ -68,7 +65,7 @@ class Cuts:
         return cls(order.reshape(grid.count, UNKNOWNS), count, free, moved, forced)
 
 
-def _held(number: Indices) -> NDArray[np.bool_]:
+def _held(number: Indices) -> Mask:
     """True for control values that are held: z on a cut, and the clamped ends.
 
     An end's own control values are held, and those beside it in all but x, so that the wall leaves it at the
@@ -93,7 +90,7 @@ def _followed(number: Indices) -> Indices:
     return followed.ravel()
 
 
-def _ordered(followed: Indices, held: NDArray[np.bool_]) -> tuple[Indices, int]:
+def _ordered(followed: Indices, held: Mask) -> tuple[Indices, int]:
     """Number of each control value's unknown, (4 K,), −1 for a held one; and the number of unknowns."""
     kept = np.unique(followed[~held & ~held[followed]])
     order = np.full(len(followed), -1, dtype=np.intp)

@@ -10,14 +10,12 @@ from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.geometry import Reading
 from grabberd.errors import AnalysisError, InputError
 from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.wall.strain import determinant, inverse, trace
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Indices, Mask
 
 LAWS = ("neo_hookean", "linear")
 VARIED = ("E_mpa", "wall_mm", "F0_n")
@@ -27,7 +25,6 @@ _HINT = "give the values of the very liner in the teatcup"
 _ENDS = ("first_end_mm", "last_end_mm")
 _CORRELATIONS = ("E_wall_correlation", "E_F0_correlation", "F0_wall_correlation")
 _SIGMAS = {"E_mpa": "E_sigma_mpa", "wall_mm": "wall_sigma_mm", "F0_n": "F0_sigma_n"}
-_OPTIONAL = (*_SIGMAS.values(), *_CORRELATIONS, *_ENDS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,18 +171,12 @@ class Wall(NamedTuple):
     along: Array
     across: Array
     depth_mm: Array
-    neo_hookean: NDArray[np.bool_]
+    neo_hookean: Mask
 
     @property
     def stiffness_n_mm(self) -> Array:
         """D = E t³ / 12 (1 − ν²) in N mm."""
         return self.E_mpa * self.wall_mm**3 / (12 * (1 - self.poisson**2))
-
-
-def lacking(inputs: Mapping[str, object]) -> tuple[str, ...]:
-    """Names of the missing inputs of a material, which tension and pressure need."""
-    needed = [field.name for field in fields(Material) if field.name not in _OPTIONAL]
-    return tuple(name for name in needed if inputs.get(name) is None)
 
 
 def wall_at(zones: Sequence[Zone], u_mm: Array) -> Wall:
@@ -206,7 +197,7 @@ def varied(zones: Sequence[Zone], name: str) -> list[Zone] | None:
     return [zone._replace(material=zone.material.varied(name)) for zone in zones]
 
 
-def _zone_of(zones: Sequence[Zone], u_mm: Array) -> NDArray[np.intp]:
+def _zone_of(zones: Sequence[Zone], u_mm: Array) -> Indices:
     inside = np.array([(zone.first_u_mm <= u_mm) & (u_mm <= zone.last_u_mm) for zone in zones])
     inside = inside.reshape(len(zones), *np.shape(u_mm))
     _check(u_mm, inside.sum(axis=0) == 0, "no zone of the material")
@@ -215,7 +206,7 @@ def _zone_of(zones: Sequence[Zone], u_mm: Array) -> NDArray[np.intp]:
     return inside.argmax(axis=0)
 
 
-def _check(u_mm: Array, wrong: NDArray[np.bool_], where: str) -> None:
+def _check(u_mm: Array, wrong: Mask, where: str) -> None:
     if wrong.any():
         places = u_mm[wrong]
         raise AnalysisError(

@@ -18,11 +18,9 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd_liner.analysis.gauss import gauss_rule
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array
 
 LAYERS = 5
 """Gauss points through the wall.

@@ -9,14 +9,11 @@ from functools import cached_property, lru_cache
 from math import factorial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.interpolate import BSpline
 
 from grabberd_liner.analysis.gauss import gauss_rule
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from grabberd_liner.arrays import Array, Indices
 
 DEGREE = 3
 GAUSS_ROUND, GAUSS_ALONG = 2, 3

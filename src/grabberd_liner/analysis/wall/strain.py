@@ -11,15 +11,13 @@ from the middle surface. Strain of triangles and edges between targets needs no 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.surface.jets import Jets, index
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Indices
 
 
 class Forms(NamedTuple):
@@ -36,18 +34,6 @@ class Forms(NamedTuple):
     normal: Array
     first: Array
     second_per_mm: Array
-
-
-class Principal(NamedTuple):
-    """Principal values and directions of a symmetric tensor of a surface.
-
-    Attributes:
-        values: (..., 2) the greater one first, in the tensor's unit.
-        directions: (..., 2, 3) unit vectors in the object's frame; where both values are equal, any pair.
-    """
-
-    values: Array
-    directions: Array
 
 
 def outer_forms(jets: Jets, outward: float = 1.0) -> Forms:
@@ -110,20 +96,8 @@ def mixed(first: Array, covariant: Array) -> Array:
     return inverse(first) @ covariant
 
 
-def principal(forms: Forms, mixed_components: Array) -> Principal:
-    """Principal values and directions of a symmetric tensor given by its mixed components (..., 2, 2)."""
-    along = forms.tangents[..., 0, :] / np.sqrt(forms.first[..., 0, 0])[..., None]
-    frame = np.stack([along, np.cross(forms.normal, along)], axis=-2)
-    to_frame = forms.tangents @ np.swapaxes(frame, -1, -2)
-    tensor = inverse(to_frame) @ np.swapaxes(mixed_components, -1, -2) @ to_frame
-    values, angle = symmetric_eigen(tensor)
-    cosine, sine = np.cos(angle), np.sin(angle)
-    rotation = np.stack([np.stack([cosine, sine], axis=-1), np.stack([-sine, cosine], axis=-1)], axis=-2)
-    return Principal(values, rotation @ frame)
-
-
 def principal_values(mixed_components: Array) -> Array:
-    """(..., 2) the principal values alone, the greater first: many times faster than with directions."""
+    """(..., 2) the principal values, the greater first, of a tensor given by its mixed components."""
     middle = trace(mixed_components) / 2
     half = (mixed_components[..., 0, 0] - mixed_components[..., 1, 1]) / 2
     square = half**2 + mixed_components[..., 0, 1] * mixed_components[..., 1, 0]
@@ -131,18 +105,9 @@ def principal_values(mixed_components: Array) -> Array:
     return np.stack([middle + radius, middle - radius], axis=-1)
 
 
-def symmetric_eigen(tensor: Array) -> tuple[Array, Array]:
-    """Eigenvalues (..., 2) of symmetric 2 × 2 matrices, the greater first, and the angle of its axis."""
-    middle = trace(tensor) / 2
-    half = (tensor[..., 0, 0] - tensor[..., 1, 1]) / 2
-    off = (tensor[..., 0, 1] + tensor[..., 1, 0]) / 2
-    radius = np.hypot(half, off)
-    return np.stack([middle + radius, middle - radius], axis=-1), np.arctan2(off, half) / 2
-
-
-def curvature_per_m(forms: Forms) -> Principal:
-    """Principal curvatures κ1 ≥ κ2 in 1/m, positive with the centre inside, and their directions."""
-    return principal(forms, 1e3 * mixed(forms.first, forms.second_per_mm))
+def curvature_per_m(forms: Forms) -> Array:
+    """(..., 2) principal curvatures κ1 ≥ κ2 in 1/m, positive with the centre inside."""
+    return principal_values(1e3 * mixed(forms.first, forms.second_per_mm))
 
 
 class Strain(NamedTuple):
@@ -151,18 +116,15 @@ class Strain(NamedTuple):
     Attributes:
         green_lagrange: (..., 2, 2) E = (C − 1)/2 in the reference state's orthonormal basis, the first vector
             along the coordinate u (for triangles: along the first side), the second in the surface.
-        stretch: principal stretches λ1 ≥ λ2 with their directions in the present state, object's frame.
+        stretch: (..., 2) principal ones, λ1 ≥ λ2.
+        directions: (..., 2, 3) unit vectors along them in the present state, in the object's frame.
         components: (..., 2, 2) of unit vectors along those of the reference state, by its two tangents.
     """
 
     green_lagrange: Array
-    stretch: Principal
+    stretch: Array
+    directions: Array
     components: Array
-
-    @property
-    def thickness(self) -> Array:
-        """(...) stretch λ3 = 1 / (λ1 λ2) of the thickness, of a wall that keeps its volume."""
-        return 1 / self.stretch.values.prod(axis=-1)
 
 
 def strain(tangents: Array, reference_tangents: Array) -> Strain:
@@ -170,12 +132,15 @@ def strain(tangents: Array, reference_tangents: Array) -> Strain:
     metric, before = (vectors @ np.swapaxes(vectors, -1, -2) for vectors in (tangents, reference_tangents))
     basis = _basis(before)
     lagrange = basis @ ((metric - before) / 2) @ np.swapaxes(basis, -1, -2)
-    values, angle = symmetric_eigen(lagrange)
-    stretches = np.sqrt(1 + 2 * values)
+    middle = trace(lagrange) / 2
+    half = (lagrange[..., 0, 0] - lagrange[..., 1, 1]) / 2
+    off = (lagrange[..., 0, 1] + lagrange[..., 1, 0]) / 2
+    radius, angle = np.hypot(half, off), np.arctan2(off, half) / 2
+    stretches = np.sqrt(1 + 2 * np.stack([middle + radius, middle - radius], axis=-1))
     cosine, sine = np.cos(angle), np.sin(angle)
     axes = np.stack([np.stack([cosine, sine], axis=-1), np.stack([-sine, cosine], axis=-1)], axis=-2)
     components = axes @ basis
-    return Strain(lagrange, Principal(stretches, components @ tangents / stretches[..., None]), components)
+    return Strain(lagrange, stretches, components @ tangents / stretches[..., None], components)
 
 
 def outer_strain(jets: Jets, reference_jets: Jets) -> Strain:
@@ -209,15 +174,11 @@ class TriangleStrain(NamedTuple):
 
     Attributes:
         triangle: (K,) indices of `Grid.triangles`; those with a target missing in either state are left out.
-        strain: E, principal stretches and directions.
         stretch: (K, 2) principal stretches with σ.
-        thickness: (K,) 1 / (λ1 λ2) with σ.
     """
 
-    triangle: NDArray[np.intp]
-    strain: Strain
+    triangle: Indices
     stretch: Estimate
-    thickness: Estimate
 
 
 class EdgeStrain(NamedTuple):
@@ -228,7 +189,7 @@ class EdgeStrain(NamedTuple):
         stretch: (K,) length relative to that in the reference state, with σ.
     """
 
-    edge: NDArray[np.intp]
+    edge: Indices
     stretch: Estimate
 
 
@@ -255,16 +216,13 @@ def triangle_strain(grid: Grid, places: Places, reference: Places) -> TriangleSt
     corners = grid.triangles[chosen]
     now, then = _sides(places.xyz_mm[corners]), _sides(reference.xyz_mm[corners])
     result = strain(now, then)
-    stretches, shares = result.stretch.values, result.components
+    stretches, shares = result.stretch, result.components
     # A unit vector along a principal direction is Σ c d of the sides d before, and λ n = Σ c s of those now.
-    own = shares[..., np.newaxis] * result.stretch.directions[:, :, np.newaxis]
+    own = shares[..., np.newaxis] * result.directions[:, :, np.newaxis]
     other = -(stretches[..., np.newaxis] * shares)[..., np.newaxis] * (shares @ then)[:, :, np.newaxis]
-    variance = _variance(own, stretches, places.covariance_mm2[corners])
-    variance = variance + _variance(other, stretches, reference.covariance_mm2[corners])
-    sigma = np.sqrt(variance)
-    return TriangleStrain(
-        chosen, result, Estimate(stretches, sigma[:, :2]), Estimate(result.thickness, sigma[:, 2])
-    )
+    variance = _variance(own, places.covariance_mm2[corners])
+    variance = variance + _variance(other, reference.covariance_mm2[corners])
+    return TriangleStrain(chosen, Estimate(stretches, np.sqrt(variance)))
 
 
 def edge_strain(grid: Grid, places: Places, reference: Places) -> EdgeStrain:
@@ -281,7 +239,7 @@ def edge_strain(grid: Grid, places: Places, reference: Places) -> EdgeStrain:
     return EdgeStrain(edges, Estimate(stretch, sigma))
 
 
-def _length(places: Places, edges: NDArray[np.intp]) -> tuple[Array, Array]:
+def _length(places: Places, edges: Indices) -> tuple[Array, Array]:
     """Lengths and their variances."""
     side = places.xyz_mm[edges[:, 1]] - places.xyz_mm[edges[:, 0]]
     length = np.linalg.norm(side, axis=1)
@@ -290,7 +248,7 @@ def _length(places: Places, edges: NDArray[np.intp]) -> tuple[Array, Array]:
     return length, ((ends @ unit[..., np.newaxis])[..., 0] * unit).sum(axis=1)
 
 
-def _whole(parts: NDArray[np.intp], places: Places, reference: Places) -> NDArray[np.intp]:
+def _whole(parts: Indices, places: Places, reference: Places) -> Indices:
     there = np.isfinite(np.linalg.norm(places.xyz_mm + reference.xyz_mm, axis=1))
     whole = np.flatnonzero(there[parts].all(axis=1))
     if not len(whole):
@@ -305,16 +263,13 @@ def _sides(corners: Array) -> Array:
     return corners[..., 1:, :] - corners[..., :1, :]
 
 
-def _variance(by_sides: Array, stretches: Array, covariance_mm2: Array) -> Array:
-    """(K, 3) variances of both stretches and of the thickness.
+def _variance(by_sides: Array, covariance_mm2: Array) -> Array:
+    """(K, 2) variances of both stretches.
 
     Args:
-        by_sides: (K, 2, 2, 3) derivatives of the stretches (K, 2) by the sides.
-        stretches: (K, 2) themselves.
+        by_sides: (K, 2, 2, 3) derivatives of the stretches by the sides.
         covariance_mm2: (K, 3, 3, 3) of each corner.
     """
-    thinned = -(by_sides / stretches[..., np.newaxis, np.newaxis]).sum(axis=1, keepdims=True)
-    slopes = np.concatenate([by_sides, thinned / stretches.prod(axis=1)[:, None, None, None]], axis=1)
-    by_corners = np.concatenate([-slopes.sum(axis=2, keepdims=True), slopes], axis=2)
-    apart = by_corners.transpose(0, 2, 1, 3)  # [triangle, corner, quantity, axis]
+    by_corners = np.concatenate([-by_sides.sum(axis=2, keepdims=True), by_sides], axis=2)
+    apart = by_corners.transpose(0, 2, 1, 3)  # [triangle, corner, stretch, axis]
     return ((apart @ covariance_mm2) * apart).sum(axis=(1, 3))

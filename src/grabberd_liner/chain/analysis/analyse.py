@@ -10,31 +10,19 @@ from numpy.typing import NDArray
 from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError, InputError
-from grabberd_liner.analysis import (
-    ChamberVacuum,
-    Grid,
-    Jets,
-    Movement,
-    PhaseAverage,
-    Phases,
-    Places,
-    PressureModel,
-    Pulsation,
-    Surface,
-    Touch,
-    Variation,
-    first_movement,
-    first_touch,
-    fit_pulsation,
-    fit_surface,
-    free_shape,
-    nominal_places,
-    outer_places,
-    phase_average,
-    variation,
-    wall_phases,
-)
-from grabberd_liner.analysis.grid import NominalShape
+from grabberd_liner.analysis.grid import Grid, NominalShape
+from grabberd_liner.analysis.load.pressure import ChamberVacuum, Touch, first_touch
+from grabberd_liner.analysis.load.pressure_model import PressureModel
+from grabberd_liner.analysis.pulsation.movement import Movement, first_movement
+from grabberd_liner.analysis.pulsation.phase_average import PhaseAverage, Variation, phase_average, variation
+from grabberd_liner.analysis.pulsation.phases import Phases, wall_phases
+from grabberd_liner.analysis.pulsation.pulsation import Pulsation, fit_pulsation
+from grabberd_liner.analysis.surface.fitting import fit_surface
+from grabberd_liner.analysis.surface.free_surface import free_shape
+from grabberd_liner.analysis.surface.jets import Jets
+from grabberd_liner.analysis.surface.surface import Surface
+from grabberd_liner.analysis.wall.strain import Places, nominal_places, outer_places
+from grabberd_liner.arrays import Array
 from grabberd_liner.chain.analysis.empty_liner import EmptyLiner, empty_liner
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.inputs import AnalysisInputs, Reference
@@ -44,7 +32,6 @@ from grabberd_liner.chain.analysis.wall_series import Smoothings, WallSeries
 from grabberd_liner.chain.analysis.wall_state import Question, WallState
 from grabberd_liner.chain.light_clock import FoundLight
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 

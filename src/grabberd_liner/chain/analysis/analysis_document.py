@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.chain.columns import Table, json_values
-from grabberd_liner.analysis import Grid, Phases
+from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.chain.analysis.analyse import Analysis
 from grabberd_liner.chain.analysis.tables import AnalysisTables
 
@@ -106,13 +106,9 @@ def _without_log(given: Mapping[str, Any]) -> dict[str, Any]:
     return {**given, "vacuum": {**vacuum, "log": summary}}
 
 
-def _wall_phases(analysis: Analysis) -> Phases | None:
-    return analysis.cycle.wall if analysis.cycle else None
-
-
 def _bounds(analysis: Analysis) -> list[dict[str, Any]] | None:
     """Bounds of each wall phase within the mean cycle, from 0 to 1; None if there are none."""
-    phases = _wall_phases(analysis)
+    phases = analysis.cycle.wall if analysis.cycle else None
     if phases is None:
         return None
     share = phases.durations_s.value / phases.durations_s.value.sum()

@@ -5,11 +5,13 @@ from collections.abc import Mapping
 from grabberd.core.chain.columns import Column, TableSpec
 
 
-def _measured(name: str, unit: str, meaning: str) -> Column:
+def measured(name: str, unit: str, meaning: str) -> Column:
+    """A number with σ."""
     return Column(name, unit, "f8", meaning, measured=True)
 
 
-def _number(name: str, unit: str, meaning: str) -> Column:
+def number(name: str, unit: str, meaning: str) -> Column:
+    """A number without σ."""
     return Column(name, unit, "f8", meaning)
 
 
@@ -21,59 +23,60 @@ def _id(name: str, meaning: str) -> Column:
     return Column(name, "", "i4", meaning)
 
 
-def _text(name: str, meaning: str) -> Column:
+def text(name: str, meaning: str) -> Column:
+    """A column of text."""
     return Column(name, "", "U", meaning)
 
 
 def _phases(before: str, what: str) -> tuple[Column, ...]:
     names = {"a": "opening", "b": "open", "c": "closing", "d": "closed"}
-    phases = (_measured(f"{before}_{p}_s", "s", f"{what} phase {p} ({word})") for p, word in names.items())
-    ratio = _measured(f"{before}_ratio", "1", f"(a + b) / (a + b + c + d) of the {what} phases")
+    phases = (measured(f"{before}_{p}_s", "s", f"{what} phase {p} ({word})") for p, word in names.items())
+    ratio = measured(f"{before}_ratio", "1", f"(a + b) / (a + b + c + d) of the {what} phases")
     return (*phases, ratio)
 
 
 _FIELD = (
     _count("n", "number of the field: nominal steps since the capture's first, including lost ones"),
-    _number("time_s", "s", "middle of the field's exposure, since the capture's first field"),
+    number("time_s", "s", "middle of the field's exposure, since the capture's first field"),
 )
 _PHASE = (
-    _number("phase", "1", "position in the mean cycle, from 0 to 1, counted from the start of wall phase a"),
+    number("phase", "1", "position in the mean cycle, from 0 to 1, counted from the start of wall phase a"),
 )
 
 _WALL = (
-    _measured(
+    measured(
         "area_mm2", "mm²", "area of the outer face between the outermost targets, where supported by data"
     ),
-    _number("covered", "1", "share of the target grid supported by data, to which the area refers"),
-    _measured("volume_mm3", "mm³", "between the plane and the wall, from the first section to the last"),
-    _measured("pulsation_vacuum_kpa", "kPa", "vacuum in the pulsation chamber, below atmosphere"),
-    _measured("liner_vacuum_kpa", "kPa", "vacuum in the liner, below atmosphere"),
-    _measured("mean_contact_kpa", "kPa", "mean of contact_kpa over the targets where it is determined"),
-    _measured(
+    number("covered", "1", "share of the target grid supported by data, to which the area refers"),
+    measured("volume_mm3", "mm³", "between the plane and the wall, from the first section to the last"),
+    measured("pulsation_vacuum_kpa", "kPa", "vacuum in the pulsation chamber, below atmosphere"),
+    measured("liner_vacuum_kpa", "kPa", "vacuum in the liner, below atmosphere"),
+    measured("mean_contact_kpa", "kPa", "mean of contact_kpa over the targets where it is determined"),
+    measured(
         "greatest_contact_kpa", "kPa", "the greatest contact_kpa where it is determined; noise raises it"
     ),
     _id("greatest_contact_target", "id of the target with the greatest value"),
     _count("determined", "number of targets where the pressure is determined"),
-    _number("load_misfit", "1", "misfit of points and wall in equilibrium; .3 to 1.2 is usual, 2 refused"),
-    _text(
+    number("load_misfit", "1", "misfit of points and wall in equilibrium; .3 to 1.2 is usual, 2 refused"),
+    text(
         "method",
         "where shape, strain and tension are from: equilibrium, the wall that explains the targets, or "
         "smooth, a surface through them, which knows little of a closed wall between and beside its columns",
     ),
-    _number(
+    number(
         "misfit", "1", "weighted squared deviation of the points from the outer face, over its expectation"
     ),
 )
 _SECTION = (
-    _number("height_mm", "mm", "height of the section: x in the object's frame"),
-    _measured(
+    number("height_mm", "mm", "height of the section: x in the object's frame"),
+    measured(
         "distance_mm", "mm", "from the plane to the wall; half the distance of opposite walls if symmetric"
     ),
-    _measured("area_mm2", "mm²", "between the outline and the plane"),
-    _measured("length_mm", "mm", "along the outline, from the first column of targets to the last"),
-    _measured("chord_mm", "mm", "between the outline's ends"),
-    _measured("least_width_mm", "mm", "least width of the outline; only if the targets go all the way round"),
-    _measured(
+    measured("area_mm2", "mm²", "between the outline and the plane"),
+    measured("length_mm", "mm", "along the outline, from the first column of targets to the last"),
+    measured("chord_mm", "mm", "between the outline's ends"),
+    measured("least_width_mm", "mm", "least width of the outline; only if the targets go all the way round"),
+    measured(
         "opposite_mm", "mm", "least distance of opposite walls; only if the targets go all the way round"
     ),
 )
@@ -81,36 +84,36 @@ _TARGET = (
     _id("target", "id of the target, the same through the capture"),
     _id("row", "its row on the target grid, from 0"),
     _id("column", "its column on the target grid, from 0"),
-    *(_measured(f"{a}_mm", "mm", f"{a.upper()} of the smooth outer face, object's frame") for a in "xyz"),
-    _measured(
+    *(measured(f"{a}_mm", "mm", f"{a.upper()} of the smooth outer face, object's frame") for a in "xyz"),
+    measured(
         "kappa1_per_m",
         "1/m",
         "greater principal curvature of the middle surface (outer one without material)",
     ),
-    _measured("kappa2_per_m", "1/m", "lesser principal curvature of the same"),
-    _measured(
+    measured("kappa2_per_m", "1/m", "lesser principal curvature of the same"),
+    measured(
         "strain1", "1", "greater principal strain λ − 1 of the middle surface (outer one without material)"
     ),
-    _measured("strain2", "1", "lesser principal strain of the same"),
-    _measured("tension1_n_per_m", "N/m", "greater principal tension of the wall"),
-    _measured("tension2_n_per_m", "N/m", "lesser principal tension of the wall"),
-    _measured("contact_kpa", "kPa", "pressure of the liner on the teat, above the pressure in the liner"),
-    _measured("above_atmosphere_kpa", "kPa", "the same above atmosphere: minus the vacuum in the liner"),
-    _number(
+    measured("strain2", "1", "lesser principal strain of the same"),
+    measured("tension1_n_per_m", "N/m", "greater principal tension of the wall"),
+    measured("tension2_n_per_m", "N/m", "lesser principal tension of the wall"),
+    measured("contact_kpa", "kPa", "pressure of the liner on the teat, above the pressure in the liner"),
+    measured("above_atmosphere_kpa", "kPa", "the same above atmosphere: minus the vacuum in the liner"),
+    number(
         "unseen_kpa", "kPa", "change of contact_kpa by mirroring the hidden half instead of leaving it free"
     ),
 )
 _PROFILE = (
-    _number("x_mm", "mm", "height on the mounted tube: x in the object's frame; it stays with the material"),
-    _measured(
+    number("x_mm", "mm", "height on the mounted tube: x in the object's frame; it stays with the material"),
+    measured(
         "compression_kpa", "kPa", "mean contact pressure over the arc between the outermost columns seen"
     ),
-    _measured("load_n_per_mm", "N/mm", "force on one side of the teat per present length of the tube"),
-    _measured(
+    measured("load_n_per_mm", "N/mm", "force on one side of the teat per present length of the tube"),
+    measured(
         "gap_mm", "mm", "between the inner faces of opposite walls, assuming a mirror-symmetric hidden half"
     ),
 )
-_REASON = _text("reason", "why there is no pressure there; empty if there is, or if none was requested")
+_REASON = text("reason", "why there is no pressure there; empty if there is, or if none was requested")
 _STRETCH = "present length divided by that in the reference state, on the outer face, where the targets are"
 
 TABLES: Mapping[str, TableSpec] = {
@@ -121,32 +124,32 @@ TABLES: Mapping[str, TableSpec] = {
             _count("fields", "fields of the capture that have points"),
             _count("analysed", "those for which a surface was computed"),
             _count("missing", "fields without points between the first and the last with points"),
-            _number("cycles", "1", "number of cycles that the capture and its bursts span"),
-            _measured("period_s", "s", "length of the cycle"),
-            _measured("rate_per_min", "1/min", "cycles a minute"),
-            _measured("stroke_mm", "mm", "movement of the target that moves most, from closed to open"),
-            _number("residual_mm", "mm", "root mean square deviation of the movement from the mean cycle"),
-            _number("expected_mm", "mm", "its expected value from the points' σ alone"),
-            _number("period_spread_s", "s", "standard deviation of the cycles' lengths"),
-            _number(
+            number("cycles", "1", "number of cycles that the capture and its bursts span"),
+            measured("period_s", "s", "length of the cycle"),
+            measured("rate_per_min", "1/min", "cycles a minute"),
+            measured("stroke_mm", "mm", "movement of the target that moves most, from closed to open"),
+            number("residual_mm", "mm", "root mean square deviation of the movement from the mean cycle"),
+            number("expected_mm", "mm", "its expected value from the points' σ alone"),
+            number("period_spread_s", "s", "standard deviation of the cycles' lengths"),
+            number(
                 "stroke_spread", "1", "standard deviation of the cycles' strokes, relative to the mean stroke"
             ),
             *_phases("wall", "wall"),
             *_phases("iso", "ISO"),
-            _measured(
+            measured(
                 "offset_s", "s", "camera's time minus the vacuum's, from the light or the wall's movement"
             ),
-            _measured(
+            measured(
                 "clock_drift", "1", "seconds per second by which the vacuum's clock is slow, from the light"
             ),
             _count("light_switchings", "switchings of the light that relate the clocks"),
-            _measured(
+            measured(
                 "opening_lag_s",
                 "s",
                 "from half the vacuum to half the wall's stroke, with clocks related by the light or shared",
             ),
-            _measured("closing_lag_s", "s", "likewise, closing"),
-            _number(
+            measured("closing_lag_s", "s", "likewise, closing"),
+            number(
                 "clock_kpa", "kPa", "σ of the vacuum on its steepest slope due to the uncertain clock offset"
             ),
             _count("touch_n", "field in which contact begins; the first field if there is contact already"),
@@ -157,21 +160,21 @@ TABLES: Mapping[str, TableSpec] = {
         "A ramp with the empty liner: one row with the liner's own values; without a ramp, none",
         (),
         (
-            _measured("E_mpa", "MPa", "Young's modulus of the mounted liner"),
-            _measured("wall_mm", "mm", "thickness of its wall"),
-            _measured("F0_n", "N", "its pretension"),
-            _measured(
+            measured("E_mpa", "MPa", "Young's modulus of the mounted liner"),
+            measured("wall_mm", "mm", "thickness of its wall"),
+            measured("F0_n", "N", "its pretension"),
+            measured(
                 "stiffness_n_mm", "N mm", "bending stiffness E t³ / 12 (1 − ν²): better known than its parts"
             ),
-            _number(
+            number(
                 "load_misfit",
                 "1",
                 "misfit of points and the empty wall in equilibrium; 1 is usual, 2 refused",
             ),
             _count("levels", "fields that were fitted"),
-            _measured("touch_kpa", "kPa", "TPPD: pressure difference at which opposite walls touch"),
-            _measured("buckling_kpa", "kPa", "CCPD: pressure difference at which the liner buckles"),
-            _text(
+            measured("touch_kpa", "kPa", "TPPD: pressure difference at which opposite walls touch"),
+            measured("buckling_kpa", "kPa", "CCPD: pressure difference at which the liner buckles"),
+            text(
                 "material", "the material with the liner's own values, as JSON: input of the other analyses"
             ),
         ),
@@ -180,11 +183,11 @@ TABLES: Mapping[str, TableSpec] = {
         "A row for each analysed field",
         _FIELD,
         (
-            _number("cycle", "", "number of the cycle, from 0; empty where no pulsation was found"),
-            _number(
+            number("cycle", "", "number of the cycle, from 0; empty where no pulsation was found"),
+            number(
                 "phase", "1", "position in its cycle, from 0 to 1, counted from the start of wall phase a"
             ),
-            _measured(
+            measured(
                 "movement_mm",
                 "mm",
                 "distance of the target that moves most from its mean position, toward +z",
@@ -205,29 +208,29 @@ TABLES: Mapping[str, TableSpec] = {
     ),
     "quantities": TableSpec(
         "Quantities used in milking research, one per row, with their definitions",
-        (_text("name", "name of the quantity, ending with its unit if it has one"),),
+        (text("name", "name of the quantity, ending with its unit if it has one"),),
         (
-            _text("title", "what it is called"),
-            _measured("value", "", "its value, in the row's unit; empty where there is a reason"),
-            _number(
+            text("title", "what it is called"),
+            measured("value", "", "its value, in the row's unit; empty where there is a reason"),
+            number(
                 "sigma_common",
                 "",
                 "part of σ shared by captures that are analysed with the same liner values and gauges: "
                 "not reduced by averaging them",
             ),
-            _text("unit", "its unit; 1 for a ratio"),
-            _text("verdict", "met, not met or not certain, if a standard sets a limit; else empty"),
-            _text("reason", "why it has no value; empty if it has one"),
-            _text("definition", "definition of the quantity, in a sentence"),
-            _text("source", "where the term is from"),
+            text("unit", "its unit; 1 for a ratio"),
+            text("verdict", "met, not met or not certain, if a standard sets a limit; else empty"),
+            text("reason", "why it has no value; empty if it has one"),
+            text("definition", "definition of the quantity, in a sentence"),
+            text("source", "where the term is from"),
         ),
     ),
     "cycles": TableSpec(
         "A row for each whole cycle",
         (),
         (
-            _measured("start_s", "s", "when wall phase a began"),
-            _measured("stroke", "1", "its movement relative to that of the mean cycle"),
+            measured("start_s", "s", "when wall phase a began"),
+            measured("stroke", "1", "its movement relative to that of the mean cycle"),
         ),
     ),
     "gaps": TableSpec(
@@ -244,8 +247,8 @@ TABLES: Mapping[str, TableSpec] = {
         _FIELD,
         (
             *(_id(f"target{k}", f"id of its corner {k}") for k in (1, 2, 3)),
-            _measured("stretch1", "1", f"greater principal stretch: {_STRETCH}"),
-            _measured("stretch2", "1", "lesser principal stretch of the same"),
+            measured("stretch1", "1", f"greater principal stretch: {_STRETCH}"),
+            measured("stretch2", "1", "lesser principal stretch of the same"),
         ),
     ),
     "edges": TableSpec(
@@ -254,7 +257,7 @@ TABLES: Mapping[str, TableSpec] = {
         (
             _id("target1", "id of its first target"),
             _id("target2", "id of its second target"),
-            _measured("stretch", "1", _STRETCH),
+            measured("stretch", "1", _STRETCH),
         ),
     ),
 }

@@ -10,21 +10,14 @@ import numpy as np
 from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import (
-    ChamberVacuum,
-    Collapse,
-    Difference,
-    Estimate,
-    Grid,
-    LinerValues,
-    Material,
-    RampLevel,
-    collapse,
-    liner_values,
-)
-from grabberd_liner.analysis.estimate import Finding
-from grabberd_liner.analysis.load.empty_ramp import COLLAPSE, VALUES
-from grabberd_liner.chain.analysis.inputs import CHANNEL, AnalysisInputs, missing
+from grabberd_liner.analysis.estimate import Estimate, Finding
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.load.collapse import Collapse, RampLevel, collapse
+from grabberd_liner.analysis.load.empty_ramp import COLLAPSE, VALUES, LinerValues, liner_values
+from grabberd_liner.analysis.load.load_prior import Difference
+from grabberd_liner.analysis.load.pressure import ChamberVacuum
+from grabberd_liner.analysis.wall.material import Material
+from grabberd_liner.chain.analysis.inputs import CHAMBERS, CHANNEL, AnalysisInputs, missing
 from grabberd_liner.chain.analysis.vacuum_inputs import channel_sigma_kpa, recorded_channel
 
 T = TypeVar("T")
@@ -130,7 +123,7 @@ def _material(inputs: AnalysisInputs) -> Material:
 
 def _common_sigma_kpa(inputs: AnalysisInputs) -> float:
     """σ that the pressure differences of all fields share: of constants, and of a logger's zero."""
-    given = {name: inputs.vacuum[name] for name in ("pulsation", "liner")}
+    given = {name: inputs.vacuum[name] for name in CHAMBERS}
     constant = [one["sigma_kpa"] for one in given.values() if one not in ("log", CHANNEL)]
     recorded = [recorded_channel(name, inputs.channels) for name in given if given[name] == CHANNEL]
     constant += [channel_sigma_kpa(inputs.vacuum, one) for one in recorded]

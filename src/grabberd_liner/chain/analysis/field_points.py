@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.reconstruction import Points, SingleViewImages
-from grabberd_liner.analysis import TimedPoints
+from grabberd_liner.analysis.pulsation.movement import TimedPoints
+from grabberd_liner.arrays import Array
 
 
 class FieldPoints(NamedTuple):
@@ -20,7 +21,6 @@ class FieldPoints(NamedTuple):
     timed: TimedPoints
 
 
-Array = NDArray[np.float64]
 _SEEN_IN = 0.5
 """Share of the fields of an average in which a target has to be seen."""
 

@@ -29,8 +29,12 @@ import numpy as np
 
 from grabberd.core.geometry import Reading
 from grabberd.errors import InputError
-from grabberd_liner.analysis import UNSEEN, Estimate, Grid, Plane, Zone, read_zones, symmetry_plane
+from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.load.pressure_model import UNSEEN
+from grabberd_liner.analysis.surface.sections import Plane, symmetry_plane
 from grabberd_liner.analysis.vacuum.vacuum import ChannelCurve
+from grabberd_liner.analysis.wall.material import Zone, read_zones
 
 KEYS = (
     "reference",
@@ -45,9 +49,11 @@ KEYS = (
     "flow_stop",
     "average",
 )
+CHAMBERS = ("pulsation", "liner")
+"""Chambers whose vacuum an analysis takes."""
 CHANNEL = "channel"
 """Stands for a vacuum that was recorded with the capture itself."""
-_VACUUM_KEYS = ("pulsation", "liner", "log", "offset", "lag", "gauge_sigma_kpa")
+_VACUUM_KEYS = (*CHAMBERS, "log", "offset", "lag", "gauge_sigma_kpa")
 BY_LIGHT = "light"
 """Of `vacuum.offset`: the clocks are related by the light in the picture and in the log."""
 _HINT = "correct these inputs; docs/howto/analyse.md describes all of them"

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 from grabberd.core.geometry.document_reader import is_number
 from grabberd.errors import GrabberdError, InputError
-from grabberd_liner.analysis import Grid, Material, read_vacuum_log, read_zones
-from grabberd_liner.analysis.grid import NominalShape
-from grabberd_liner.analysis.wall.material import read_parts
-from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHANNEL, input_problems
+from grabberd_liner.analysis.grid import Grid, NominalShape
+from grabberd_liner.analysis.vacuum.vacuum_log import read_vacuum_log
+from grabberd_liner.analysis.wall.material import Material, read_parts, read_zones
+from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHAMBERS, CHANNEL, input_problems
 from grabberd_liner.chain.analysis.vacuum_inputs import read_constant, read_lag, read_offset, read_wave
 
 CHOICES = ("reference", "plane", "heights_mm", "phases", "sought_kpa", "unseen")
@@ -250,7 +250,7 @@ def _take_recorded(resolved: ResolvedInputs, recorded: frozenset[str]) -> None:
     vacuum = resolved.vacuum
     if "log" in vacuum:
         return
-    channels = {name: CHANNEL for name in ("pulsation", "liner") if name in recorded and name not in vacuum}
+    channels = {name: CHANNEL for name in CHAMBERS if name in recorded and name not in vacuum}
     if channels:
         resolved.inputs["vacuum"] = {**vacuum, **channels}
 
@@ -324,7 +324,6 @@ def _of_another_cup(cup: Profile, subject: Subject) -> Iterator[str]:
 
 
 _LOG = "log"
-_CHAMBERS = ("pulsation", "liner")
 
 
 def check_inputs(document: Mapping[str, Any], grid: Grid, recorded: frozenset[str]) -> list[str]:
@@ -345,7 +344,7 @@ def check_inputs(document: Mapping[str, Any], grid: Grid, recorded: frozenset[st
 
 
 def _of_vacuum(vacuum: Mapping[str, Any], recorded: frozenset[str]) -> Iterator[str]:
-    for name in _CHAMBERS:
+    for name in CHAMBERS:
         if name in vacuum:
             yield from _of_chamber(name, vacuum[name], vacuum, recorded)
     if _LOG in vacuum:

@@ -4,12 +4,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from grabberd_liner.analysis import Estimate, PhaseAverage
-from grabberd_liner.analysis.estimate import Finding
+from grabberd_liner.analysis.estimate import Estimate, Finding
 from grabberd_liner.analysis.load.empty_ramp import ramp_quantities
 from grabberd_liner.analysis.load.liner_compression import QUANTITIES, liner_compression
+from grabberd_liner.analysis.pulsation.phase_average import PhaseAverage
 from grabberd_liner.analysis.pulsation.pulsation_quantities import (
     NO_CURVE,
     lag_quantities,
@@ -18,6 +17,7 @@ from grabberd_liner.analysis.pulsation.pulsation_quantities import (
     vacuum_quantities,
     wall_quantities,
 )
+from grabberd_liner.arrays import Array
 from grabberd_liner.chain.analysis.analyse import Analysis
 
 _NO_CYCLE = "there is no mean cycle"
@@ -58,7 +58,7 @@ def _lags(analysis: Analysis) -> tuple[Finding, ...]:
     if source is None or lag is None:
         return lag_quantities((), np.nan, _NO_TEAT if analysis.inputs.empty else _NO_LAG)
     shifts = ((lag.opening_shift_s, lag.opening_sigma_s), (lag.closing_shift_s, lag.closing_sigma_s))
-    each = [Estimate(np.asarray(value), np.asarray(sigma)) for value, sigma in shifts]
+    each = [Estimate.of(value, sigma) for value, sigma in shifts]
     return lag_quantities(each, source.time_sigma_s, "")
 
 
@@ -87,7 +87,7 @@ def _of_the_load(analysis: Analysis) -> tuple[Finding, ...]:
     return tuple(one._replace(reason=said) if one.reason else one for one in found.findings)
 
 
-def _correlation(average: PhaseAverage | None, phase: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _correlation(average: PhaseAverage | None, phase: Array) -> Array | None:
     """(P, P) of the noise at those phases of a mean cycle that could be analysed."""
     if average is None:
         return None

@@ -9,17 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.chain.columns import Table, make_table
-from grabberd_liner.analysis import ChamberVacuum, Estimate, PressureMap, Section
-from grabberd_liner.analysis.estimate import Finding
+from grabberd_liner.analysis.estimate import Estimate, Finding
+from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureMap
+from grabberd_liner.arrays import Array
 from grabberd_liner.chain.analysis.analyse import Analysis, Cycle
 from grabberd_liner.chain.analysis.columns import TABLES
 from grabberd_liner.chain.analysis.empty_liner import ramp_values
+from grabberd_liner.chain.analysis.inputs import CHAMBERS
 from grabberd_liner.chain.analysis.quantities import quantities, quantity_values
 from grabberd_liner.chain.analysis.vacuum_inputs import Vacuum
 from grabberd_liner.chain.analysis.wall_state import WallState
 
 Keys = Mapping[str, NDArray[Any]]
-Array = NDArray[np.float64]
+Values = Mapping[str, Any]
+"""Values by column name: an array, or an estimate if the column is measured."""
+AnalysisTables = Mapping[str, Table]
+"""Tables by name, in the order of `TABLES`; docs/reference/analysis.md describes each."""
 
 
 def strain_tables(analysis: Analysis, keys: Keys) -> dict[str, dict[str, Any]]:
@@ -35,8 +40,8 @@ def strain_tables(analysis: Analysis, keys: Keys) -> dict[str, dict[str, Any]]:
     grid = analysis.grid
     corners = grid.target[_joined_indices([grid.triangles[one.triangle] for one in strains.values()], (0, 3))]
     ends = grid.target[_joined_indices([one.edge for one in strains.values()], (0, 2))]
-    stretch = _joined_stretch([one.triangle_stretch for one in strains.values()], (0, 2))
-    along = _joined_stretch([one.edge_stretch for one in strains.values()], (0,))
+    stretch = _joined([one.triangle_stretch for one in strains.values()], 2)
+    along = _joined([one.edge_stretch for one in strains.values()])
     return {
         "triangles": {
             **_keys(keys, {at: len(one.triangle) for at, one in strains.items()}),
@@ -61,15 +66,7 @@ def _joined_indices(parts: list[NDArray[Any]], empty: tuple[int, ...]) -> NDArra
     return np.concatenate(parts) if parts else np.empty(empty, np.intp)
 
 
-def _joined_stretch(parts: list[Estimate], empty: tuple[int, ...]) -> Estimate:
-    if not parts:
-        return Estimate(np.empty(empty), np.empty(empty))
-    return Estimate(
-        np.concatenate([one.value for one in parts]), np.concatenate([one.sigma for one in parts])
-    )
-
-
-_UNKNOWN = Estimate(np.asarray(np.nan), np.asarray(np.nan))
+_UNKNOWN = Estimate.of(np.nan, np.nan)
 QUANTITIES = {
     **{name: name for name in ("rate_per_min", "stroke_mm", "wall_ratio", "opening_lag_s", "closing_lag_s")},
     "iso_ratio": "pulsator_ratio",
@@ -109,18 +106,14 @@ def _clocks(source: Vacuum | None) -> dict[str, Any]:
     offset = source.offset if source else None
     found = _UNKNOWN
     if light:
-        found = _estimate(light.offset_s, light.offset_sigma_s)
+        found = Estimate.of(light.offset_s, light.offset_sigma_s)
     elif offset:
-        found = _estimate(offset.offset_s, offset.sigma_s)
+        found = Estimate.of(offset.offset_s, offset.sigma_s)
     return {
         "offset_s": found,
-        "clock_drift": _estimate(light.drift, light.drift_sigma) if light else _UNKNOWN,
+        "clock_drift": Estimate.of(light.drift, light.drift_sigma) if light else _UNKNOWN,
         "light_switchings": light.edges if light else np.nan,
     }
-
-
-def _estimate(value: float, sigma: float) -> Estimate:
-    return Estimate(np.asarray(value), np.asarray(sigma))
 
 
 def _clock_kpa(vacuum: Sequence[ChamberVacuum]) -> float:
@@ -136,7 +129,7 @@ def _pulsation(cycle: Cycle | None) -> dict[str, Any]:
     found = cycle.pulsation
     return {
         "cycles": found.cycles,
-        "period_s": Estimate(np.asarray(found.period_s), np.asarray(found.period_sigma_s)),
+        "period_s": Estimate.of(found.period_s, found.period_sigma_s),
         "residual_mm": found.residual_mm,
         "expected_mm": found.expected_mm,
         "period_spread_s": _spread(cycle.variation.lengths_s.value),
@@ -144,7 +137,7 @@ def _pulsation(cycle: Cycle | None) -> dict[str, Any]:
     }
 
 
-def _spread(values: NDArray[np.float64]) -> float:
+def _spread(values: Array) -> float:
     return float(np.std(values, ddof=1)) if len(values) > 1 else np.nan
 
 
@@ -154,14 +147,6 @@ def gap_values(analysis: Analysis) -> dict[str, NDArray[np.int64]]:
     missing = np.diff(n) - 1
     at = np.flatnonzero(missing)
     return {"after_n": n[at], "until_n": n[at + 1], "missing": missing[at]}
-
-
-Values = Mapping[str, Any]
-"""Values by column name: an array, or an estimate if the column is measured."""
-
-
-AnalysisTables = Mapping[str, Table]
-"""Tables by name, in the order of `TABLES`; docs/reference/analysis.md describes each."""
 
 
 def tables(analysis: Analysis) -> AnalysisTables:
@@ -255,14 +240,14 @@ def _wall(analysis: Analysis, series: _Series) -> dict[str, Any]:
 def _vacuum(series: _Series) -> dict[str, Estimate]:
     """The vacuum; its σ includes that of the clocks' offset, multiplied by the slope of the vacuum."""
     if not series.vacuum:
-        return {f"{name}_vacuum_kpa": _none(len(series.states)) for name in ("pulsation", "liner")}
+        return {f"{name}_vacuum_kpa": _none(len(series.states)) for name in CHAMBERS}
     known = {name: np.array([getattr(one, name) for one in series.vacuum]) for name in ChamberVacuum._fields}
     return {
         f"{name}_vacuum_kpa": Estimate(
             known[f"{name}_kpa"],
             np.hypot(known[f"{name}_sigma_kpa"], known[f"{name}_slope_kpa_per_s"] * known["time_sigma_s"]),
         )
-        for name in ("pulsation", "liner")
+        for name in CHAMBERS
     }
 
 
@@ -284,7 +269,7 @@ def _sections(series: _Series) -> dict[str, Any]:
     return {
         **series.repeated([len(state.sections) for state in series.states]),
         "height_mm": np.array([section.x_mm for section in all_of_them]),
-        **{name: _each([_of_section(section, name) for section in all_of_them]) for name in measured},
+        **{name: _each([getattr(section, name) for section in all_of_them]) for name in measured},
     }
 
 
@@ -301,12 +286,8 @@ def _profiles(series: _Series) -> dict[str, Any]:
     }
 
 
-def _joined(estimates: Sequence[Estimate]) -> Estimate:
-    return Estimate(*(_rows([one[part] for one in estimates]) for part in (0, 1)))
-
-
-def _of_section(section: Section, name: str) -> Estimate | None:
-    return getattr(section, name)
+def _joined(estimates: Sequence[Estimate], *columns: int) -> Estimate:
+    return Estimate(*(_rows([one[part] for one in estimates], *columns) for part in (0, 1)))
 
 
 def _targets(analysis: Analysis, series: _Series) -> dict[str, Any]:
@@ -383,5 +364,5 @@ def _stacked(estimates: Sequence[Estimate | None], count: int, columns: int = 1)
     ]
 
 
-def _rows(parts: Sequence[Array]) -> Array:
-    return np.concatenate(parts) if len(parts) else np.empty(0)
+def _rows(parts: Sequence[Array], *columns: int) -> Array:
+    return np.concatenate(parts) if len(parts) else np.empty((0, *columns))

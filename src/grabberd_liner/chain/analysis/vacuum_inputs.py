@@ -1,15 +1,16 @@
 """The vacuum on both sides of the wall at the fields' times, from the inputs."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.geometry import Reading
 from grabberd.errors import AnalysisError, InputError
-from grabberd_liner.analysis import ChamberVacuum, Phases, Pulsation, iso_phases
+from grabberd_liner.analysis.load.pressure import ChamberVacuum
+from grabberd_liner.analysis.pulsation.phases import Phases, iso_phases
+from grabberd_liner.analysis.pulsation.pulsation import Pulsation
 from grabberd_liner.analysis.vacuum.vacuum import (
     ChannelCurve,
     ConstantVacuum,
@@ -19,10 +20,9 @@ from grabberd_liner.analysis.vacuum.vacuum import (
 )
 from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog, read_vacuum_log
 from grabberd_liner.analysis.vacuum.vacuum_offset import Offset, WallLag, find_offset
-from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHANNEL, missing
+from grabberd_liner.arrays import Array
+from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHAMBERS, CHANNEL, missing
 from grabberd_liner.chain.light_clock import FoundLight
-
-Array = NDArray[np.float64]
 
 # Least reach of a slope: with one clock the offset's σ is 0, and the difference quotient needs some width.
 _SLOPE_S = 0.002
@@ -96,7 +96,7 @@ def read_vacuum(
     Raises:
         InputError, AnalysisError: the vacuum cannot be used, or does not belong to this capture.
     """
-    if not {"pulsation", "liner"} <= set(document):
+    if not set(CHAMBERS) <= set(document):
         return None
     if CHANNEL in (document["pulsation"], document["liner"]):
         return recorded_vacuum(document, pulsation, time_s, channels or {}, light)
@@ -173,9 +173,7 @@ def recorded_vacuum(
             f"vacuum.{other} is given beside a recorded channel, whose clock is that of the fields",
             f"leave out {other}; vacuum.offset corrects the clock of the channels, if need be",
         )
-    curves = {
-        name: recorded_channel(name, channels) for name in ("pulsation", "liner") if document[name] == CHANNEL
-    }
+    curves = {name: recorded_channel(name, channels) for name in CHAMBERS if document[name] == CHANNEL}
     curves = {name: _on_clock_of_fields(curve, document, time_s, light) for name, curve in curves.items()}
     wave = _wave(document["pulsation"])
     sources: dict[str, VacuumSource] = {
@@ -183,7 +181,7 @@ def recorded_vacuum(
     }
     if wave is not None:
         sources["pulsation"] = _on_camera_clock(wave, None)
-    for name in {"pulsation", "liner"} - set(sources):
+    for name in set(CHAMBERS) - set(sources):
         sources[name] = _source(name, document[name], None, None)
     sigmas_s = [curve.time_sigma_s for curve in curves.values()]
     sigmas_s += [wave.start_sigma_s] if wave else []
@@ -196,7 +194,9 @@ def recorded_vacuum(
         phases=_phases(log, wave, time_s),
         light=light,
         lag=None if log is None else _lag(log, pulsation),
-        remarks=() if "offset" in document else _remarks(curves.values()),
+        remarks=()
+        if "offset" in document
+        else tuple(curve.remark for curve in curves.values() if curve.remark),
     )
 
 
@@ -242,10 +242,6 @@ def channel_sigma_kpa(document: Mapping[str, Any], curve: ChannelCurve) -> float
     given = reading.number(document, "gauge_sigma_kpa", positive=True)
     reading.finish("give the σ of the gauge in kPa")
     return given
-
-
-def _remarks(curves: Iterable[ChannelCurve]) -> tuple[str, ...]:
-    return tuple(curve.remark for curve in curves if curve.remark)
 
 
 def needs_pulsation(document: Mapping[str, Any]) -> bool:

@@ -8,26 +8,18 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import (
-    ChamberVacuum,
-    Face,
-    Grid,
-    PressureMap,
-    PressureModel,
-    SettledWall,
-    Smoothing,
-    Surface,
-    choose_smoothing,
-    fit_free_surface,
-    fit_surface,
-    left_out_problems,
-    possible,
-    supported_places,
-)
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureMap
+from grabberd_liner.analysis.load.pressure_model import PressureModel, SettledWall
+from grabberd_liner.analysis.surface.face import Face, supported_places
+from grabberd_liner.analysis.surface.fitting import choose_smoothing, fit_surface, left_out_problems, possible
+from grabberd_liner.analysis.surface.free_surface import fit_free_surface
+from grabberd_liner.analysis.surface.smoothing import Smoothing
+from grabberd_liner.analysis.surface.surface import Surface
+from grabberd_liner.arrays import Array
 from grabberd_liner.chain.analysis.wall_state import Question, WallState, wall_states
 
 LEVELS = 5
@@ -46,7 +38,7 @@ class Smoothings:
     """
 
     grid: Grid
-    limits_mm: NDArray[np.float64]
+    limits_mm: Array
     choices: tuple[Smoothing, ...]
 
     @classmethod
@@ -98,7 +90,6 @@ def departure_mm(grid: Grid, points: Points) -> float:
 _BATCH = 8
 """Fields evaluated in one batch; larger batches are no faster."""
 
-Array = NDArray[np.float64]
 Note = Callable[[str, Iterable[str]], None]
 
 

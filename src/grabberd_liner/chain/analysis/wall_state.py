@@ -8,43 +8,31 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import (
-    Area,
-    Estimate,
-    Face,
+from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.load.pressure import PressureMap
+from grabberd_liner.analysis.load.wall_surfaces import MiddleSurface
+from grabberd_liner.analysis.surface.face import Area, Face, surface_area
+from grabberd_liner.analysis.surface.free_surface import Height, Tube
+from grabberd_liner.analysis.surface.jets import Jets
+from grabberd_liner.analysis.surface.sections import Plane, Section, sections, volume_mm3
+from grabberd_liner.analysis.surface.surface import Surface, propagate
+from grabberd_liner.analysis.wall.material import VARIED, Wall, Zone, mixed_tension, varied, wall_at
+from grabberd_liner.analysis.wall.strain import (
     Forms,
-    Grid,
-    Height,
-    Jets,
-    MiddleSurface,
     Places,
-    Plane,
-    PressureMap,
-    Section,
-    Smoothing,
-    Surface,
-    Tube,
-    Zone,
     edge_strain,
-    fit_surface,
     middle_forms,
+    mixed,
     outer_forms,
     outer_places,
-    propagate,
-    sections,
-    surface_area,
+    principal_values,
     triangle_strain,
-    volume_mm3,
-    wall_at,
 )
-from grabberd_liner.analysis.wall.material import VARIED, Wall, mixed_tension, varied
-from grabberd_liner.analysis.wall.strain import mixed, principal_values
-
-Array = NDArray[np.float64]
+from grabberd_liner.arrays import Array, Indices, Mask
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,9 +77,9 @@ class TargetStrains(NamedTuple):
         edge: (E, 2) indices of the targets; `edge_stretch`: (E,).
     """
 
-    triangle: NDArray[np.intp]
+    triangle: Indices
     triangle_stretch: Estimate
-    edge: NDArray[np.intp]
+    edge: Indices
     edge_stretch: Estimate
 
 
@@ -139,7 +127,7 @@ class WallState(NamedTuple):
         problems: problems that did not prevent a result, as sentences.
     """
 
-    within: NDArray[np.bool_]
+    within: Mask
     xyz_mm: Estimate
     method: str
     curvature_per_m: Estimate
@@ -152,16 +140,6 @@ class WallState(NamedTuple):
     strains: TargetStrains | None
     misfit: float
     problems: tuple[str, ...]
-
-
-def wall_state(points: Points, question: Question, smoothing: Smoothing) -> WallState:
-    """The wall at one field.
-
-    Raises:
-        AnalysisError: the points do not determine a surface.
-    """
-    surface = fit_surface(question.grid, points, smoothing)
-    return wall_states([points], [surface], question, [None])[0]
 
 
 def wall_states(
@@ -235,7 +213,7 @@ def _refused(pressure: PressureMap | None) -> tuple[str, ...]:
     return ()
 
 
-def _masked(estimate: Estimate, within: NDArray[np.bool_]) -> Estimate:
+def _masked(estimate: Estimate, within: Mask) -> Estimate:
     return Estimate(*(np.where(within[:, np.newaxis], part, np.nan) for part in estimate))
 
 

@@ -8,18 +8,17 @@ import numpy as np
 
 from grabberd.core.geometry.document_reader import finite
 from grabberd_liner.analysis.comparison import Line, straight_line
-from grabberd_liner.analysis.estimate import Finding, Quantity
+from grabberd_liner.analysis.estimate import Estimate, Finding, Quantity
 from grabberd_liner.analysis.mixed_model import observations
+from grabberd_liner.arrays import Array
 from grabberd_liner.chain.guided_tests.outcome import (
     LINE,
     POINTS,
-    Array,
     Check,
     Curve,
     Evidence,
     Outcome,
     Question,
-    estimate,
 )
 from grabberd_liner.chain.guided_tests.recipes import KNOWN_KPA, KNOWN_SIGMA_KPA
 
@@ -136,8 +135,8 @@ def _of_line(line: Line | None) -> Iterator[Check]:
     if line is None:
         yield from (ask.not_checked("too few steps have a pressure") for ask in (SLOPE, OFFSET))
         return
-    yield SLOPE.within(estimate(line.slope.value, line.slope.sigma), 1.0, _SLOPE)
-    yield OFFSET.within(estimate(line.offset.value, line.offset.sigma), 0.0, _OFFSET_KPA)
+    yield SLOPE.within(Estimate.of(line.slope.value, line.slope.sigma), 1.0, _SLOPE)
+    yield OFFSET.within(Estimate.of(line.offset.value, line.offset.sigma), 0.0, _OFFSET_KPA)
 
 
 def _of_steps(steps: _Steps) -> Iterator[Check]:
@@ -145,14 +144,14 @@ def _of_steps(steps: _Steps) -> Iterator[Check]:
     if at_zero.any():
         first = int(np.flatnonzero(at_zero)[0])
         sigma = float(np.hypot(steps.sigma_kpa[first], steps.known_sigma_kpa[first]))
-        yield ZERO.agrees(estimate(steps.found_kpa[first], sigma), 0.0, sigma)
+        yield ZERO.agrees(Estimate.of(steps.found_kpa[first], sigma), 0.0, sigma)
     else:
         yield ZERO.not_checked("no step at 0 has a pressure")
     found = hysteresis_kpa(steps)
     if found is None:
         yield HYSTERESIS.not_checked("no pressure was captured both upwards and downwards")
     else:
-        yield HYSTERESIS.within(estimate(*found), 0.0, _HYSTERESIS_KPA)
+        yield HYSTERESIS.within(Estimate.of(*found), 0.0, _HYSTERESIS_KPA)
 
 
 def hysteresis_kpa(steps: _Steps) -> tuple[float, float] | None:
@@ -189,7 +188,7 @@ def _findings(line: Line | None, steps: _Steps) -> Iterator[Finding]:
     if between is None:
         yield Finding.missing(quantity, "no pressure was captured both upwards and downwards")
     else:
-        yield Finding.of(quantity, estimate(*between))
+        yield Finding.of(quantity, Estimate.of(*between))
 
 
 def _curves(steps: _Steps, line: Line | None) -> Iterator[Curve]:

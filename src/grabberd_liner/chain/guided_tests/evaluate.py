@@ -7,18 +7,19 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import Estimate, first_movement, fit_pulsation
+from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.pulsation.movement import first_movement
+from grabberd_liner.analysis.pulsation.pulsation import fit_pulsation
+from grabberd_liner.arrays import Array
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.guided_tests.artificial_teat import artificial_teat_test, known_kpa
 from grabberd_liner.chain.guided_tests.milking_test import milking_test
 from grabberd_liner.chain.guided_tests.outcome import (
     FAILED,
-    Array,
     Check,
     Evidence,
     Outcome,
     Question,
-    estimate,
     exact,
 )
 from grabberd_liner.chain.guided_tests.ramp_test import ramp_test
@@ -38,7 +39,7 @@ def unrest_mm(fields: Sequence[FieldPoints]) -> Estimate:
     """
     z_mm, sigma_mm = _heights(fields) if fields else (np.empty(0), np.empty(0))
     if len(z_mm) < 3 or not z_mm.size:
-        return estimate(np.nan, np.nan)
+        return Estimate.of(np.nan, np.nan)
     with np.errstate(invalid="ignore"):
         from_mean = z_mm - np.nanmean(z_mm, axis=0)
         seen = np.isfinite(z_mm).sum(axis=1)
@@ -47,7 +48,7 @@ def unrest_mm(fields: Sequence[FieldPoints]) -> Estimate:
     beyond = max(float(np.nanvar(common_mm, ddof=1) - np.nanmean(np.square(noise))), 0.0)
     # σ of a standard deviation, of what is left of it and of what was taken off.
     sigma = float(np.nanstd(common_mm, ddof=1)) / np.sqrt(2 * (len(common_mm) - 1))
-    return estimate(np.sqrt(beyond), sigma)
+    return Estimate.of(np.sqrt(beyond), sigma)
 
 
 def _heights(fields: Sequence[FieldPoints]) -> tuple[Array, Array]:

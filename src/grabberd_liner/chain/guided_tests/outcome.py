@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from grabberd_liner.analysis import Estimate, Material
-from grabberd_liner.analysis.estimate import Finding, Quantity
+from grabberd_liner.analysis.estimate import Estimate, Finding, Quantity
+from grabberd_liner.analysis.wall.material import Material
+from grabberd_liner.arrays import Array
 from grabberd_liner.chain.analysis.analyse import Analysis
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.profile_inputs import Profile
@@ -83,15 +83,15 @@ class Question(NamedTuple):
         margin = tolerance - abs(float(found.value) - expected)
         return self._by_margin(found, margin, words, reason)
 
-    def agrees(self, found: Estimate, expected: float, sigma: float, reason: str = "") -> Check:
+    def agrees(self, found: Estimate, expected: float, sigma: float) -> Check:
         """The check of a value that has to be another one, but for the σ of their difference."""
         words = f"{self._with_unit(expected)} within {_CERTAIN:g} σ"
         if not math.isfinite(float(found.value)):
-            return self.not_checked(reason or "it was not found")
+            return self.not_checked("it was not found")
         off = abs(float(found.value) - expected) / sigma
         verdict = PASSED if off <= _CERTAIN else NOT_CERTAIN if off <= _UNEQUAL else FAILED
         said = f"it is {off:.1f} σ away; σ of the difference is {sigma:.2g} {self.unit}".strip()
-        return self._judged(found, verdict, words, said + (f"; {reason}" if reason else ""))
+        return self._judged(found, verdict, words, said)
 
     def _by_margin(self, found: Estimate, margin: float, limit: str, reason: str) -> Check:
         if not math.isfinite(margin):
@@ -126,7 +126,6 @@ def worst(checks: Iterable[Check]) -> str:
     return next((one for one in (FAILED, NOT_CERTAIN, PASSED) if one in verdicts), NOT_CHECKED)
 
 
-Array = NDArray[np.float64]
 LINE, POINTS, MARK = "line", "points", "mark"
 """How a curve is drawn: a mark is a place on the x axis."""
 
@@ -173,7 +172,7 @@ class Evidence(NamedTuple):
             return None
         table = self.tables["quantities"]
         value, sigma = (float(table.column(column)[row]) for column in ("value", "sigma_value"))
-        return estimate(value, sigma) if math.isfinite(value) else None
+        return Estimate.of(value, sigma) if math.isfinite(value) else None
 
     def common(self, name: str) -> float:
         """Part of a quantity's σ that captures analysed with the same values share; 0 where it is unknown."""
@@ -193,7 +192,7 @@ class Evidence(NamedTuple):
 
         Fields scatter by their noise; what σ has beyond that they share, and no number of them lessens it.
         """
-        nothing = estimate(math.nan, math.nan), math.nan
+        nothing = Estimate.of(math.nan, math.nan), math.nan
         if "fields" not in self.tables:
             return nothing
         fields = self.tables["fields"]
@@ -204,7 +203,7 @@ class Evidence(NamedTuple):
         value, count = value[known], int(known.sum())
         variance = float(np.mean(np.square(sigma[known])))
         own = min(float(np.var(value, ddof=1)), variance) if count > 1 else 0.0
-        found = estimate(value.mean(), math.sqrt(variance - own + own / count))
+        found = Estimate.of(value.mean(), math.sqrt(variance - own + own / count))
         return found, math.sqrt(variance - own)
 
     @property
@@ -220,10 +219,10 @@ class Evidence(NamedTuple):
         """A column's value in the only row of a table, with its σ; NaN where there is none."""
         found = self.tables.get(table)
         if found is None or not len(found.column(name)):
-            return estimate(math.nan, math.nan)
+            return Estimate.of(math.nan, math.nan)
         names = [one.name for one in found.columns]
         sigma = float(found.column(f"sigma_{name}")[0]) if f"sigma_{name}" in names else 0.0
-        return estimate(float(found.column(name)[0]), sigma)
+        return Estimate.of(float(found.column(name)[0]), sigma)
 
     def _row_of(self, name: str) -> int | None:
         table = self.tables.get("quantities")
@@ -259,14 +258,9 @@ class Outcome(NamedTuple):
     offer: Offer | None = None
 
 
-def estimate(value: float, sigma: float) -> Estimate:
-    """A single value with its σ."""
-    return Estimate(np.asarray(value, np.float64), np.asarray(sigma, np.float64))
-
-
 def exact(value: float) -> Estimate:
     """A value that is counted, or known without σ."""
-    return estimate(value, 0.0)
+    return Estimate.of(value, 0.0)
 
 
 def findings_of(one: Evidence, names: Sequence[str]) -> tuple[Finding, ...]:

@@ -6,23 +6,21 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from grabberd_liner.analysis import Estimate
+from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.load.empty_ramp import LAW_SIGMA
 from grabberd_liner.analysis.load.load_fit import MISFIT_ALARM
+from grabberd_liner.arrays import Array, Mask
 from grabberd_liner.chain.analysis.profile_inputs import Profile
 from grabberd_liner.chain.guided_tests.outcome import (
     LINE,
     MARK,
-    Array,
     Check,
     Curve,
     Evidence,
     Offer,
     Outcome,
     Question,
-    estimate,
     exact,
     findings_of,
 )
@@ -96,7 +94,7 @@ def _course(one: Evidence) -> Iterator[Check]:
         yield from (ask.not_checked("the vacuum is not known") for ask in (STARTS_OPEN, SLOW, CALM, GAUGE))
         return
     time_s, kpa, sigma_kpa = course
-    yield STARTS_OPEN.at_most(estimate(kpa[0], sigma_kpa[0]), _OPEN_KPA)
+    yield STARTS_OPEN.at_most(Estimate.of(kpa[0], sigma_kpa[0]), _OPEN_KPA)
     low, high = _between(one, kpa)
     within = (kpa >= low) & (kpa <= high)
     speed = _speed(time_s, kpa, within)
@@ -130,7 +128,7 @@ def _between(one: Evidence, kpa: Array) -> tuple[float, float]:
     return float(ends[0].value), float(ends[1].value)
 
 
-def _speed(time_s: Array, kpa: Array, within: NDArray[np.bool_]) -> float:
+def _speed(time_s: Array, kpa: Array, within: Mask) -> float:
     """Speed of the pressure difference, by a line through it: single readings are noisy."""
     if within.sum() < 2 or np.ptp(time_s[within]) == 0:
         return math.nan

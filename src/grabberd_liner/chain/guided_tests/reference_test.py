@@ -8,20 +8,22 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import Estimate, Grid, Material
-from grabberd_liner.analysis.estimate import Finding, Quantity
-from grabberd_liner.chain.analysis.field_points import FieldPoints
+from grabberd_liner.analysis.estimate import Estimate, Finding, Quantity
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.wall.material import Material
+from grabberd_liner.arrays import Array
+from grabberd_liner.chain.analysis.field_points import FieldPoints, averaged_fields
+from grabberd_liner.chain.analysis.inputs import CHAMBERS
 from grabberd_liner.chain.guided_tests.outcome import (
     LINE,
     POINTS,
-    Array,
     Check,
     Curve,
     Evidence,
     Outcome,
     Question,
-    estimate,
 )
 from grabberd_liner.chain.guided_tests.recipes import UNMOUNTED_PITCH_MM
 
@@ -56,15 +58,6 @@ class MountedTube(NamedTuple):
     sigma_mm: Array
 
 
-class _Mean(NamedTuple):
-    """Targets averaged over the fields: places, and the covariances of noise and of the calibration."""
-
-    target: Array
-    xyz_mm: Array
-    noise_mm2: Array
-    calibration_mm2: Array
-
-
 def mounted_tube(fields: Sequence[FieldPoints], grid: Grid) -> MountedTube:
     """The tube that a capture of the still liner shows.
 
@@ -75,7 +68,8 @@ def mounted_tube(fields: Sequence[FieldPoints], grid: Grid) -> MountedTube:
     Raises:
         AnalysisError: too few targets are seen, or they determine no tube.
     """
-    mean = _mean(fields)
+    (averaged,) = averaged_fields(fields, len(fields))
+    mean = averaged.timed.points
     index = np.searchsorted(grid.target, mean.target)
     row, nominal_mm = grid.row[index].astype(np.float64), grid.nominal_mm[index]
     if len(index) < _LEAST_TARGETS or len(np.unique(row)) < 2 or len(np.unique(grid.column[index])) < 3:
@@ -86,37 +80,20 @@ def mounted_tube(fields: Sequence[FieldPoints], grid: Grid) -> MountedTube:
     oval = len(np.unique(grid.column[index])) >= _LEAST_COLUMNS
     values, covariance, normal = _fit(mean, oval)
     offsets = mean.xyz_mm[:, 1:] - _axis(values, mean.xyz_mm[:, 0])
-    of_calibration = np.sqrt(np.einsum("ni,nij,nj->n", normal, mean.calibration_mm2, normal))
+    of_calibration = np.sqrt(np.einsum("ni,nij,nj->n", normal, mean.calibration_covariance_mm2, normal))
     common_mm = float(np.sqrt(np.mean(np.square(of_calibration))))
     # A radius is read from the height of an arc, whose error it multiplies where the arc is short.
     by_arc_mm = common_mm / max(1 - float(normal[:, 2].min()), _LEAST_ARC)
     oval_mm = 4 * float(np.sqrt(max(covariance[1, 1], 0.0)))
     return MountedTube(
-        radius_mm=estimate(values[0], float(np.hypot(np.sqrt(covariance[0, 0]), by_arc_mm))),
-        ovality_mm=estimate(4 * values[1], float(np.hypot(oval_mm, 2 * by_arc_mm))) if oval else None,
+        radius_mm=Estimate.of(values[0], float(np.hypot(np.sqrt(covariance[0, 0]), by_arc_mm))),
+        ovality_mm=Estimate.of(4 * values[1], float(np.hypot(oval_mm, 2 * by_arc_mm))) if oval else None,
         pitch_mm=_pitch(mean, row, float(np.sqrt(1 + values[3] ** 2 + values[5] ** 2))),
         shift_mm=_shift(mean, nominal_mm),
         across_mm=offsets[:, 0],
         towards_mm=offsets[:, 1],
-        sigma_mm=np.hypot(np.sqrt(np.einsum("ni,nij,nj->n", normal, mean.noise_mm2, normal)), common_mm),
+        sigma_mm=np.hypot(np.sqrt(np.einsum("ni,nij,nj->n", normal, mean.covariance_mm2, normal)), common_mm),
     )
-
-
-def _mean(fields: Sequence[FieldPoints]) -> _Mean:
-    points = [one.timed.points for one in fields]
-    target = np.concatenate([one.target for one in points])
-    known, at, count = np.unique(target, return_inverse=True, return_counts=True)
-    often = count >= len(points) / 2
-
-    def averaged(name: str) -> Array:
-        values = np.concatenate([getattr(one, name) for one in points])
-        summed = np.zeros((len(known), *values.shape[1:]))
-        np.add.at(summed, at, values)
-        mean: Array = summed / count.reshape(-1, *(1,) * (values.ndim - 1))
-        return mean[often]
-
-    noise = averaged("covariance_mm2") / count[often, np.newaxis, np.newaxis]
-    return _Mean(known[often], averaged("xyz_mm"), noise, averaged("calibration_covariance_mm2"))
 
 
 def _axis(values: Array, x_mm: Array) -> Array:
@@ -124,7 +101,7 @@ def _axis(values: Array, x_mm: Array) -> Array:
     return np.column_stack([values[2] + values[3] * x_mm, values[4] + values[5] * x_mm])
 
 
-def _fit(mean: _Mean, oval: bool) -> tuple[Array, Array, Array]:
+def _fit(mean: Points, oval: bool) -> tuple[Array, Array, Array]:
     """Radius, half the amplitude of the oval, and the axis (6,), their covariance, and the normals (N, 3)."""
     x_mm = mean.xyz_mm[:, 0]
     values = np.array([10.0, 0.0, mean.xyz_mm[:, 1].mean(), 0.0, mean.xyz_mm[:, 2].min() - 5.0, 0.0])
@@ -133,7 +110,7 @@ def _fit(mean: _Mean, oval: bool) -> tuple[Array, Array, Array]:
         radius = np.linalg.norm(offset, axis=1)
         sine, cosine = (offset / radius[:, np.newaxis]).T
         normal = np.column_stack([np.zeros_like(sine), sine, cosine])
-        sigma = np.sqrt(np.einsum("ni,nij,nj->n", normal, mean.noise_mm2, normal)) + _LEAST_SIGMA_MM
+        sigma = np.sqrt(np.einsum("ni,nij,nj->n", normal, mean.covariance_mm2, normal)) + _LEAST_SIGMA_MM
         twice = 2 * np.square(cosine) - 1
         left = (radius - values[0] - values[1] * twice) / sigma
         columns = [np.ones_like(sine), twice * oval, sine, sine * x_mm, cosine, cosine * x_mm]
@@ -146,21 +123,21 @@ def _fit(mean: _Mean, oval: bool) -> tuple[Array, Array, Array]:
     return values, covariance, normal
 
 
-def _pitch(mean: _Mean, row: Array, along: float) -> Estimate:
+def _pitch(mean: Points, row: Array, along: float) -> Estimate:
     centred = row - row.mean()
     weights = centred / np.sum(np.square(centred))
     pitch = float(weights @ mean.xyz_mm[:, 0])
     left = mean.xyz_mm[:, 0] - mean.xyz_mm[:, 0].mean() - pitch * centred
     noise = float(np.sqrt(np.sum(np.square(weights)) * np.mean(np.square(left))))
     # An error of the calibration that grows along the liner shows as another pitch.
-    scale = float(np.sqrt(mean.calibration_mm2[:, 0, 0].mean()) / np.ptp(row))
-    return estimate(pitch * along, np.hypot(noise, scale))
+    scale = float(np.sqrt(mean.calibration_covariance_mm2[:, 0, 0].mean()) / np.ptp(row))
+    return Estimate.of(pitch * along, np.hypot(noise, scale))
 
 
-def _shift(mean: _Mean, nominal_mm: Array) -> Estimate:
+def _shift(mean: Points, nominal_mm: Array) -> Estimate:
     off = mean.xyz_mm[:, 0] - nominal_mm[:, 0]
-    common = np.sqrt(mean.calibration_mm2[:, 0, 0].mean())
-    return estimate(off.mean(), np.hypot(off.std(ddof=1) / np.sqrt(len(off)), common))
+    common = np.sqrt(mean.calibration_covariance_mm2[:, 0, 0].mean())
+    return Estimate.of(off.mean(), np.hypot(off.std(ddof=1) / np.sqrt(len(off)), common))
 
 
 _VACUUM_KPA = 1.0
@@ -248,11 +225,11 @@ def _vacuum(one: Evidence) -> Check:
         return VACUUM_ZERO.not_checked("no gauge has read it: it is what the steps of the recipe say")
     read = one.analysis.vacuum
     chambers = [
-        estimate(
+        Estimate.of(
             np.mean([getattr(at, f"{name}_kpa") for at in read]),
             np.mean([getattr(at, f"{name}_sigma_kpa") for at in read]),
         )
-        for name in ("pulsation", "liner")
+        for name in CHAMBERS
     ]
     return VACUUM_ZERO.within(max(chambers, key=lambda found: abs(float(found.value))), 0.0, _VACUUM_KPA)
 
@@ -267,7 +244,7 @@ def _shape(one: Evidence, tube: MountedTube | None, problem: str) -> Iterator[Ch
     else:
         expected_mm = material.radius_mm + material.depth_mm
         radius_mm, sigma_mm = (float(part) for part in tube.radius_mm)
-        found = estimate(radius_mm, float(np.hypot(sigma_mm, material.wall_sigma_mm / 2)))
+        found = Estimate.of(radius_mm, float(np.hypot(sigma_mm, material.wall_sigma_mm / 2)))
         yield RADIUS.within(found, expected_mm, _RADIUS_SHARE * expected_mm)
     if tube.ovality_mm is None:
         yield ROUND.not_checked(
@@ -302,7 +279,7 @@ def _stretches(one: Evidence, tube: MountedTube | None) -> Iterator[Check]:
         yield from (ask.not_checked("the liner's material is not known") for ask in (STRETCH, SEEN_STRETCH))
         return
     implied = mounting_stretch(material)
-    excess = estimate(float(implied.value) - 1, float(implied.sigma))
+    excess = Estimate.of(float(implied.value) - 1, float(implied.sigma))
     middle, reach = (_MOST_STRETCH + _LEAST_STRETCH) / 2, (_MOST_STRETCH - _LEAST_STRETCH) / 2
     yield STRETCH.within(excess, middle, reach, _LIMITS_SOURCE)
     free_mm = _number(one.labels.get(UNMOUNTED_PITCH_MM))
@@ -316,7 +293,7 @@ def _stretches(one: Evidence, tube: MountedTube | None) -> Iterator[Check]:
         float(tube.pitch_mm.sigma) / float(tube.pitch_mm.value), _PITCH_SIGMA_MM / free_mm
     )
     yield SEEN_STRETCH.agrees(
-        estimate(seen, sigma), float(implied.value), float(np.hypot(sigma, implied.sigma))
+        Estimate.of(seen, sigma), float(implied.value), float(np.hypot(sigma, implied.sigma))
     )
 
 
@@ -340,7 +317,7 @@ def mounting_stretch(material: Material) -> Estimate:
     both, young_force, force_wall = material.correlations
     related = np.array([[1, both, young_force], [both, 1, force_wall], [young_force, force_wall, 1]])
     of_stress = stress * np.sqrt(max(float(relative @ related @ relative), 0.0))
-    return estimate(stretch, 3 * of_stress / (2 * stretch + 1 / stretch**2))
+    return Estimate.of(stretch, 3 * of_stress / (2 * stretch + 1 / stretch**2))
 
 
 def _number(text: str | None) -> float | None:

@@ -8,20 +8,19 @@ from typing import NamedTuple
 import numpy as np
 
 from grabberd_liner.analysis.comparison import Line, straight_line
-from grabberd_liner.analysis.estimate import Finding, Quantity
+from grabberd_liner.analysis.estimate import Estimate, Finding, Quantity
 from grabberd_liner.analysis.mixed_model import observations
+from grabberd_liner.arrays import Array
 from grabberd_liner.chain.guided_tests.outcome import (
     FAILED,
     LINE,
     PASSED,
     POINTS,
-    Array,
     Check,
     Curve,
     Evidence,
     Outcome,
     Question,
-    estimate,
 )
 from grabberd_liner.chain.guided_tests.recipes import MILKINGS
 
@@ -138,7 +137,7 @@ def _judged(ask: Question, series: _Series) -> Check:
     start = line.offset.value + line.slope.value * float(series.age.min())
     change = 100 * line.slope.value * span / abs(start) if start else math.nan
     sigma = 100 * line.slope.sigma * span / abs(start) if start else math.nan
-    return ask.within(estimate(change, sigma), 0.0, 100 * _MOST_CHANGE)
+    return ask.within(Estimate.of(change, sigma), 0.0, 100 * _MOST_CHANGE)
 
 
 def _finding(series: _Series, ages: _Ages, check: Check) -> Finding:

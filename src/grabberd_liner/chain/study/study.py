@@ -9,11 +9,11 @@ from datetime import datetime
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.errors import InputError
 from grabberd_liner.analysis.comparison import Comparison, Trend, compare, trend
 from grabberd_liner.analysis.mixed_model import Levels, Observations, levels_of, observations
+from grabberd_liner.arrays import Array
 
 DEVICE, DATE, ID, VERDICT = "device", "date", "id", "verdict"
 """Names of what a capture has beside its labels."""
@@ -37,9 +37,6 @@ class Found(NamedTuple):
     sigma: float
     common: float | None
     reason: str
-
-
-NOTHING = Found("", math.nan, math.nan, None, "")
 
 
 class Meaning(NamedTuple):
@@ -173,7 +170,6 @@ def placed(question: StudyQuestion, captures: Sequence[Studied]) -> tuple[list[S
     return taken, left_out
 
 
-Array = NDArray[np.float64]
 _MILKING = "milking"
 
 

@@ -7,7 +7,8 @@ import numpy as np
 
 from grabberd.reports.figures.drawing import FAINT, GREY, WIDTH_MM, Svg, drawn
 from grabberd.reports.notation import fixed
-from grabberd_liner.reports.columns import Array, Columns
+from grabberd_liner.arrays import Array
+from grabberd_liner.reports.columns import Columns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

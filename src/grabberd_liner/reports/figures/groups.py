@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from grabberd.reports.figures.drawing import GREY, INK, WIDTH_MM, Svg, drawn
-from grabberd_liner.reports.columns import Array
+from grabberd_liner.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

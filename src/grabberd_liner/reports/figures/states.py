@@ -4,10 +4,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.reports.figures.drawing import FAINT, GREY, INK, WIDTH_MM, Svg, drawn
-from grabberd_liner.reports.columns import Array, Columns
+from grabberd_liner.arrays import Array, Indices
+from grabberd_liner.reports.columns import Columns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +33,7 @@ class State(NamedTuple):
 
     name: str
     columns: Columns
-    triangles: NDArray[np.intp]
+    triangles: Indices
 
     @property
     def xyz_mm(self) -> Array:

@@ -13,12 +13,6 @@ if TYPE_CHECKING:
 
 _COLOURS = ("#0072b2", "#b34700", "#007a5a", "#8a4f7d")
 _HEIGHT_MM, _TOP_MM, _BOTTOM_MM, _LEFT_MM, _RIGHT_MM = 50.0, 8.0, 10.0, 17.0, 2.0
-_LEGEND_ROW_MM, _LEGEND_LETTERS = 4.0, 45
-"""Height of a further row of the legend; letters of all titles together from which on each has its own."""
-
-_LABEL_LETTERS = 32
-"""That fit along the axis at the side; two lines fit beside it."""
-
 Curve = Mapping[str, Any]
 
 

@@ -4,10 +4,11 @@ from functools import cache
 
 import numpy as np
 
-from grabberd_liner.analysis import ChamberVacuum, PressureModel
 from grabberd_liner.analysis.estimate import Estimate, Joint
 from grabberd_liner.analysis.load.load_profile import LoadProfile
-from liner.analysis.walls import as_points, solved
+from grabberd_liner.analysis.load.pressure import ChamberVacuum
+from grabberd_liner.analysis.load.pressure_model import PressureModel
+from liner.analysis.walls import as_points, pressure_map, solved
 
 X_MM = np.arange(-55.0, 56.0, 5.0)
 TEAT_END_MM = 15.0
@@ -68,6 +69,6 @@ def solved_profiles(name):
     liner, model = solved(name), pressure_model(solved(name))
     seen = np.ones(len(liner.grid), bool)
     return [
-        model.map(liner.points(kpa, seed), seen, vacuum(kpa)).profile
+        pressure_map(model, liner.points(kpa, seed), seen, vacuum(kpa)).profile
         for seed, kpa in enumerate(DIFFERENCES_KPA)
     ]

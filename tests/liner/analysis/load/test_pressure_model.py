@@ -4,9 +4,19 @@ import numpy as np
 import pytest
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import ChamberVacuum, PressureModel, Zone
 from grabberd_liner.analysis.load.closed_liner import teat_heights
-from liner.analysis.walls import EIGHT_BITS_MM, as_points, outermost_alone, rig, solved, solved_six
+from grabberd_liner.analysis.load.pressure import ChamberVacuum
+from grabberd_liner.analysis.load.pressure_model import PressureModel
+from grabberd_liner.analysis.wall.material import Zone
+from liner.analysis.walls import (
+    EIGHT_BITS_MM,
+    as_points,
+    outermost_alone,
+    pressure_map,
+    rig,
+    solved,
+    solved_six,
+)
 
 SOUGHT_KPA = 50.0
 """Beyond every σ: nothing is refused for it."""
@@ -28,7 +38,10 @@ def closing():
     """Maps of the reference liner closing on a round teat, with what is true."""
     liner, pressure = solved("reference-round"), model("reference-round")
     differences = (12.0, 18.0, 26.0)
-    maps = [pressure.map(liner.points(kpa, seed), SEEN, vacuum(kpa)) for seed, kpa in enumerate(differences)]
+    maps = [
+        pressure_map(pressure, liner.points(kpa, seed), SEEN, vacuum(kpa))
+        for seed, kpa in enumerate(differences)
+    ]
     return maps, [liner.contact_kpa(kpa) for kpa in differences]
 
 
@@ -66,7 +79,7 @@ def test_the_pressure_above_atmosphere_is_less_by_the_liner_s_vacuum(closing):
 
 def test_where_sigma_exceeds_the_pressure_sought_the_map_says_so():
     liner = solved("reference-round")
-    found = model("reference-round", sought_kpa=0.5).map(liner.points(12.0, 0), SEEN, vacuum(12.0))
+    found = pressure_map(model("reference-round", sought_kpa=0.5), liner.points(12.0, 0), SEEN, vacuum(12.0))
     refused = np.array([bool(reason) for reason in found.reason])
     assert refused.any()
     assert all("exceeds the pressure sought" in reason for reason in found.reason if reason)
@@ -77,7 +90,7 @@ def test_a_place_without_targets_near_it_has_no_pressure():
     liner = solved("reference-round")
     within = SEEN.copy()
     within[10] = False
-    found = model("reference-round").map(liner.points(12.0, 0), within, vacuum(12.0))
+    found = pressure_map(model("reference-round"), liner.points(12.0, 0), within, vacuum(12.0))
     assert found.reason[10] == "no targets near enough"
     assert not any(reason for index, reason in enumerate(found.reason) if index != 10)
 
@@ -87,7 +100,7 @@ def test_points_that_no_load_explains_are_refused():
     places = liner.places_mm(12.0)
     uneven = (liner.grid.row + liner.grid.column) % 2 == 0
     places[uneven, 2] += 0.4
-    found = model("reference-round").map(as_points(places, EIGHT_BITS_MM), SEEN, vacuum(12.0))
+    found = pressure_map(model("reference-round"), as_points(places, EIGHT_BITS_MM), SEEN, vacuum(12.0))
     assert found.misfit > 2
     assert found.profile is None
     with pytest.raises(
@@ -100,7 +113,7 @@ def test_points_that_no_load_explains_are_refused():
 @pytest.mark.parametrize("design", ["wide", "tapered"])
 def test_an_empty_liner_that_has_closed_gives_no_pressure_on_a_teat(design):
     liner = solved(f"{design}-empty")
-    found = model(liner.name).map(liner.points(20.0, 0), SEEN, vacuum(20.0))
+    found = pressure_map(model(liner.name), liner.points(20.0, 0), SEEN, vacuum(20.0))
     assert set(found.reason) == {
         "opposite walls meet wherever the liner presses: it presses itself, there is no teat in it"
     }
@@ -113,21 +126,23 @@ def test_an_empty_liner_that_has_closed_gives_no_pressure_on_a_teat(design):
 @pytest.mark.parametrize("outer_kpa", [14.0, 40.0])
 def test_a_liner_on_a_teat_is_not_taken_for_an_empty_one(teat, outer_kpa):
     liner = solved(f"tapered-{teat}")
-    found = model(liner.name).map(liner.points(outer_kpa, 0), SEEN, vacuum(outer_kpa))
+    found = pressure_map(model(liner.name), liner.points(outer_kpa, 0), SEEN, vacuum(outer_kpa))
     assert found.usable.all()
 
 
 def test_an_empty_liner_that_has_not_closed_presses_next_to_nothing():
     """The load's prior is never quite 0."""
     liner = solved("tapered-empty")
-    found = model(liner.name).map(liner.points(11.0, 0), SEEN, vacuum(11.0))
+    found = pressure_map(model(liner.name), liner.points(11.0, 0), SEEN, vacuum(11.0))
     assert found.usable.all()
     assert found.mean_kpa.value < 1.0
 
 
 def test_a_vacuum_that_is_badly_known_makes_sigma_larger():
     liner, pressure = solved("reference-round"), model("reference-round")
-    good, bad = (pressure.map(liner.points(24.0, 0), SEEN, vacuum(24.0, sigma)) for sigma in (0.1, 6.0))
+    good, bad = (
+        pressure_map(pressure, liner.points(24.0, 0), SEEN, vacuum(24.0, sigma)) for sigma in (0.1, 6.0)
+    )
     assert bad.mean_kpa.sigma > 1.1 * good.mean_kpa.sigma
 
 
@@ -164,7 +179,7 @@ def test_columns_that_one_view_alone_sees_make_the_map_and_its_mean_better():
     off, sigma, mean_sigma = {}, {}, {}
     for name, of_rig in (("points", None), ("rays", rig())):
         pressure = PressureModel(liner.grid, liner.zones(), reference, SOUGHT_KPA, rig=of_rig)
-        found = pressure.map(field, liner.inner, vacuum(36.0))
+        found = pressure_map(pressure, field, liner.inner, vacuum(36.0))
         off[name] = found.contact_kpa.value - liner.contact_kpa(36.0)
         sigma[name], mean_sigma[name] = found.contact_kpa.sigma, found.mean_kpa.sigma
         assert (found.supported == (liner.inner | (of_rig is not None))).all()

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import Movement, TimedPoints, first_movement
+from grabberd_liner.analysis.pulsation.movement import Movement, TimedPoints, first_movement
 from liner.analysis.pulsating import capture, times
 
 

@@ -10,7 +10,9 @@ from grabberd.core.reconstruction import SingleViewImages
 from grabberd.errors import AnalysisError
 from grabberd_fake.ellipse_liner import EllipseLiner
 from grabberd_fake.liner_options import EllipseOptions
-from grabberd_liner.analysis import first_movement, fit_pulsation, phase_average
+from grabberd_liner.analysis.pulsation.movement import first_movement
+from grabberd_liner.analysis.pulsation.phase_average import phase_average
+from grabberd_liner.analysis.pulsation.pulsation import fit_pulsation
 from liner.analysis.pulsating import burst_times, capture, times
 
 PHASE = np.arange(0, 1, 0.05)
@@ -53,29 +55,26 @@ def test_it_is_the_same_from_bursts_put_together() -> None:
     found, pulsation = average(*captures)
     off, sigma = errors(found, pulsation)
     assert ((off / sigma) ** 2).mean() == pytest.approx(1.0, abs=0.25)
-    assert (found.fields == 6 * 32).all()
 
 
 def test_targets_that_are_missing_now_and_then_are_averaged_over_the_rest() -> None:
     found, pulsation = average(capture(times(300), 0.03, missing=0.3))
-    assert 170 < found.fields.min() < found.fields.max() < 250
     off, sigma = errors(found, pulsation)
     assert ((off / sigma) ** 2).mean() == pytest.approx(1.0, abs=0.2)
 
 
-def test_a_target_that_hides_in_a_part_of_the_cycle_is_left_out_and_named() -> None:
+def test_a_target_that_hides_in_a_part_of_the_cycle_is_left_out() -> None:
     fields = capture(times(250))
     hidden = [
         f._replace(points=f.points.select(f.points.target != 7)) if 0.3 < f.time_s % 1 < 0.6 else f
         for f in fields
     ]
     found, _ = average(hidden)
-    assert found.left_out == (7,)
     assert all(7 not in points.target for points in found.points)
     assert len(found.points[0]) == 107
 
 
-def test_cycles_that_differ_are_seen_and_widen_sigma() -> None:
+def test_cycles_that_differ_widen_sigma() -> None:
     fields = capture(times(300), 0.02)
     rng = np.random.default_rng(0)
     wobble = rng.normal(0, 0.1, 12).repeat(25)[:, None] * [0, 1.0, 0]
@@ -84,8 +83,6 @@ def test_cycles_that_differ_are_seen_and_widen_sigma() -> None:
         for f, w in zip(fields, wobble, strict=True)
     ]
     steady, wobbling = average(fields)[0], average(moved)[0]
-    assert steady.variation_mm.max() < 0.02
-    assert wobbling.variation_mm.mean() == pytest.approx(0.1 / np.sqrt(3), rel=0.4)
     grown = [p.covariance_mm2[:, 1, 1].mean() for p in (steady.points[3], wobbling.points[3])]
     assert grown[1] > 2 * grown[0]
 
@@ -150,7 +147,7 @@ def test_images_count_also_where_the_target_has_a_point() -> None:
     found, _ = average(mixed)
     assert all(50 in points.single.target for points in found.points if points.single)
     assert found.points[0].single is not None
-    assert found.left_out == (50,)
+    assert 50 not in found.points[0].target
 
 
 def test_a_target_that_either_view_sees_throughout_without_a_point_is_left_out() -> None:

@@ -7,14 +7,10 @@ from numpy.testing import assert_allclose
 from drivers.fake.iso_phases import iso_phases_s
 from grabberd.errors import AnalysisError
 from grabberd_fake.vacuum import vacuum_log
-from grabberd_liner.analysis import (
-    VacuumLog,
-    first_movement,
-    fit_pulsation,
-    iso_phases,
-    read_vacuum_log,
-    wall_phases,
-)
+from grabberd_liner.analysis.pulsation.movement import first_movement
+from grabberd_liner.analysis.pulsation.phases import iso_phases, wall_phases
+from grabberd_liner.analysis.pulsation.pulsation import fit_pulsation
+from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog, read_vacuum_log
 from liner.analysis.pulsating import FIELD_S, LINER, capture, liner, times
 
 

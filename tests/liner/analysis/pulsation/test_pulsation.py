@@ -10,7 +10,9 @@ from numpy.testing import assert_allclose
 
 from core.chain.fake_scene import take_scene
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import TimedPoints, first_movement, fit_pulsation, variation
+from grabberd_liner.analysis.pulsation.movement import TimedPoints, first_movement
+from grabberd_liner.analysis.pulsation.phase_average import variation
+from grabberd_liner.analysis.pulsation.pulsation import fit_pulsation
 from liner.analysis.pulsating import burst_times, capture, times
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grabberd_liner.analysis import Estimate
+from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.pulsation.pulsation_quantities import (
     lag_quantities,
     movement_quantities,

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from grabberd_liner.analysis import Estimate, Phases
+from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.pulsation.phases import Phases
 from grabberd_liner.analysis.pulsation.pulsation_quantities import pulsator_limits, verdict
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import choose_smoothing, fit_surface
+from grabberd_liner.analysis.surface.fitting import choose_smoothing, fit_surface
 from grabberd_liner.analysis.wall.strain import curvature_per_m as curvature_of
 from grabberd_liner.analysis.wall.strain import outer_forms
 from liner.analysis.collapsing import (
@@ -23,7 +23,7 @@ PLACES = grid().u_mm, grid().v_mm
 
 
 def kappa(jets):
-    return curvature_of(outer_forms(jets, grid().outward)).values
+    return curvature_of(outer_forms(jets, grid().outward))
 
 
 def chi_squared(closed, sigma_mm, missing, fields=12):

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import Height, Plane, Tube, fit_free_surface, free_shape, section, surface_area
+from grabberd_liner.analysis.surface.face import surface_area
+from grabberd_liner.analysis.surface.free_surface import Height, Tube, fit_free_surface, free_shape
+from grabberd_liner.analysis.surface.sections import Plane, sections
 from grabberd_liner.analysis.wall.strain import curvature_per_m, outer_forms
 from liner.analysis.collapsing import AXIS_Z_MM, SIGMA_8_BIT_MM, by_differences, grid, middle
 from liner.analysis.test_grid import of
@@ -14,7 +16,7 @@ NOISE_MM2 = np.diag(SIGMA_8_BIT_MM**2)
 
 
 def kappa(jets):
-    return curvature_per_m(outer_forms(jets)).values
+    return curvature_per_m(outer_forms(jets))
 
 
 def speckle(closed, count=150, seed=0):
@@ -42,7 +44,8 @@ def test_a_tubes_radius_and_curvature_are_found_without_ids():
 def test_a_collapsed_tubes_width_is_found_without_ids():
     surface = fit_free_surface(*speckle(1.0), TUBE)
     plane = Plane(np.array([0.0, 0.0, AXIS_Z_MM]), np.array([0.0, 0.0, 1.0]))
-    distance = section(surface, 0.0, plane).distance_mm
+    (middle,), _ = sections(surface, [0.0], plane)
+    distance = middle.distance_mm
     assert float(distance.value) == pytest.approx(7.5, abs=max(0.05, 4 * float(distance.sigma)))
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from grabberd_liner.analysis import Plane
 from grabberd_liner.analysis.surface.sections import (
+    Plane,
     area_to,
     chord,
     distance_to,

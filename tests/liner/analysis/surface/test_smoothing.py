@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from grabberd_liner.analysis import choose_smoothing
+from grabberd_liner.analysis.surface.fitting import choose_smoothing
 from grabberd_liner.analysis.surface.smoothing import matern
-from liner.analysis.collapsing import SIGMA_8_BIT_MM, as_points, grid, points
+from liner.analysis.collapsing import SIGMA_8_BIT_MM, grid, points
 
 
 def capture(closed, sigma_mm=SIGMA_8_BIT_MM, fields=4):
@@ -20,16 +20,6 @@ def test_an_open_liner_departs_from_the_nominal_shape_by_nothing_that_shows():
 def test_the_farther_it_closes_the_greater_the_amplitude():
     amplitudes = [choose_smoothing(grid(), capture(closed)).amplitude_mm for closed in (0.1, 0.3, 1.0)]
     assert np.all(np.diff(amplitudes, axis=0)[:, 1:] > 0)
-
-
-def test_cross_validation_finds_the_noise_that_nobody_told_it():
-    fields = [as_points(one.target, one.xyz_mm, SIGMA_8_BIT_MM / 5) for one in capture(1.0)]
-    smoothing = choose_smoothing(grid(), fields, "cross-validation")
-    assert smoothing.noise_factor == pytest.approx(5.0, rel=0.1)
-
-
-def test_likelihood_takes_the_noise_as_told():
-    assert choose_smoothing(grid(), capture(1.0)).noise_factor == 1.0
 
 
 def test_materns_correlation_is_one_at_no_distance_and_the_known_one_for_three_halves():

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from grabberd_liner.analysis import Smoothing, fit_surface, index
+from grabberd_liner.analysis.surface.fitting import fit_surface
+from grabberd_liner.analysis.surface.jets import index
+from grabberd_liner.analysis.surface.smoothing import Smoothing
 from grabberd_liner.analysis.wall.strain import curvature_per_m, outer_forms
 from liner.analysis.collapsing import SIGMA_8_BIT_MM, as_points, grid, points
 
@@ -51,7 +53,7 @@ def test_missing_targets_that_touch_at_a_corner_alone_are_bridged():
 
 
 def kappa(jets):
-    return curvature_per_m(outer_forms(jets, grid().outward)).values
+    return curvature_per_m(outer_forms(jets, grid().outward))
 
 
 def test_sigma_is_by_how_much_surfaces_drawn_from_the_posterior_spread():

@@ -8,7 +8,9 @@ from numpy.testing import assert_allclose
 
 from grabberd.errors import InputError
 from grabberd_fake.vacuum import pulsation_kpa, vacuum_log
-from grabberd_liner.analysis import ConstantVacuum, LoggedVacuum, PulsatorWave, iso_phases, read_vacuum_log
+from grabberd_liner.analysis.pulsation.phases import iso_phases
+from grabberd_liner.analysis.vacuum.vacuum import ConstantVacuum, LoggedVacuum, PulsatorWave
+from grabberd_liner.analysis.vacuum.vacuum_log import read_vacuum_log
 from liner.analysis.pulsating import LINER
 
 WAVE = PulsatorWave(60.0, 0.6, 0.12, 0.1, 42.0, 0.5)

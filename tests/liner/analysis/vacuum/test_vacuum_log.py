@@ -4,7 +4,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from grabberd.errors import InputError
-from grabberd_liner.analysis import read_vacuum_log
+from grabberd_liner.analysis.vacuum.vacuum_log import read_vacuum_log
 
 
 def text(scale=1.0, head="time_s,pulsation_vacuum_kpa,liner_vacuum_kpa", shift=0.0):

@@ -8,14 +8,11 @@ from hypothesis import strategies as st
 from drivers.fake.iso_phases import iso_phases_s
 from grabberd.errors import AnalysisError, InputError
 from grabberd_fake.vacuum import vacuum_log
-from grabberd_liner.analysis import (
-    PulsatorWave,
-    WallLag,
-    find_offset,
-    first_movement,
-    fit_pulsation,
-    read_vacuum_log,
-)
+from grabberd_liner.analysis.pulsation.movement import first_movement
+from grabberd_liner.analysis.pulsation.pulsation import fit_pulsation
+from grabberd_liner.analysis.vacuum.vacuum import PulsatorWave
+from grabberd_liner.analysis.vacuum.vacuum_log import read_vacuum_log
+from grabberd_liner.analysis.vacuum.vacuum_offset import WallLag, find_offset
 from liner.analysis.pulsating import CLOSED_HALF_S, LINER, OPEN_HALF_S, capture, times
 
 LAG = WallLag(OPEN_HALF_S - (-0.04 + 0.06), CLOSED_HALF_S - (0.6 - 0.03 + 0.05), 0.001)

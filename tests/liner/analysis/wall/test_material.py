@@ -7,7 +7,6 @@ from grabberd.errors import AnalysisError, InputError
 from grabberd_liner.analysis.wall.material import (
     Material,
     Zone,
-    lacking,
     neo_hookean_stretch,
     pre_stretch,
     varied,
@@ -32,9 +31,6 @@ def rubber(**other):
 def test_nothing_has_a_silent_default():
     with pytest.raises(TypeError):
         Material(E_mpa=3.0)
-    assert lacking({}) == tuple(RUBBER)
-    assert lacking({**RUBBER, "wall_mm": None}) == ("wall_mm",)
-    assert lacking(RUBBER) == ()
 
 
 @pytest.mark.parametrize(

@@ -17,13 +17,12 @@ def middle_strain(now, before, depth_mm):
     return strain(*(middle_forms(face, depth_mm).tangents for face in (now, before)))
 
 
-def test_a_simple_stretch_has_its_stretches_and_its_thinning():
+def test_a_simple_stretch_has_its_stretches():
     result = middle_strain(sheet(U, V, 1.1, 0.95), sheet(U, V), H)
-    assert result.stretch.values == pytest.approx(np.tile([1.1, 0.95], (7, 1)), abs=1e-12)
+    assert result.stretch == pytest.approx(np.tile([1.1, 0.95], (7, 1)), abs=1e-12)
     expected = np.diag([(1.1**2 - 1) / 2, (0.95**2 - 1) / 2])
     assert result.green_lagrange == pytest.approx(np.tile(expected, (7, 1, 1)), abs=1e-12)
-    assert result.thickness == pytest.approx(np.full(7, 1 / (1.1 * 0.95)))
-    assert np.abs(result.stretch.directions) == pytest.approx(np.tile(np.eye(3)[:2], (7, 1, 1)))
+    assert np.abs(result.directions) == pytest.approx(np.tile(np.eye(3)[:2], (7, 1, 1)))
 
 
 def test_a_shear_is_seen_between_the_axes():
@@ -31,19 +30,19 @@ def test_a_shear_is_seen_between_the_axes():
     sheared[:, 2, 0] = 0.2
     result = middle_strain(sheared, sheet(U, V), H)
     assert result.green_lagrange == pytest.approx(np.tile([[0.0, 0.1], [0.1, 0.02]], (7, 1, 1)), abs=1e-12)
-    assert result.stretch.values.prod(axis=1) == pytest.approx(np.ones(7))
+    assert result.stretch.prod(axis=1) == pytest.approx(np.ones(7))
 
 
 def test_a_blown_up_sphere_is_stretched_alike_everywhere_at_its_middle_surface():
     result = middle_strain(sphere(22.0, U / 4, V, stretch=1.1), sphere(20.0, U / 4, V), H)
-    assert result.stretch.values == pytest.approx(np.full((7, 2), (22 - H) / (20 - H)))
+    assert result.stretch == pytest.approx(np.full((7, 2), (22 - H) / (20 - H)))
 
 
 def test_bending_strains_the_outer_face_by_ten_per_cent_and_the_middle_surface_not_at_all():
     """A liner of middle radius 12.5 mm and wall 2.5 mm, pressed flat."""
     flat, open_tube = sheet(U, V), cylinder(12.5 + H, U, V, around=(12.5 + H) / 12.5)
     assert middle_strain(flat, open_tube, H).green_lagrange == pytest.approx(np.zeros((7, 2, 2)), abs=1e-12)
-    assert outer_strain(open_tube, flat).stretch.values[:, 0] == pytest.approx(np.full(7, 1.1))
+    assert outer_strain(open_tube, flat).stretch[:, 0] == pytest.approx(np.full(7, 1.1))
 
 
 @settings(max_examples=30, deadline=None)
@@ -65,9 +64,7 @@ def test_rigid_motion_is_no_strain_and_changes_none(seed):
 def test_stretches_along_the_same_axes_compose(first, second, third, fourth):
     whole = middle_strain(sheet(U, V, first * third, second * fourth), sheet(U, V), H)
     rest = middle_strain(sheet(U, V, first * third, second * fourth), sheet(U, V, first, second), H)
-    assert rest.stretch.values.prod(axis=1) * first * second == pytest.approx(
-        whole.stretch.values.prod(axis=1)
-    )
+    assert rest.stretch.prod(axis=1) * first * second == pytest.approx(whole.stretch.prod(axis=1))
 
 
 @settings(max_examples=50, deadline=None)
@@ -77,4 +74,4 @@ def test_principal_directions_are_unit_vectors_before_and_as_long_as_their_stret
     found = strain(now, then)
     before, after = found.components @ then, found.components @ now
     assert before @ before.transpose(0, 2, 1) == pytest.approx(np.tile(np.eye(2), (5, 1, 1)), abs=1e-6)
-    assert after == pytest.approx(found.stretch.values[..., np.newaxis] * found.stretch.directions)
+    assert after == pytest.approx(found.stretch[..., np.newaxis] * found.directions)

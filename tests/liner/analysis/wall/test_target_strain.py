@@ -31,15 +31,13 @@ def measured(xyz, **other):
 def test_what_only_moved_has_no_strain():
     turned = grid().nominal_mm @ np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]).T + [5, 6, 7]
     result = triangle_strain(grid(), measured(turned), nominal_places(grid()))
-    assert result.strain.green_lagrange == pytest.approx(np.zeros((len(grid().triangles), 2, 2)), abs=1e-12)
+    assert result.stretch.value == pytest.approx(np.ones((len(grid().triangles), 2)))
     assert edge_strain(grid(), measured(turned), nominal_places(grid())).stretch.value == pytest.approx(1.0)
 
 
-def test_a_stretch_along_the_rows_has_its_size_and_direction():
+def test_a_stretch_along_the_rows_has_its_size():
     result = triangle_strain(grid(), measured(grid().nominal_mm * [1.1, 1, 1]), nominal_places(grid()))
     assert result.stretch.value == pytest.approx(np.tile([1.1, 1.0], (len(result.triangle), 1)))
-    assert np.abs(result.strain.stretch.directions[:, 0, 0]) == pytest.approx(1.0)
-    assert result.thickness.value == pytest.approx(1 / 1.1)
 
 
 def test_bending_counts_as_the_outer_face_shows_it():
@@ -83,7 +81,5 @@ def test_sigmas_are_those_that_repetition_shows():
     expected = triangle_strain(grid(), measured(stretched), before)
     seen = np.std([result.stretch.value for result in values], axis=0)
     assert np.median(seen / expected.stretch.sigma) == pytest.approx(1.0, abs=0.05)
-    thin = np.std([result.thickness.value for result in values], axis=0)
-    assert np.median(thin / expected.thickness.sigma) == pytest.approx(1.0, abs=0.05)
     edge = edge_strain(grid(), measured(stretched), before)
     assert np.median(np.std(edges, axis=0) / edge.stretch.sigma) == pytest.approx(1.0, abs=0.05)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from grabberd_liner.analysis import TimedPoints
+from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.chain.analysis.field_points import FieldPoints, averaged_fields
 from liner.analysis.walls import outermost_alone, solved_six
 

@@ -8,7 +8,8 @@ import pytest
 
 from grabberd.errors import InputError
 from grabberd_fake.wall_states import buckling_kpa, touch_kpa
-from grabberd_liner.analysis import TimedPoints, read_zones
+from grabberd_liner.analysis.pulsation.movement import TimedPoints
+from grabberd_liner.analysis.wall.material import read_zones
 from grabberd_liner.chain.analysis.analyse import analyse
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.inputs import read_inputs

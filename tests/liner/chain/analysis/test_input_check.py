@@ -7,7 +7,7 @@ import pytest
 from archive.milkings import object_document
 from core.chain.milking import MATERIAL
 from grabberd.core.reconstruction import ObjectModel
-from grabberd_liner.analysis import Grid
+from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.chain.analysis.profile_inputs import check_inputs
 
 CONSTANT = {"kpa": 42.0, "sigma_kpa": 0.3}

@@ -9,7 +9,7 @@ from core.chain.milking import grid
 from grabberd.config import shipped_configs
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import InputError
-from grabberd_liner.analysis import Grid
+from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.chain.analysis.inputs import read_inputs
 from grabberd_liner.chain.analysis.profile_inputs import Profile, ResolvedInputs, Subject, resolve
 from liner.chain.analysis.profiling import ALL, COW, CUP, LAG, LINER, MATERIAL, PULSATOR, SETTINGS, changed

@@ -7,7 +7,8 @@ import pytest
 
 from core.chain.milking import CLOSED_S, CONSTANT, OPEN_S, analysed, field, inputs, log, still
 from grabberd.errors import InputError
-from grabberd_liner.analysis import Estimate, PressureMap
+from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.load.pressure import PressureMap
 from grabberd_liner.chain.analysis.analysis_document import analysis_document
 from grabberd_liner.chain.analysis.columns import TABLES
 from grabberd_liner.chain.analysis.quantities import quantities

@@ -4,9 +4,17 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from core.chain.milking import CLOSED_S, FAKE, MATERIAL, changed, field, grid, inputs, still, truth
-from grabberd_liner.analysis import fit_surface, outer_places, symmetry_plane
+from grabberd_liner.analysis.surface.fitting import fit_surface
+from grabberd_liner.analysis.surface.sections import symmetry_plane
+from grabberd_liner.analysis.wall.strain import outer_places
 from grabberd_liner.chain.analysis.wall_series import Smoothings
-from grabberd_liner.chain.analysis.wall_state import Question, wall_state, wall_states
+from grabberd_liner.chain.analysis.wall_state import Question, wall_states
+
+
+def wall_state(points, question, smoothing):
+    """The wall at one field."""
+    surface = fit_surface(question.grid, points, smoothing)
+    return wall_states([points], [surface], question, [None])[0]
 
 
 def state(points, **question):

@@ -3,7 +3,8 @@
 import numpy as np
 
 from grabberd.core.chain.columns import make_table
-from grabberd_liner.analysis import Estimate, TimedPoints
+from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.chain.analysis.analyse import analyse
 from grabberd_liner.chain.analysis.columns import TABLES
 from grabberd_liner.chain.analysis.field_points import FieldPoints, averaged_fields

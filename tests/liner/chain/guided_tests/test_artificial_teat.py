@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from grabberd.core.chain.columns import Column, Table
-from grabberd_liner.analysis import Estimate
+from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.chain.guided_tests.artificial_teat import artificial_teat_test
 from liner.analysis.walls import solved
 from liner.chain.guided_tests.evidence import analysed, by_name, evidence, material_of, still_fields

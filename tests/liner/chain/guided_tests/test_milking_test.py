@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from core.chain.milking import analysed, field, log
-from grabberd_liner.analysis import Estimate, PressureMap
+from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.load.pressure import PressureMap
 from grabberd_liner.chain.analysis.tables import tables
 from grabberd_liner.chain.guided_tests.milking_test import milking_test
 from liner.analysis.load.profiles import closed

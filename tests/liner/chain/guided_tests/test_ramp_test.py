@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from grabberd_fake.wall_states import buckling_kpa, touch_kpa
-from grabberd_liner.analysis import TimedPoints
+from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.tables import tables
 from grabberd_liner.chain.guided_tests.outcome import worst

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from grabberd_liner.analysis import TimedPoints
+from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.guided_tests.reference_test import mounting_stretch, reference_test
 from liner.analysis.ramps import empty

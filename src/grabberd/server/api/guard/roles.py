@@ -96,9 +96,7 @@ _OWN: dict[str, Role | None] = {
 @cache
 def least_roles() -> Mapping[str, Role | None]:
     """The least role by method and address, of the program and its extensions."""
-    routes = [
-        route for one in extensions() for place in one.routes for route in load(place.target).router.routes
-    ]
+    routes = [route for one in extensions() for place in one.routes for route in load(place.target).routes]
     added = [(method, route.path) for route in routes for method in route.methods]
     return _OWN | {
         f"{method} /api/v1{path}": Role.VIEWER if method == "GET" else Role.OPERATOR for method, path in added

@@ -8,9 +8,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from grabberd.errors import InputError, StorageError
+from grabberd_liner.analyses.export import TABLE_FORMATS, check_formats, write_tables
 from grabberd_liner.chain.study.study import StudyQuestion, make_study
 from grabberd_liner.chain.study.tables import tables
-from grabberd_liner.studies.export import write_study
 from liner.chain.study.captured import COMPRESSION, herd
 
 TABLES = tables(make_study(StudyQuestion(by="liner", within="cow"), herd()))
@@ -18,7 +18,7 @@ ABOUT = {"version": "1"}
 
 
 def test_csv_has_a_row_a_capture_and_names_with_units(tmp_path: Path) -> None:
-    files = write_study(tmp_path, TABLES, ABOUT, ["csv"])
+    files = write_tables(tmp_path, TABLES, ABOUT, ["csv"])
     assert [path.name for path in files] == [f"{name}.csv" for name in TABLES]
     with (tmp_path / "captures.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -28,7 +28,7 @@ def test_csv_has_a_row_a_capture_and_names_with_units(tmp_path: Path) -> None:
 
 
 def test_parquet_has_the_same_values_with_units(tmp_path: Path) -> None:
-    write_study(tmp_path, TABLES, ABOUT, ["parquet"])
+    write_tables(tmp_path, TABLES, ABOUT, ["parquet"])
     table = pq.read_table(tmp_path / "captures.parquet")
     assert table.column(COMPRESSION).to_pylist() == TABLES["captures"].column(COMPRESSION).tolist()
     assert table.schema.field(COMPRESSION).metadata[b"unit"] == b"kPa"
@@ -38,8 +38,8 @@ def test_parquet_has_the_same_values_with_units(tmp_path: Path) -> None:
 
 
 def test_unknown_formats_and_files_that_exist_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot be written as xlsx"):
-        write_study(tmp_path, TABLES, ABOUT, ["xlsx"])
-    write_study(tmp_path, TABLES, ABOUT, ["csv"])
+    with pytest.raises(InputError, match="a study cannot be written as xlsx"):
+        check_formats(["csv", "xlsx"], TABLE_FORMATS, "a study")
+    write_tables(tmp_path, TABLES, ABOUT, ["csv"])
     with pytest.raises(StorageError, match="exists"):
-        write_study(tmp_path, TABLES, ABOUT, ["csv"])
+        write_tables(tmp_path, TABLES, ABOUT, ["csv"])

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import Estimate, PressureMap, first_touch
+from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.load.pressure import PressureMap, first_touch
 
 
 def pressure(value, sigma=0.5, reason=None):

@@ -5,7 +5,7 @@ import pytest
 
 from grabberd.errors import AnalysisError
 from grabberd_fake.wall_states import buckling_kpa, touch_kpa
-from grabberd_liner.analysis import collapse
+from grabberd_liner.analysis.load.collapse import collapse
 from liner.analysis.ramps import empty, guessed, open_liner, ramp
 from liner.analysis.walls import SolvedLiner, solved_six
 

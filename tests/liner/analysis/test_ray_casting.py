@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from core.geometry.rigs import calibration
-from grabberd_liner.analysis import Camera, Mesh, Raster, cast
+from grabberd_liner.analysis.camera import Camera, Raster, cast
+from grabberd_liner.analysis.surface.surface import Mesh
 from liner.analysis.exact import PITCH_MM, exact_surface
 from liner.analysis.shapes import cylinder, sheet
 

@@ -6,7 +6,8 @@ import pytest
 from core.geometry.rigs import calibration
 from grabberd.core.field import Field
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import Camera, Raster, agreement, synthetic_view
+from grabberd_liner.analysis.camera import Camera, Raster
+from grabberd_liner.analysis.synthetic import agreement, synthetic_view
 from liner.analysis.exact import PITCH_MM, exact_surface
 from liner.analysis.shapes import sheet
 

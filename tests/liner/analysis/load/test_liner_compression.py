@@ -5,13 +5,14 @@ import pytest
 
 from grabberd_fake.liner_options import LinerOptions
 from grabberd_fake.liner_truth import closed_liner_quantities
-from grabberd_liner.analysis import Estimate, Phases
+from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.load.liner_compression import (
     COMPRESSION_SHARE,
     QUANTITIES,
     liner_compression,
 )
 from grabberd_liner.analysis.load.load_profile import Noise
+from grabberd_liner.analysis.pulsation.phases import Phases
 from liner.analysis.load.profiles import DIFFERENCES_KPA, TEAT_END_MM, X_MM, closed, solved_profiles
 
 PHASE = np.arange(20) / 20

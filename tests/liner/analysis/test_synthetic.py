@@ -4,7 +4,8 @@ import numpy as np
 
 from core.geometry.rigs import calibration
 from grabberd.core.field import Field
-from grabberd_liner.analysis import Camera, Raster, grey_at, synthetic_view
+from grabberd_liner.analysis.camera import Camera, Raster
+from grabberd_liner.analysis.synthetic import grey_at, synthetic_view
 from liner.analysis.exact import PITCH_MM, exact_surface
 from liner.analysis.shapes import cylinder, sheet
 

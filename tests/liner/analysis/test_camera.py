@@ -5,7 +5,7 @@ import pytest
 
 from core.geometry.rigs import calibration
 from grabberd.core.geometry import LocalField
-from grabberd_liner.analysis import Camera, viewing_axes
+from grabberd_liner.analysis.camera import Camera, viewing_axes
 
 CALIBRATION = calibration()
 PLACES = np.random.default_rng(2).uniform([-50, -12, -8], [50, 12, 8], (40, 3))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis import liner_values
+from grabberd_liner.analysis.load.empty_ramp import liner_values
 from grabberd_liner.analysis.load.load_prior import TubePrior
 from liner.analysis.ramps import empty, guessed, open_liner, ramp, solved_kpa
 
