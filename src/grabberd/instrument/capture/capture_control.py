@@ -71,7 +71,7 @@ class CaptureControl:
         Raises:
             NotFound: There is no such device.
         """
-        return of_device(self._current.devices, device).rate_hz
+        return of_device(self._current.devices, device).pipeline.rate_hz
 
     def start(self, device: str | None, request: CaptureRequest) -> CaptureDocument:
         """Starts a capture and returns its document.

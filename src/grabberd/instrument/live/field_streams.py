@@ -33,7 +33,7 @@ class PointsEncoder:
 
     def description(self) -> str:
         """Description of the frames from now on, as JSON; its number changes with what it says."""
-        documents, rate_hz = self._instrument.setup.documents, self._instrument.rate_hz
+        documents, rate_hz = self._instrument.setup.documents, self._instrument.pipeline.rate_hz
         calibration, model = documents.get("calibration"), documents.get("object")
         calibration_id = None if calibration is None else calibration["id"]
         object_name = None if model is None else model.get("name")

@@ -120,7 +120,7 @@ def _gravity(part: HealthPartDocument) -> int:
 def _start(
     instrument: Instrument, parts: Mapping[HealthPart, HealthPartDocument], storage: StorageDocument
 ) -> StartAdvice:
-    if not instrument.accepts or not storage.minutes_left:
+    if not instrument.captures.accepts or not storage.minutes_left:
         return "refused"
     return (
         "doubtful"

@@ -107,6 +107,7 @@ def live_document(instrument: Instrument, clock: UtcClock) -> LiveDocument | Non
     if clock.now_ns() - live.measured.time_ns > CURRENT_NS:
         return None
     residual = live.measured.points.residual_px
+    lately = round(LATENCY_OF_S * instrument.pipeline.rate_hz)
     return LiveDocument(
         n=live.measured.n,
         blobs=len(live.measured.blobs),
@@ -114,7 +115,7 @@ def live_document(instrument: Instrument, clock: UtcClock) -> LiveDocument | Non
         points=len(live.measured.points),
         residual_px=float((residual**2).mean() ** 0.5) if len(residual) else None,
         widths=_widths(live, instrument.setup.measuring),
-        latency_ms=instrument.worker.latency.percentiles_ms(round(LATENCY_OF_S * instrument.rate_hz)),
+        latency_ms=instrument.worker.latency.percentiles_ms(lately),
     )
 
 

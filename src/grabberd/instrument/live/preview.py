@@ -296,7 +296,7 @@ class Preview:
             newest = worker.live
             if newest is None or time_ns - newest.measured.time_ns > OLD_NS:
                 return None
-            since_ns = time_ns - round(SAME * 1e9 / self._instrument.rate_hz)
+            since_ns = time_ns - round(SAME * 1e9 / self._instrument.pipeline.rate_hz)
             worker.published.wait_for(lambda: _is_measured(worker.live, since_ns), MEASURED_WITHIN_S)
             lives = worker.since(0)
         nearest = min(lives, key=lambda one: abs(one.measured.time_ns - time_ns))

@@ -73,7 +73,7 @@ class CheckJob(JobSpec):
         # Before the capture starts: a wrong name must not leave one behind.
         document = calibration_frame_document(calibration_frame)
         request = CaptureRequest(
-            fields=round(seconds * instrument.rate_hz),
+            fields=round(seconds * instrument.pipeline.rate_hz),
             bits=8,
             lines="field",
             note=NOTE,

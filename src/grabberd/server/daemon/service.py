@@ -321,7 +321,7 @@ class Service:
         """The disk at this moment, and what has been removed from it since the start."""
         return self._disk.document(
             self.archive.directory,
-            sum(instrument.bytes_per_s for instrument in self.instruments.values()),
+            sum(instrument.captures.bytes_per_s for instrument in self.instruments.values()),
             check=self.archive.check,
             removed=self.retention.removed,
             removed_bytes=self.retention.removed_bytes,

@@ -57,7 +57,7 @@ def service_of(client: TestClient) -> Service:
 
 def captured(client: TestClient) -> str:
     capture_id = str(client.post("/api/v1/captures", json={"fields": 5}).json()["id"])
-    recording = service_of(client).instrument(None).recording
+    recording = service_of(client).instrument(None).captures.recording
     assert recording
     assert recording.sealed.wait(60)
     return capture_id

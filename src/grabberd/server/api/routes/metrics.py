@@ -268,7 +268,7 @@ def _cumulative(counts: tuple[int, ...]) -> Iterator[tuple[str, float]]:
 
 
 def _captures(instruments: list[Instrument], service: Service) -> Iterator[Metric]:
-    running = (((one.name,), float(one.running is not None)) for one in instruments)
+    running = (((one.name,), float(one.captures.running is not None)) for one in instruments)
     ended = (
         ((one.name, v), one.captures.ended[v]) for one in instruments for v in ("complete", "incomplete")
     )
