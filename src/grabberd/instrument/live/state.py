@@ -145,9 +145,8 @@ def changes(before: JsonObject, after: JsonObject) -> JsonObject:
     The result is a JSON merge patch (RFC 7396): a key that is gone, or has become null, is null.
     """
     gone = {key: None for key in before if key not in after}
-    return gone | {
-        key: _change(before.get(key), value) for key, value in after.items() if _differs(key, before, value)
-    }
+    new = {key: value for key, value in after.items() if key not in before or before[key] != value}
+    return gone | {key: _change(before.get(key), value) for key, value in new.items()}
 
 
 def merged(document: JsonObject, change: JsonObject) -> JsonObject:
@@ -184,10 +183,6 @@ class History:
     def find(self, number: int) -> Version | None:
         """A version by its number; None if it has been dropped."""
         return next((version for version in list(self._versions) if version.number == number), None)
-
-
-def _differs(key: str, before: JsonObject, value: Any) -> bool:
-    return key not in before or before[key] != value
 
 
 def _change(before: Any, after: Any) -> Any:
