@@ -66,6 +66,15 @@ def write_checked(path: Path, parts: Iterable[bytes], check: Check) -> Path:
     return path
 
 
+def write_text(path: Path, text: str) -> Path:
+    """Writes a new file of text, reads it back, and returns its path.
+
+    Raises:
+        StorageError: See `checked_path`.
+    """
+    return write_checked(path, [text.encode()], text_check(text))
+
+
 def check_file(path: Path, check: Check, name: str) -> None:
     """Reads a file back; a message calls it by `name`.
 

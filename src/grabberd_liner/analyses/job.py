@@ -17,6 +17,7 @@ from grabberd.clock import SystemClock, iso_utc
 from grabberd.documents.document import JsonObject
 from grabberd.documents.requests import CaptureName
 from grabberd.errors import ExtraMissing, InputError
+from grabberd.files.checked_file import write_text
 from grabberd.work.job_spec import JobContext, JobSpec, Progress, portion
 from grabberd_liner.analyses.documents import (
     PRESSURE_METHOD,
@@ -291,17 +292,6 @@ def write_page(folder: Path, document: JsonObject) -> Path:
     from grabberd_liner.analyses.report import analysis_html
 
     return write_text(folder / PAGE, analysis_html(document))
-
-
-def write_text(path: Path, text: str) -> Path:
-    """Writes a file, and reads it back.
-
-    Raises:
-        StorageError: It cannot be written, or exists.
-    """
-    from grabberd.files.checked_file import text_check, write_checked
-
-    return write_checked(path, [text.encode()], text_check(text))
 
 
 def with_log(inputs: JsonObject, vacuum_log: str | None) -> JsonObject:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from grabberd.archive.state.result_folders import ResultFolders
 from grabberd.errors import ExtraMissing, NotFound
-from grabberd.files.checked_file import Check, checked_file, text_check, write_checked
+from grabberd.files.checked_file import Check, checked_file, write_text
 from grabberd.files.disk import storage_errors, sync_directory
 from grabberd_liner.analyses.documents import AnalysisList, AnalysisRow, PulsationDocument, is_outdated
 
@@ -131,8 +131,7 @@ def write_maps(folder: Path, maps: Iterable["TargetMap"], units: Mapping[str, st
             offsets[one.kind].append((one.value, file.tell(), len(line)))
             sums.append(zlib.crc32(line))
             file.write(line)
-    text = json.dumps(offsets)
-    write_checked(folder / OFFSETS, [text.encode()], text_check(text))
+    write_text(folder / OFFSETS, json.dumps(offsets))
 
 
 def _lines_check(sums: Sequence[int]) -> Check:

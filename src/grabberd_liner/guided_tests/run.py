@@ -13,6 +13,7 @@ from grabberd.archive.calibrations.calibration_catalog import verdict_of
 from grabberd.clock import SystemClock, iso_utc
 from grabberd.documents.document import JsonObject
 from grabberd.errors import GrabberdError, InputError
+from grabberd.files.checked_file import write_text
 from grabberd.work.job_spec import Progress, portion
 from grabberd_liner.analyses.job import (
     AnalysisOptions,
@@ -20,7 +21,6 @@ from grabberd_liner.analyses.job import (
     analyse_file,
     drawn,
     write_stored,
-    write_text,
 )
 from grabberd_liner.analyses.source import capture_origin, recorded_quantities
 from grabberd_liner.analyses.store import AnalysisStore

@@ -132,10 +132,7 @@ def export(
 
     Example: grabberd profile export liner A --version 1
     """
-    from grabberd.files.checked_file import (  # noqa: PLC0415
-        text_check,
-        write_checked,
-    )
+    from grabberd.files.checked_file import write_text  # noqa: PLC0415
 
     if out is not None:
         check_absent(out)
@@ -144,7 +141,7 @@ def export(
     if out is None:
         typer.echo(text, nl=False)
         return
-    write_checked(out, [text.encode()], text_check(text))
+    write_text(out, text)
     typer.echo(f"{out}: {kind} {name}")
 
 

@@ -146,24 +146,16 @@ def _written(
 
 def _report(out: Path, document: Mapping[str, Any]) -> list[Path]:
     """Write the document and, if it can be drawn, the page."""
+    from grabberd.files.checked_file import write_text  # noqa: PLC0415
     from grabberd.reports import document_json  # noqa: PLC0415
     from grabberd_liner.studies.report import study_html  # noqa: PLC0415
 
-    written = [_write(out / DOCUMENT, document_json(document))]
+    written = [write_text(out / DOCUMENT, document_json(document))]
     try:
-        return [*written, _write(out / PAGE, study_html(document))]
+        return [*written, write_text(out / PAGE, study_html(document))]
     except ExtraMissing as error:
         warn([f"{error.message}; {error.hint}"])
         return written
-
-
-def _write(path: Path, text: str) -> Path:
-    from grabberd.files.checked_file import (  # noqa: PLC0415
-        text_check,
-        write_checked,
-    )
-
-    return write_checked(path, [text.encode()], text_check(text))
 
 
 def _show(document: Mapping[str, Any]) -> None:
