@@ -39,7 +39,6 @@ from grabberd.server.web import Files, Site
 
 VERSIONED = {
     "captures": captures.router,
-    "capture_zip": captures.zip_router,
     "capture_groups": captures.group_router,
     "capture_contents": capture_contents.router,
     "calibrations": calibrations.router,
@@ -92,7 +91,7 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
     added = [place for one in extensions() for place in one.routes]
     for router in in_order(VERSIONED.items(), added).values():
         app.include_router(load(router).router if isinstance(router, str) else router, prefix="/api/v1")
-    for router in (devices.check_router, system.router, metrics.router, page.router, page.site_router):
+    for router in (devices.check_router, system.router, metrics.router, page.router):
         app.include_router(router)
     describe(app)
     return app

@@ -81,10 +81,10 @@ class Bodies:
 class LimitedBody:
     """A `receive` that limits the size and the duration of the request body."""
 
-    def __init__(self, receive: Receive, limits: HttpLimits, bodies: Bodies | None = None) -> None:
+    def __init__(self, receive: Receive, limits: HttpLimits, bodies: Bodies) -> None:
         self._receive = receive
         self._limits = limits
-        self._bodies = bodies or Bodies(limits)
+        self._bodies = bodies
         self._bytes = 0
         self._until: float | None = None
         self._complete = False

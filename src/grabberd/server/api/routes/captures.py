@@ -38,7 +38,6 @@ from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.library.jobs.measurement import MeasurementJob
 from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.server.api.readings import reads
-from grabberd.server.api.responses import RenderedRoute
 from grabberd.server.api.routes.capture_filter import (
     Filter,
     ListCursor,
@@ -223,10 +222,7 @@ def delete_captures(selection: CaptureSelection, service: ServiceOf) -> BatchDoc
     return for_each(selection.captures, service.annotations.delete)
 
 
-zip_router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=RenderedRoute)
-
-
-@zip_router.get(
+@router.get(
     ".zip",
     response_class=StreamingResponse,
     summary="Download several captures",
