@@ -15,9 +15,9 @@ from grabberd.documents.calibration_reports import CalibrationReport
 from grabberd.documents.requests import CalibrationOptions
 from grabberd.errors import InputError
 from grabberd.files.checked_file import write_text
-from grabberd.files.documents import read_documents
-from grabberd.library.common import PathLike, document_of, one_thread
+from grabberd.files.documents import PathLike, document_of, read_documents
 from grabberd.library.jobs.calibration import calibrate_files
+from grabberd.memory import one_thread
 
 Progress = Callable[[float], None]
 """Told the share that is done, from 0 to 1."""

@@ -11,7 +11,7 @@ import grabberd
 from grabberd.client.daemon import TIMEOUT_S, Daemon
 from grabberd.client.points_stream import StreamedPoints, follow_points
 from grabberd.errors import NotReady
-from grabberd.library.common import PathLike
+from grabberd.files.documents import PathLike
 
 HERE = "http://127.0.0.1:8050"
 _CAPTURES = "/api/v1/captures"
