@@ -24,7 +24,7 @@ _NAMED = re.compile(r"^(device|capture) ([^\s:]+)")
 _OWN_FORMAT = ("uvicorn", "uvicorn.error", "uvicorn.access")
 
 
-def without_secrets(text: str) -> str:
+def redacted(text: str) -> str:
     """A text with everything removed that looks like a token or a session."""
     return _SECRETS.sub("(secret)", text)
 
@@ -32,7 +32,7 @@ def without_secrets(text: str) -> str:
 def message_of(record: logging.LogRecord) -> str:
     """The message of a record without secrets, followed by its exception on further lines."""
     formatter = logging.Formatter("%(message)s")
-    return without_secrets(formatter.format(record))[:LONGEST]
+    return redacted(formatter.format(record))[:LONGEST]
 
 
 class JsonFormatter(logging.Formatter):
@@ -65,7 +65,7 @@ def document_of(record: logging.LogRecord) -> dict[str, Any]:
         "level": record.levelname.lower(),
         "logger": record.name,
         "message": message,
-        **{key: without_secrets(str(value)) for key, value in subject.items()},
+        **{key: redacted(str(value)) for key, value in subject.items()},
     }
 
 
