@@ -19,7 +19,7 @@ from grabberd.core.geometry import Calibration
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.calibration_reports import PixelAxes
 from grabberd.documents.document import JobProblem, JsonObject
-from grabberd.documents.results import (
+from grabberd.documents.jobs import (
     AxesDocument,
     CheckResult,
     IdentificationResult,

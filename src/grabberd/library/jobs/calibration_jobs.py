@@ -8,8 +8,8 @@ from dataclasses import replace
 from grabberd.archive.state.calibration_store import CalibrationRecord, CalibrationStore
 from grabberd.clock import SystemClock, iso_utc
 from grabberd.documents.document import JsonObject
+from grabberd.documents.jobs import CalibrationResult, IdentificationResult
 from grabberd.documents.requests import CalibrationOptions, CaptureName
-from grabberd.documents.results import CalibrationResult, IdentificationResult
 from grabberd.errors import ExtraMissing
 from grabberd.work.job_spec import JobContext, JobSpec, Progress
 

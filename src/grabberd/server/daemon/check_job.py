@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from grabberd.archive.calibrations.calibration_frames import calibration_frame_document
 from grabberd.archive.capture.schema import SUFFIX
 from grabberd.documents.document import JsonObject
+from grabberd.documents.jobs import CheckResult
 from grabberd.documents.requests import CHECK_S
-from grabberd.documents.results import CheckResult
 from grabberd.errors import NotReady
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.work.job_spec import JobContext, JobSpec, Progress, portion
