@@ -3,13 +3,14 @@
 import itertools
 import threading
 from collections import deque
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, TypeVar
 
 from grabberd.clock import UtcClock
 from grabberd.core.ledger import Ledger, LedgerEntry, Outcome, Slot
 from grabberd.errors import RingOverrun
 from grabberd.instrument.acquisition import RingReader, StreamInfo
 from grabberd.instrument.capture.edges import Begin, NumbersFromBegin, cut, number_at
+from grabberd.instrument.device.field_pipeline import FieldPipeline
 
 T = TypeVar("T")
 GRACE_NS = 1_000_000_000
@@ -122,20 +123,6 @@ class Backlog(Generic[T]):
         return self._first + len(self._items)
 
 
-class FieldSource(Protocol):
-    """The source of a ring's fields, as far as a recorder is concerned."""
-
-    @property
-    def interruption(self) -> str | None:
-        """Reason why no fields come at this moment, or None while they do."""
-        ...
-
-    @property
-    def rate_hz(self) -> float:
-        """Fields per second that come at this moment, lost ones included."""
-        ...
-
-
 class Recorder:
     """Takes fields until the capture has its length or is stopped; numbers them from the capture's first.
 
@@ -149,7 +136,7 @@ class Recorder:
         backlog: Queue that the fields go into; closed at the end.
         clock: Source of time.
         stream: The stream as the driver granted it.
-        source: Explains why no fields come, and tells at which rate they do.
+        source: The pipeline, which explains why no fields come, and tells at which rate they do.
         fields: Length of the capture, or None.
         begin: Instant that the capture begins at; None: with whatever field comes first.
 
@@ -170,7 +157,7 @@ class Recorder:
         backlog: Backlog[Slot],
         clock: UtcClock,
         stream: StreamInfo,
-        source: FieldSource,
+        source: FieldPipeline,
         fields: int | None = None,
         begin: Begin | None = None,
     ) -> None:

@@ -351,16 +351,15 @@ class Liveness:
 
     Args:
         boards: Status of each device.
-        restart_after_s: See below.
 
     Attributes:
         restart_after_s: Silence of a thread after which the daemon is to be restarted.
         silent: Devices whose threads have been silent for so long that the daemon is to be restarted.
     """
 
-    def __init__(self, boards: Iterable[StatusBoard], restart_after_s: float = SLOW_AFTER_S) -> None:
+    def __init__(self, boards: Iterable[StatusBoard]) -> None:
         self.boards = tuple(boards)
-        self.restart_after_s = restart_after_s
+        self.restart_after_s = SLOW_AFTER_S
         self._looked_s: float | None = None
         self._excused = False
         self.silent: tuple[str, ...] = ()

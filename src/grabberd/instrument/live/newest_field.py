@@ -151,10 +151,7 @@ def object_document(instrument: Instrument) -> ObjectDocument:
         raise NotFound(
             f"device {instrument.name} has no object model", "name one in the configuration: object"
         )
-    return _object(ObjectModel.from_document(document))
-
-
-def _object(model: ObjectModel) -> ObjectDocument:
+    model = ObjectModel.from_document(document)
     return ObjectDocument(
         name=model.name,
         target_diameter_mm=model.target_diameter_mm,

@@ -39,6 +39,7 @@ from grabberd.server.web import Files, Site
 
 VERSIONED = {
     "captures": captures.router,
+    "capture_zip": captures.zip_router,
     "capture_groups": captures.group_router,
     "capture_contents": capture_contents.router,
     "calibrations": calibrations.router,

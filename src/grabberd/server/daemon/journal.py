@@ -95,14 +95,13 @@ last_lines = LastLines()
 """The last lines of this process."""
 
 
-def set_up_logging(stream: TextIO | None = None, level: int = logging.INFO) -> bool:
+def set_up_logging(stream: TextIO | None = None) -> bool:
     """Sets one format for everything that this process logs; safe twice.
 
     Returns True if it is plain text for a person.
 
     Args:
         stream: Destination; standard error by default. A terminal gets plain text, anything else JSON.
-        level: Lowest level that is logged.
     """
     stream = stream or sys.stderr
     shown = logging.StreamHandler(stream)
@@ -110,7 +109,7 @@ def set_up_logging(stream: TextIO | None = None, level: int = logging.INFO) -> b
     shown.setFormatter(PlainFormatter() if for_person else JsonFormatter())
     root = logging.getLogger()
     root.handlers = [shown, last_lines]
-    root.setLevel(level)
+    root.setLevel(logging.INFO)
     for name in _OWN_FORMAT:
         logger = logging.getLogger(name)
         # uvicorn brings handlers of its own, with which its lines would be no JSON.

@@ -38,6 +38,7 @@ from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.library.jobs.measurement import MeasurementJob
 from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.server.api.readings import reads
+from grabberd.server.api.responses import RenderedRoute
 from grabberd.server.api.routes.capture_filter import (
     Filter,
     ListCursor,
@@ -222,7 +223,11 @@ def delete_captures(selection: CaptureSelection, service: ServiceOf) -> BatchDoc
     return for_each(selection.captures, service.annotations.delete)
 
 
-@router.get(
+# Of its own, as analyses' routes come between: their extension puts them after the captures.
+zip_router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=RenderedRoute)
+
+
+@zip_router.get(
     ".zip",
     response_class=StreamingResponse,
     summary="Download several captures",

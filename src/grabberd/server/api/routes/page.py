@@ -111,7 +111,8 @@ async def get_static(
         NotFound: the page has no file of that name.
     """
     files: Files = request.app.state.files
-    edition = files.edition if files.is_read else await run_in_threadpool(files.newest)
+    if (edition := files.edition) is None:
+        edition = await run_in_threadpool(files.newest)
     found = edition.files.get(path)
     if found is None:
         raise NotFound(f"the page has no file {path!r}", "reload the page")
