@@ -1,4 +1,6 @@
-"""The computer's start, by which times of the monotonic clock can be compared."""
+"""The computer's start, by which times of the monotonic clock can be compared, and their time of day."""
+
+from datetime import UTC, datetime
 
 import pytest
 
@@ -35,3 +37,18 @@ def test_now_is_the_present_moment_of_this_start():
     now = clock.Now.by_the_system()
     assert now.ns <= clock.SystemClock().now_ns()
     assert now.boot_id == clock.boot_id()
+
+
+class Stopped:
+    """Five seconds after the computer's start it is ten seconds past midnight."""
+
+    def now_ns(self):
+        return 5_000_000_000
+
+    def utc_now(self):
+        return datetime(1970, 1, 1, 0, 0, 10, tzinfo=UTC)
+
+
+def test_a_time_of_the_monotonic_clock_has_a_time_of_day():
+    assert clock.iso_utc(clock.utc_of(Stopped(), 4_000_000_000)) == "1970-01-01T00:00:09.000Z"
+    assert clock.utc_us(Stopped(), 6_000_001_000) == 11_000_001

@@ -3,7 +3,7 @@
 import os
 import time
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from functools import cache
 from pathlib import Path
 from typing import Protocol, Self
@@ -109,3 +109,13 @@ def boot_id() -> str:
 def iso_utc(moment: datetime) -> str:
     """A moment as ISO 8601 with milliseconds and Z."""
     return moment.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def utc_of(clock: UtcClock, time_ns: int) -> datetime:
+    """The time of day of a moment of CLOCK_MONOTONIC."""
+    return clock.utc_now() - timedelta(microseconds=(clock.now_ns() - time_ns) // 1000)
+
+
+def utc_us(clock: UtcClock, time_ns: int) -> int:
+    """The same in µs since 1970."""
+    return (utc_of(clock, time_ns) - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1)

@@ -1,4 +1,4 @@
-"""Memory of this process and its children: what it keeps for the next field, and whom the kernel takes first.
+"""Memory and threads of this process and its children: what it keeps, and whom the kernel takes first.
 
 By default glibc returns large blocks to the kernel as soon as they are freed, and gets them anew page by
 page: for the arrays of a field that costs as much as the work done on them.
@@ -6,7 +6,13 @@ page: for the arrays of a field that costs as much as the work done on them.
 
 import ctypes
 import gc
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
+from typing import ParamSpec, TypeVar
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 KEPT_BYTES = 32 << 20
 """Freed memory that the process keeps in each of its arenas."""
@@ -58,3 +64,21 @@ def kill_first(pid: int | None) -> None:
         Path(f"/proc/{pid}/oom_score_adj").write_text(str(KILLED_FIRST))
     except OSError:  # no such file but on Linux; without it the largest process is taken
         return
+
+
+def one_thread(work: Callable[P, T]) -> Callable[P, T]:
+    """A function that computes with one thread of BLAS.
+
+    The matrices are small: several threads wait for each other longer than they compute, on a busy computer
+    forty times as long. Commands and the daemon say so in their environment, before numpy is loaded; a
+    notebook has loaded it already.
+    """
+
+    @wraps(work)
+    def limited(*args: P.args, **options: P.kwargs) -> T:
+        from threadpoolctl import threadpool_limits  # noqa: PLC0415 - looks for the libraries that are loaded
+
+        with threadpool_limits(1, user_api="blas"):
+            return work(*args, **options)
+
+    return limited

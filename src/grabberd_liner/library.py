@@ -11,10 +11,11 @@ import numpy as np
 from grabberd.archive.input_files import read_vacuum_log
 from grabberd.errors import InputError
 from grabberd.files.disk import results_folder
+from grabberd.files.documents import PathLike, document_of
 from grabberd.library import capture
 from grabberd.library.calibrations import Progress
-from grabberd.library.common import PathLike, document_of, one_thread
 from grabberd.library.tables import Table
+from grabberd.memory import one_thread
 from grabberd_liner.analyses.export import check_formats, write_analysis
 from grabberd_liner.analyses.job import (
     AnalysisOptions,

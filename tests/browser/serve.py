@@ -110,8 +110,8 @@ def slowness(service: Service, idle: float, capture: float) -> float:
     A capture that waits for its trigger, or lasts until it is stopped, gets the camera's pace: somebody looks
     at it meanwhile.
     """
-    running = [one.running for one in service.instruments.values() if one.running]
-    if any(one.armed_capture for one in service.instruments.values()):
+    running = [one.captures.running for one in service.instruments.values() if one.captures.running]
+    if any(one.captures.armed for one in service.instruments.values()):
         return 1.0
     if not running:
         return idle

@@ -8,18 +8,18 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
-from grabberd.cli.serve import first_words
+from grabberd.cli import serve
 
 ADDRESS = "http://127.0.0.1:8050"
 
 
 def words(is_default: bool = True, *lacking: str) -> str:
-    return first_words(
-        ADDRESS, Path("/c/fake.yaml"), is_default, Path("/s/captures"), lambda module: module not in lacking
-    )
+    with mock.patch.object(serve, "is_installed", lambda module: module not in lacking):
+        return serve.first_words(ADDRESS, Path("/c/fake.yaml"), is_default, Path("/s/captures"))
 
 
 def test_they_say_where_everything_is() -> None:

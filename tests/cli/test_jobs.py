@@ -8,7 +8,7 @@ from typer.testing import CliRunner, Result
 
 from grabberd.cli.app import app
 from grabberd.documents.enums import JobState
-from grabberd.documents.results import MeasurementResult
+from grabberd.documents.jobs import MeasurementResult
 from grabberd.errors import GrabberdError
 from grabberd.library.jobs.measurement import MeasurementJob
 from server.api.daemons import Daemon, serving

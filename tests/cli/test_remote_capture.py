@@ -82,7 +82,7 @@ def test_turning_away_disarms_it_and_leaves_nothing(daemon: Daemon, tmp_path: Pa
     _, errors = process.communicate(timeout=2 * PATIENCE_S)
     assert process.returncode == 1
     assert "before it was triggered" in errors
-    assert daemon.service.instrument(None).armed_capture is None
+    assert daemon.service.instrument(None).captures.armed is None
     assert list(tmp_path.iterdir()) == []
 
 

@@ -12,8 +12,7 @@ from slots import ManualClock
 
 from grabberd.archive.state.job_store import JobStore
 from grabberd.clock import UtcClock
-from grabberd.documents.jobs import JobDocument
-from grabberd.documents.results import MeasurementResult
+from grabberd.documents.jobs import JobDocument, MeasurementResult
 from grabberd.errors import InputError
 from grabberd.fault_board import FaultBoard
 from grabberd.server.daemon.jobs import KINDS

@@ -89,9 +89,9 @@ def started(service: Service) -> Iterator[Service]:
 
 def wait_until_it_accepts(service: Service) -> None:
     """The capture thread has opened the device."""
-    board = service.instrument(None).board
+    board, captures = service.instrument(None).board, service.instrument(None).captures
     with board.changed:
-        assert board.changed.wait_for(lambda: service.instrument(None).accepts, PATIENCE_S), board.now
+        assert board.changed.wait_for(lambda: captures.accepts, PATIENCE_S), board.now
 
 
 def until(found: Callable[[], T | None]) -> T:
@@ -105,7 +105,7 @@ def until(found: Callable[[], T | None]) -> T:
 
 def sealed(service: Service) -> Recording:
     """The last capture, once its file is sealed."""
-    recording = service.instrument(None).recording
+    recording = service.instrument(None).captures.recording
     assert recording is not None
     assert recording.sealed.wait(PATIENCE_S)
     return recording

@@ -42,7 +42,7 @@ def wait_until_they_accept(service: Service, *names: str) -> None:
     for name in names or service.instruments:
         instrument = service.instrument(name)
         with instrument.board.changed:
-            ready = instrument.board.changed.wait_for(lambda one=instrument: one.accepts, PATIENCE_S)
+            ready = instrument.board.changed.wait_for(lambda one=instrument: one.captures.accepts, PATIENCE_S)
             assert ready, instrument.board.now
 
 
@@ -62,9 +62,8 @@ def several(
 
 def sealed_all(service: Service) -> dict[str, Path]:
     """The files of the last captures by device, once they are sealed."""
-    recordings = {
-        name: one.recording for name, one in service.instruments.items() if one.recording is not None
-    }
+    captures = {name: one.captures for name, one in service.instruments.items()}
+    recordings = {name: one.recording for name, one in captures.items() if one.recording is not None}
     for recording in recordings.values():
         assert recording.sealed.wait(PATIENCE_S)
     return {name: recording.path for name, recording in recordings.items()}

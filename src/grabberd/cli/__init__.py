@@ -69,10 +69,29 @@ def _explained(error: Exception) -> int:
     if isinstance(error, PermissionError) and error.filename:
         complain(StorageError(f"no permission for {error.filename}", NO_PERMISSION))
         return 1
-    from grabberd.cli.internal_error import explain  # noqa: PLC0415 - rarely needed
-
     explain(error)
     return EX_SOFTWARE
+
+
+def explain(error: Exception) -> None:
+    """Print one sentence about an error that nobody expected, and keep its traceback."""
+    import tempfile  # noqa: PLC0415 - rarely needed
+    import traceback  # noqa: PLC0415 - rarely needed
+
+    said = " ".join(str(error).split())[:200]
+    print(f"grabberd: internal error: {type(error).__name__}: {said}", file=sys.stderr)
+    # The journal keeps what a service prints, while its folder of temporary files ends with it.
+    if "JOURNAL_STREAM" in os.environ:
+        traceback.print_exception(error)
+        return
+    try:
+        descriptor, path = tempfile.mkstemp(prefix="grabberd-error-", suffix=".txt")
+        with os.fdopen(descriptor, "w", encoding="utf-8", errors="backslashreplace") as file:
+            traceback.print_exception(error, file=file)
+    except OSError:
+        traceback.print_exception(error)
+        return
+    print(f"hint: this is a bug in grabberd; please report it with the file {path}", file=sys.stderr)
 
 
 def _imported_app() -> Callable[[], None]:

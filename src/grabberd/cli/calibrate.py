@@ -1,6 +1,5 @@
 """`grabberd calibrate`: computes a calibration and its report from a capture of the calibration frame."""
 
-import json as json_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -15,7 +14,6 @@ from grabberd.cli.options import (
     check_absent,
     check_folder,
     follow_links,
-    load,
     out_file,
     print_json,
 )
@@ -26,7 +24,7 @@ if TYPE_CHECKING:
     from grabberd.config import RigConfig
     from grabberd.documents.calibration_reports import CalibrationAcceptance, CalibrationReport
     from grabberd.documents.requests import CalibrationOptions
-    from grabberd.library.jobs.calibration import CalibrationOutput
+    from grabberd.library.calibrations import Calibration
 
 
 VERDICTS = {
@@ -101,6 +99,8 @@ def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
     Example: grabberd calibrate frame.grab --calibration-frame configs/calibration-frames/paper-108.yaml
     --out rig.calibration.json --report report.html
     """
+    from grabberd.library.calibrations import nominal_rig_of  # noqa: PLC0415
+
     _check_new(out, report)
     options = _options(
         weights=weights,
@@ -113,25 +113,18 @@ def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
         handedness=None if handedness == "auto" else int(handedness),
         check_length=_length(check_length),
     )
-    rig = _rig(config, device) if config else None
+    rig = nominal_rig_of(config, device) if config else None
     made = _calibrated(captures, calibration_frame, options, note, rig, identifications, previous)
-    _write(out, json_module.dumps(made.calibration.to_document(), indent=2))
-    document = made.report.model_dump(mode="json", by_alias=True)
+    made.save(out)
     if report:
-        _write_report(report, document)
+        made.save_report(report)
+    assert made.report is not None, "it was made and not loaded"
     if json:
-        print_json(document)
+        print_json(made.report.model_dump(mode="json", by_alias=True))
     else:
         _show(out, report, made.report)
-    if made.report.acceptance.verdict == "failed":
+    if made.verdict == "failed":
         raise typer.Exit(EX_BAD_VERDICT)
-
-
-def _rig(config: Path, device: str | None) -> "RigConfig":
-    from grabberd.config import only_device  # noqa: PLC0415
-
-    known = load(config)
-    return known.devices[only_device(known, device, config)].rig
 
 
 def _length(text: str | None) -> dict[str, Any] | None:
@@ -177,14 +170,15 @@ def _calibrated(
     rig: "RigConfig | None",
     identifications: Path | None,
     previous: Path | None,
-) -> "CalibrationOutput":
+) -> "Calibration":
     from grabberd.archive.input_files import read_identifications  # noqa: PLC0415
     from grabberd.files.documents import read_documents, read_yaml  # noqa: PLC0415
+    from grabberd.library.calibrations import Calibration  # noqa: PLC0415
     from grabberd.library.jobs.calibration import calibrate_files  # noqa: PLC0415
 
     by_hand = read_identifications(identifications) if identifications else None
     with progress_bar("calibrating") as progress:
-        return calibrate_files(
+        made = calibrate_files(
             progress,
             paths=captures,
             calibration_frame=read_yaml(calibration_frame),
@@ -194,22 +188,7 @@ def _calibrated(
             rig=rig,
             by_hand=by_hand,
         )
-
-
-def _write(path: Path, text: str) -> None:
-    from grabberd.files.checked_file import (  # noqa: PLC0415
-        text_check,
-        write_checked,
-    )
-
-    whole = text + "\n"
-    write_checked(path, [whole.encode()], text_check(whole))
-
-
-def _write_report(path: Path, document: dict[str, Any]) -> None:
-    from grabberd.reports import calibration_html, document_json  # noqa: PLC0415
-
-    _write(path, calibration_html(document) if path.suffix == ".html" else document_json(document))
+    return Calibration(made.calibration.to_document(), made.report)
 
 
 def _show(out: Path, path: Path | None, report: "CalibrationReport") -> None:

@@ -10,12 +10,9 @@ from rich.progress import Progress, SpinnerColumn, TimeElapsedColumn
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.cli.options import check_absent, end_as_ctrl_c_does, group_file, warn
 from grabberd.cli.terminal import progress_console
-from grabberd.client.daemon import Daemon
+from grabberd.client.daemon import CAPTURES, POLL_S, UNENDED, Daemon
 from grabberd.errors import CaptureFileError, Conflict
 
-POLL_S = 0.2
-GOING_ON = ("armed", "recording", "sealing")
-CAPTURES = "/api/v1/captures"
 GROUPS = "/api/v1/capture-groups"
 
 JsonObject = dict[str, Any]
@@ -145,4 +142,4 @@ def _captures(document: JsonObject) -> list[JsonObject]:
 
 
 def _is_going_on(document: JsonObject) -> bool:
-    return any(one["state"] in GOING_ON for one in _captures(document))
+    return any(one["state"] in UNENDED for one in _captures(document))

@@ -3,7 +3,7 @@
 Names that devices give themselves can neither format nor colour anything.
 """
 
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from itertools import count
 from typing import Any
@@ -16,9 +16,11 @@ from rich.text import Text
 
 from grabberd.cli.options import print_json
 from grabberd.cli.terminal import console
-from grabberd.config import Config
+from grabberd.config import Config, DeviceConfig, LoggerConfig
 from grabberd.instrument.acquisition import GRABBERS, LOGGERS, discover
 from grabberd.instrument.acquisition.discovery import LOGGER_SEARCH, FoundDevice, Verdict
+
+Configured = Mapping[str, DeviceConfig | LoggerConfig]
 
 STYLES = {
     Verdict.RECOMMENDED: "bold green",
@@ -68,13 +70,7 @@ def _bullet(remark: str) -> Padding:
 
 def loggers_document(settings: Config) -> dict[str, Any]:
     """Drivers, configured and found loggers, for scripts."""
-    configured = {
-        name: {"driver": one.driver, "options": one.options} for name, one in settings.loggers.items()
-    }
-    found = [
-        asdict(one) | {"configured_as": _logger_configured_as(settings, one)}
-        for one in discover(LOGGER_SEARCH)
-    ]
+    configured, found = _documents(settings.loggers, discover(LOGGER_SEARCH))
     return {"logger_drivers": LOGGERS.available(), "loggers": configured, "found_loggers": found}
 
 
@@ -84,30 +80,16 @@ def print_loggers(settings: Config) -> None:
     if found or settings.loggers:
         print_plain("Data loggers, or what may be one:\n")
     for device in found:
-        print_device(device, _logger_configured_as(settings, device))
+        print_device(device, configured_as(settings.loggers, device))
     if settings.loggers:
-        _print_configured_loggers(settings, found)
+        channels = [", ".join(one.channels) for one in settings.loggers.values()]
+        _print_configured(("logger", "driver", "found", "channels"), settings.loggers, found, channels)
     print_plain(f"Drivers of loggers: {', '.join(LOGGERS.available())}.")
-    new = next((one for one in found if not _logger_configured_as(settings, one)), None)
+    new = next((one for one in found if not configured_as(settings.loggers, one)), None)
     if new is not None:
         way = next(iter(new.options.values()))
         print_plain(f"To listen to one: grabberd logger {new.driver}:{one_line(str(way))}")
     print_plain("")
-
-
-def _logger_configured_as(settings: Config, found: FoundDevice) -> list[str]:
-    """Names of the configured loggers that match a found one."""
-    return [name for name, one in settings.loggers.items() if found.is_meant_by(one.driver, one.options)]
-
-
-def _print_configured_loggers(settings: Config, found: Sequence[FoundDevice]) -> None:
-    table = Table("logger", "driver", "found", "channels", title="Configured loggers", title_justify="left")
-    for name, logger in settings.loggers.items():
-        there = [one.card for one in found if one.is_meant_by(logger.driver, logger.options)]
-        known = any(one.driver == logger.driver for one in found)
-        words = ", ".join(map(one_line, there)) or ("not found" if known else "–")
-        table.add_row(name, logger.driver, Text(words), ", ".join(logger.channels))
-    console.print(table)
 
 
 NOTHING_FOUND = (
@@ -124,34 +106,38 @@ def list_devices(settings: Config, json: bool) -> None:
         print_loggers(settings)
         print_listing(drivers, settings, found)  # ends with what is to be pasted
         return
-    configured = {
-        name: {"driver": device.driver, "options": device.options}
-        for name, device in settings.devices.items()
-    }
-    named = [asdict(one) | {"configured_as": configured_as(settings, one)} for one in found]
+    configured, named = _documents(settings.devices, found)
     print_json({"drivers": drivers, "devices": configured, "found": named} | loggers_document(settings))
 
 
-def configured_as(settings: Config, found: FoundDevice) -> list[str]:
-    """Names of the configured devices that match a found grabber."""
-    return [
-        name for name, device in settings.devices.items() if found.is_meant_by(device.driver, device.options)
-    ]
+def _documents(
+    known: Configured, found: Sequence[FoundDevice]
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """The configured devices or loggers, and the found ones with the names that each is configured by."""
+    configured = {name: {"driver": one.driver, "options": one.options} for name, one in known.items()}
+    return configured, [asdict(one) | {"configured_as": configured_as(known, one)} for one in found]
+
+
+def configured_as(known: Configured, found: FoundDevice) -> list[str]:
+    """Names of the configured devices or loggers that match a found one."""
+    return [name for name, one in known.items() if found.is_meant_by(one.driver, one.options)]
 
 
 def print_listing(drivers: Sequence[str], settings: Config, found: Sequence[FoundDevice]) -> None:
     """Print the grabbers found, the configured devices, and a configuration for the grabbers without one."""
+    known = settings.devices
     for device in found:
-        print_device(device, configured_as(settings, device))
+        print_device(device, configured_as(known, device))
     if not found:
         print_plain(NOTHING_FOUND)
-    _print_configured(settings, found)
+    used = [one.calibration.name if one.calibration else "none" for one in known.values()]
+    _print_configured(("device", "driver", "grabber", "calibration"), known, found, used)
     print_plain(f"Installed drivers: {', '.join(drivers)}.")
-    new = [one for one in found if one.verdict is not Verdict.UNUSABLE and not configured_as(settings, one)]
+    new = [one for one in found if one.verdict is not Verdict.UNUSABLE and not configured_as(known, one)]
     if new:
         what = "it, add this" if len(new) == 1 else "them, add all or part of this"
         print_plain(f"\nTo use {what} to the configuration:")
-        typer.echo("\n" + yaml_of(new, settings.devices), nl=False)
+        typer.echo("\n" + yaml_of(new, known), nl=False)
 
 
 def yaml_of(found: Sequence[FoundDevice], taken: Container[str] = ()) -> str:
@@ -170,14 +156,14 @@ def _free_names(taken: Container[str]) -> Iterator[str]:
     return (name for name in names if name not in taken)
 
 
-def _print_configured(settings: Config, found: Sequence[FoundDevice]) -> None:
-    table = Table(
-        "device", "driver", "grabber", "calibration", title="Configured devices", title_justify="left"
-    )
-    for name, device in settings.devices.items():
-        calibration = device.calibration.name if device.calibration else "none"
-        there = [one.card for one in found if one.is_meant_by(device.driver, device.options)]
-        known = any(one.driver == device.driver for one in found)
-        words = ", ".join(map(one_line, there)) or ("not found" if known else "–")
-        table.add_row(name, device.driver, Text(words), calibration)
+def _print_configured(
+    headings: Sequence[str], known: Configured, found: Sequence[FoundDevice], last: Sequence[str]
+) -> None:
+    """Print the configured devices or loggers, where each was found, and the last column."""
+    table = Table(*headings, title=f"Configured {headings[0]}s", title_justify="left")
+    for (name, one), words in zip(known.items(), last, strict=True):
+        there = [device.card for device in found if device.is_meant_by(one.driver, one.options)]
+        has_search = any(device.driver == one.driver for device in found)
+        where = ", ".join(map(one_line, there)) or ("not found" if has_search else "–")
+        table.add_row(name, one.driver, Text(where), words)
     console.print(table)

@@ -78,7 +78,7 @@ def capture_directly(
         warn(instrument.board.now.warnings)
         if config.loggers:
             _wait_for_clocks(loggers)
-        request = _request(options, instrument.rate_hz)
+        request = _request(options, instrument.pipeline.rate_hz)
         # In a hidden folder beside the output until it is sealed; the next run names what a crash left there.
         with recording_folder(out.parent) as folder:
             recording = instrument.start_capture(out.stem, request, folder / f"{out.name}.part")
@@ -95,8 +95,8 @@ def _wait_until_it_accepts(instrument: Instrument) -> None:
     board = instrument.board
     hopeless = (DeviceState.FAILED, DeviceState.ENDED)
     with board.changed:
-        board.changed.wait_for(lambda: instrument.accepts or board.state in hopeless, OPEN_TIMEOUT_S)
-    if not instrument.accepts:
+        board.changed.wait_for(lambda: instrument.captures.accepts or board.state in hopeless, OPEN_TIMEOUT_S)
+    if not instrument.captures.accepts:
         raise DeviceAbsent(
             f"device {instrument.name} is {board.now.state}: {board.now.cause}",
             board.now.hint

@@ -3,7 +3,6 @@
 import importlib.util
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -104,19 +103,13 @@ def is_installed(module: str) -> bool:
     return importlib.util.find_spec(module) is not None
 
 
-def first_words(
-    address: str,
-    config: Path,
-    is_default: bool,
-    captures: Path,
-    has: Callable[[str], bool] = is_installed,
-) -> str:
+def first_words(address: str, config: Path, is_default: bool, captures: Path) -> str:
     """A few lines: documentation, configuration, captures, what is not installed, the address to open."""
     lines = [f"grabberd {__version__} ({in_use()})", f"  documentation  {address}/docs"]
     of_default = " (the simulated grabber; for a real one, copy v4l2.yaml beside it and give --config)"
     lines.append(f"  configuration  {config}{of_default if is_default else ''}")
     lines.append(f"  captures       {captures}")
-    missing = [extra for extra, (module, _) in PARTS.items() if not has(module)]
+    missing = [extra for extra, (module, _) in PARTS.items() if not is_installed(module)]
     if missing:
         lacking = ", ".join(PARTS[extra][1] for extra in missing)
         lines.append(f"  not installed  {lacking}: pip install 'grabberd[{','.join(missing)}]'")

@@ -19,6 +19,11 @@ from grabberd.files.disk import scratch_folder, storage_errors
 
 TIMEOUT_S = 15.0
 _PART_BYTES = 1 << 16
+CAPTURES = "/api/v1/captures"
+UNENDED = ("armed", "recording", "sealing")
+"""States of a capture that is still to end."""
+POLL_S = 0.2
+"""Time after which a daemon is asked again."""
 TOKEN_VARIABLE = "GRABBERD_TOKEN"  # noqa: S105 - its name
 HINT = "it must hold one line, as printed by 'grabberd token add'"
 

@@ -1,11 +1,138 @@
-"""Jobs: work that takes long."""
+"""Jobs, work that takes long, and their results: one document for each kind of job."""
+
+from functools import reduce
+from operator import or_
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
+from grabberd.documents.calibration_reports import PixelAxes
+from grabberd.documents.coverage import CoverageDocument
+from grabberd.documents.devices import FieldOrderDocument
 from grabberd.documents.document import Document, JobProblem, Next, with_examples
 from grabberd.documents.enums import JobState
 from grabberd.documents.examples import JOB
-from grabberd.documents.results import JobResult
+from grabberd.extension import extensions, in_order, load
+
+
+class CalibrationResult(Document):
+    """Result of a job `calibrate`."""
+
+    calibration: str = Field(description="Id of the new calibration.")
+
+
+class MeasurementResult(Document):
+    """Result of a job `measure`."""
+
+    run: int = Field(description="Number of the new run.")
+    fields: int = Field(description="Number of fields measured.")
+    points: int = Field(description="Number of points found.")
+    field_order: FieldOrderDocument | None = Field(
+        None,
+        description="What the points tell about the sequence of the fields in time; null for progressive "
+        "pictures.",
+    )
+    warnings: list[str] = Field(default_factory=list, description="Warnings for people, in sentences.")
+    coverage: CoverageDocument | None = Field(None, description="How well they were measured.")
+
+
+class AxesDocument(Document):
+    """One length for each axis, and one for all three combined."""
+
+    x_mm: float
+    y_mm: float
+    z_mm: float
+    xyz_mm: float
+
+
+class Placement(Document):
+    """Rigid motion between two poses of the calibration frame."""
+
+    angle_deg: float
+    shift_mm: list[float] = Field(description="Along X, Y and Z.")
+
+
+class CheckResult(Document):
+    """Result of a job `check`: the calibration frame as measured, against its certificate."""
+
+    capture: str
+    calibration: str = Field(description="Id of the calibration that was checked.")
+    calibration_frame: str = Field(description="Name of the calibration frame.")
+    in_place: bool
+    verdict: Literal["fits", "doubtful", "recalibrate"]
+    advice: str = Field(description="What to do about the verdict.")
+    reasons: list[str] = Field(description="Reasons for the verdict; empty if the calibration fits.")
+    fields: int = Field(description="Number of fields measured.")
+    seen: int = Field(description="Number of targets found in both views.")
+    of: int = Field(description="Number of targets on the calibration frame.")
+    rmse: AxesDocument = Field(
+        description="Errors of the points against the certificate, after a rigid fit unless in place."
+    )
+    chi2: float = Field(
+        description="Mean squared error in units of σ; 1 if the calibration is as good as its covariance."
+    )
+    parallax_px: float = Field(
+        description="Root mean square disagreement of the views across the epipolar lines."
+    )
+    shift_px: dict[str, PixelAxes] = Field(
+        description="Mean of observed minus expected images, by view, in frame pixels."
+    )
+    residual_px: dict[str, PixelAxes] = Field(description="Root mean square of the same.")
+    as_placed: AxesDocument = Field(description="Errors without the rigid fit.")
+    placed: Placement = Field(
+        description="Pose of the calibration frame relative to its pose at calibration."
+    )
+
+
+class ImagePosition(Document):
+    """Position of an image, in frame pixels."""
+
+    x_px: float
+    y_px: float
+
+
+class IdentifiedTarget(ImagePosition):
+    """Image of a target."""
+
+    target: int
+
+
+class IdentifiedView(Document):
+    """Targets of the calibration frame in one view."""
+
+    found: list[IdentifiedTarget] = Field(description="Sorted by target.")
+    missing: list[int] = Field(description="Targets that were not found.")
+    other: list[ImagePosition] = Field(description="Images that are no target.")
+
+
+class ShownField(Document):
+    """A field to show targets on: its row k is frame line y0 + k · y_step."""
+
+    field: int = Field(description="Number of the field.")
+    y0: int
+    y_step: int
+
+
+class IdentificationResult(Document):
+    """Result of a job `identify`: the calibration frame's targets that a capture shows."""
+
+    capture: str
+    calibration_frame: str = Field(description="Name of the calibration frame.")
+    of: int = Field(description="Number of targets on the calibration frame.")
+    picture: ShownField
+    views: dict[str, IdentifiedView]
+    moved: bool = Field(description="True if the calibration frame did not stand still.")
+    problem: JobProblem | None = Field(description="Why it is unclear which target is which.")
+
+
+_OWN = (CheckResult, IdentificationResult, MeasurementResult, CalibrationResult)
+if TYPE_CHECKING:
+    JobResult = Document
+else:
+    _ALL = in_order(
+        [(one.__name__, one) for one in _OWN], [one for found in extensions() for one in found.results]
+    )
+    JobResult = reduce(or_, (load(one) if isinstance(one, str) else one for one in _ALL.values()))
 
 
 class JobDocument(Document):

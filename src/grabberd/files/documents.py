@@ -1,6 +1,7 @@
 """Documents that people write and programs read: calibrations in JSON, everything else in YAML."""
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from grabberd.errors import InputError
 from grabberd.files.json_value import read_json
 
 JsonObject = dict[str, Any]
+PathLike = str | os.PathLike[str]
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 """The loader in C if PyYAML has it: it reads an object model ten times as fast, so a daemon starts sooner."""
 _EXAMPLES = "see the examples of calibrations, objects and calibration frames in the folder configs/"
@@ -35,6 +37,16 @@ def read_yaml(path: Path) -> JsonObject:
         InputError: It cannot be read, or has no keys.
     """
     return _read(path, lambda text: parse_yaml(text, _LOADER))
+
+
+def document_of(given: PathLike | Mapping[str, Any]) -> dict[str, Any]:
+    """The document in a YAML or JSON file, or the one that is given.
+
+    Raises:
+        InputError: The file cannot be read, or has no keys.
+    """
+    # JSON is YAML as well.
+    return dict(given) if isinstance(given, Mapping) else read_yaml(Path(given))
 
 
 def _read(path: Path, parse: Callable[[str], Any]) -> JsonObject:

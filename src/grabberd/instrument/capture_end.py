@@ -24,37 +24,44 @@ class CaptureEnd:
     Args:
         archive: The captures on disk.
         instruments: The instruments, by the name of their device.
+        sealed: Called with the id and the device of each capture that is sealed.
+        faults: Where captures that cannot be sealed are told.
+        clock: Source of time.
 
     Attributes:
-        unsealed: Called with a capture that could not be sealed.
-        told: Called with the id and the device of one that is sealed.
+        unsealed: The captures that could not be sealed yet.
     """
 
-    def __init__(self, archive: Archive, instruments: Mapping[str, Instrument]) -> None:
+    def __init__(
+        self,
+        archive: Archive,
+        instruments: Mapping[str, Instrument],
+        sealed: Callable[[str, str], None],
+        faults: FaultBoard,
+        clock: UtcClock,
+    ) -> None:
         self._archive = archive
         self._instruments = instruments
-        self.unsealed: Callable[[Recording], None] = lambda _: None
-        self.told: Callable[[str, str], None] = lambda capture_id, device: None
+        self._sealed = sealed
+        self.unsealed = UnsealedCaptures(archive.check, self._sealed_after_all, self._count, faults, clock)
 
     def ended(self, recording: Recording) -> None:
         """Takes note of a capture whose recording is over, sealed or not."""
         if recording.seal_failure is None:
             self._enter_in_index(recording)
         else:
-            self.unsealed(recording)
+            self.unsealed.add(recording)
         if recording.failure is not None:
             log.error("capture %s: %s; %s", recording.id, recording.failure.message, recording.failure.hint)
         received = recording.recorder.ledger.in_words(recording.recorder.rate_hz)
         log.info("capture %s has ended, %s; received: %s", recording.id, recording.verdict, received)
 
-    def sealed_after_all(self, recording: Recording) -> None:
-        """Takes note of a capture that could be sealed later."""
-        self.count(recording)
+    def _sealed_after_all(self, recording: Recording) -> None:
+        self._count(recording)
         self._enter_in_index(recording)
         log.info("capture %s is sealed now, %s", recording.id, recording.verdict)
 
-    def count(self, recording: Recording) -> None:
-        """Counts a capture among those of its device."""
+    def _count(self, recording: Recording) -> None:
         self._instruments[_device_of(recording)].captures.count(recording)
 
     def _enter_in_index(self, recording: Recording) -> None:
@@ -64,7 +71,7 @@ class CaptureEnd:
                 self._archive.index.add(recording.path)
         except StorageError as error:
             log.error("capture %s is not in the index: %s; %s", recording.id, error.message, error.hint)
-        self.told(recording.id, _device_of(recording))
+        self._sealed(recording.id, _device_of(recording))
 
 
 def _device_of(recording: Recording) -> str:

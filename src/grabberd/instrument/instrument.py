@@ -12,7 +12,7 @@ from grabberd.config import DeviceConfig
 from grabberd.core.geometry import Calibration
 from grabberd.errors import InputError
 from grabberd.instrument.capture import capture_start
-from grabberd.instrument.capture.capture_request import ArmedCapture, CaptureRequest, NewCapture
+from grabberd.instrument.capture.capture_request import CaptureRequest, NewCapture
 from grabberd.instrument.capture.capture_start import CaptureStart
 from grabberd.instrument.capture.device_captures import CurrentCaptures, DeviceCaptures, check_stream
 from grabberd.instrument.capture.recording import Recording
@@ -89,7 +89,7 @@ class Instrument:
     def stop(self, timeout_s: float = 20.0) -> None:
         """Ends a running capture, seals its file and closes the device."""
         # The capture first: its last fields still come from the ring, and its points from the worker.
-        recording = self.recording
+        recording = self.captures.recording
         if recording is not None:
             recording.stop("the daemon stopped")
             recording.sealed.wait(timeout_s)
@@ -105,43 +105,6 @@ class Instrument:
         """Configuration, grabber and calibration of the device; exchanged between captures only."""
         return self.captures.setup
 
-    @property
-    def recording(self) -> Recording | None:
-        """The running or the last capture."""
-        return self.captures.recording
-
-    @property
-    def running(self) -> Recording | None:
-        """The capture that is recording, or None."""
-        return self.captures.running
-
-    @property
-    def sealing(self) -> Recording | None:
-        """The capture that is recorded, and still being measured and stored, or None."""
-        return self.captures.sealing
-
-    @property
-    def armed_capture(self) -> ArmedCapture | None:
-        """The capture that waits for its trigger, or None."""
-        return self.captures.armed
-
-    @property
-    def accepts(self) -> bool:
-        """True if a capture could be started, were none running."""
-        return self.captures.accepts
-
-    @property
-    def rate_hz(self) -> float:
-        """Fields per second: as granted, or of the pace that its camera keeps to instead; nominal until the
-        device has been opened.
-        """
-        return self.captures.rate_hz
-
-    @property
-    def bytes_per_s(self) -> float:
-        """Bytes that a capture writes per second: as measured on the running one, else as expected."""
-        return self.captures.bytes_per_s
-
     def start_capture(self, capture_id: str, request: CaptureRequest, part: Path) -> Recording:
         """Starts a capture without a service, into a file of the caller's choice.
 
@@ -156,8 +119,8 @@ class Instrument:
         """
         single = CaptureStart(self.captures, NewCapture(capture_id, request, part))
         capture_start.start([single], CurrentCaptures({self.name: self.captures}))
-        assert self.recording is not None
-        return self.recording
+        assert self.captures.recording is not None
+        return self.captures.recording
 
     @contextmanager
     def between_captures(self) -> Iterator[None]:

@@ -84,7 +84,8 @@ def _device(name: str, config: DeviceConfig, file: Path, problems: list[Problem]
         return None
 
     grabber = attempt("options", lambda: GRABBERS.create(config.driver, config.options))
-    inputs = attempt("analysis.inputs", lambda: _if_named(config.analysis.inputs))
+    named = config.analysis.inputs
+    inputs = None if named is None else attempt("analysis.inputs", lambda: read_yaml(named))
     documents = attempt("calibration", lambda: read_documents(config.calibration, config.object))
     located = attempt("location", lambda: location_settings(settings_of(config)))
     # By itself: there may be no calibration yet, and it is not to be found wrong only after there is one.
@@ -94,10 +95,6 @@ def _device(name: str, config: DeviceConfig, file: Path, problems: list[Problem]
     if grabber is None or documents is None:
         return None
     return DeviceSetup(name, config, grabber, measuring, documents, inputs)
-
-
-def _if_named(path: Path | None) -> JsonObject | None:
-    return None if path is None else read_yaml(path)
 
 
 def _checked_object(documents: JsonObject) -> bool:

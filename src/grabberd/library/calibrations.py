@@ -14,10 +14,10 @@ from grabberd.core import geometry
 from grabberd.documents.calibration_reports import CalibrationReport
 from grabberd.documents.requests import CalibrationOptions
 from grabberd.errors import InputError
-from grabberd.files.checked_file import text_check, write_checked
-from grabberd.files.documents import read_documents
-from grabberd.library.common import PathLike, document_of, one_thread
+from grabberd.files.checked_file import write_text
+from grabberd.files.documents import PathLike, document_of, read_documents
 from grabberd.library.jobs.calibration import calibrate_files
+from grabberd.memory import one_thread
 
 Progress = Callable[[float], None]
 """Told the share that is done, from 0 to 1."""
@@ -73,7 +73,7 @@ class Calibration:
         Raises:
             StorageError: It exists, or cannot be written.
         """
-        return _write(Path(path), json.dumps(self.document, indent=2))
+        return write_text(Path(path), json.dumps(self.document, indent=2) + "\n")
 
     def save_report(self, path: PathLike) -> Path:
         """Saves the report as a new file, NAME.html to read or NAME.json for programs.
@@ -91,7 +91,8 @@ class Calibration:
         if out.suffix not in {".html", ".json"}:
             raise InputError(f"{out} is neither .html nor .json", "call the report NAME.html or NAME.json")
         document = self.report.model_dump(mode="json", by_alias=True)
-        return _write(out, calibration_html(document) if out.suffix == ".html" else document_json(document))
+        text = calibration_html(document) if out.suffix == ".html" else document_json(document)
+        return write_text(out, text + "\n")
 
     def __repr__(self) -> str:
         return f"<Calibration {self.id}, acceptance: {self.verdict or 'not judged'}>"
@@ -136,12 +137,13 @@ def calibrate(
         options=_options(options),
         note=note,
         previous=None if previous is None else dict(previous.document),
-        rig=None if config is None else _rig(Path(config), device),
+        rig=None if config is None else nominal_rig_of(Path(config), device),
     )
     return Calibration(made.calibration.to_document(), made.report)
 
 
-def _rig(config: Path, device: str | None) -> RigConfig:
+def nominal_rig_of(config: Path, device: str | None) -> RigConfig:
+    """The nominal rig of a device in a configuration; None for the only one."""
     known = load_config(config)
     return known.devices[only_device(known, device, config)].rig
 
@@ -154,8 +156,3 @@ def _options(given: Mapping[str, Any]) -> CalibrationOptions:
         where = ".".join(map(str, first["loc"]))
         known = ", ".join(CalibrationOptions.model_fields)
         raise InputError(f"option {where}: {first['msg']}", f"the options are {known}") from error
-
-
-def _write(path: Path, text: str) -> Path:
-    whole = text + "\n"
-    return write_checked(path, [whole.encode()], text_check(whole))

@@ -15,11 +15,12 @@ from grabberd.archive.measure_setups import settings_of_capture
 from grabberd.core.chain.accuracy import Investigation, InvestigationSettings, investigate
 from grabberd.core.ledger import Ledger
 from grabberd.errors import InputError, NotReady
+from grabberd.files.documents import PathLike, document_of
 from grabberd.library.calibrations import Calibration, Progress
-from grabberd.library.common import PathLike, document_of, one_thread
 from grabberd.library.fields import Fields
 from grabberd.library.jobs.measurement import measure_file
 from grabberd.library.tables import Chosen, PointTable, read_points
+from grabberd.memory import one_thread
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

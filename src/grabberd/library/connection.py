@@ -8,16 +8,13 @@ from typing import Any
 from urllib.parse import quote, urlencode
 
 import grabberd
-from grabberd.client.daemon import TIMEOUT_S, Daemon
+from grabberd.client.daemon import CAPTURES, POLL_S, TIMEOUT_S, UNENDED, Daemon
 from grabberd.client.points_stream import StreamedPoints, follow_points
 from grabberd.errors import NotReady
-from grabberd.library.common import PathLike
+from grabberd.files.documents import PathLike
 
 HERE = "http://127.0.0.1:8050"
-_CAPTURES = "/api/v1/captures"
 _PAGE = 500
-_POLL_S = 0.2
-_UNENDED = ("armed", "recording", "sealing")
 
 
 class RemoteCapture:
@@ -49,7 +46,7 @@ class RemoteCapture:
     @property
     def is_ended(self) -> bool:
         """True if nothing more comes to it."""
-        return self.state not in _UNENDED
+        return self.state not in UNENDED
 
     def refresh(self) -> "RemoteCapture":
         """Asks the daemon what has become of it."""
@@ -87,7 +84,7 @@ class RemoteCapture:
         while not self.refresh().is_ended:
             if end_s is not None and time.monotonic() > end_s:
                 raise NotReady(f"capture {self.id} is {self.state} after {timeout_s:g} s", "wait for longer")
-            time.sleep(_POLL_S)
+            time.sleep(POLL_S)
         return self
 
     def open(self, folder: PathLike | None = None) -> "grabberd.Capture":
@@ -109,7 +106,7 @@ class RemoteCapture:
 
     @property
     def _address(self) -> str:
-        return f"{_CAPTURES}/{quote(self.id)}"
+        return f"{CAPTURES}/{quote(self.id)}"
 
 
 class Connection:
@@ -139,7 +136,7 @@ class Connection:
         cursor = ""
         while True:
             query = urlencode([*asked, *((("cursor", cursor),) if cursor else ())])
-            page = self._daemon.ask(f"{_CAPTURES}?{query}")
+            page = self._daemon.ask(f"{CAPTURES}?{query}")
             for document in page["captures"]:
                 yield RemoteCapture(self._daemon, document)
             if not (cursor := page.get("next") or ""):
@@ -147,7 +144,7 @@ class Connection:
 
     def capture(self, capture_id: str) -> RemoteCapture:
         """A capture by its id."""
-        return RemoteCapture(self._daemon, self._daemon.ask(f"{_CAPTURES}/{quote(capture_id)}"))
+        return RemoteCapture(self._daemon, self._daemon.ask(f"{CAPTURES}/{quote(capture_id)}"))
 
     def start(
         self,
@@ -171,7 +168,7 @@ class Connection:
         """
         given = {"fields": fields, "duration_s": duration_s, "device": device, "note": note or None}
         body = {name: value for name, value in given.items() if value is not None} | options
-        document = self._daemon.ask(_CAPTURES, "POST", {**body, "labels": dict(labels or {})})
+        document = self._daemon.ask(CAPTURES, "POST", {**body, "labels": dict(labels or {})})
         return RemoteCapture(self._daemon, document)
 
     def stream(self, device: str | None = None, patience_s: float = TIMEOUT_S) -> Iterator[StreamedPoints]:

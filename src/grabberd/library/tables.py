@@ -88,13 +88,12 @@ class Table:
             return None
 
 
-def optional(module: str, what: str, extra: str = EXTRA) -> Any:
+def optional(module: str, what: str) -> Any:
     """A module of an optional dependency.
 
     Args:
         module: Its name.
         what: What it is needed for.
-        extra: The extra that installs it.
 
     Raises:
         ExtraMissing: It is not installed.
@@ -102,7 +101,7 @@ def optional(module: str, what: str, extra: str = EXTRA) -> Any:
     try:
         return import_module(module)
     except ImportError as error:
-        raise ExtraMissing(what, extra) from error
+        raise ExtraMissing(what, EXTRA) from error
 
 
 _BY_FIELD = ("n", "time_utc", "time_s")

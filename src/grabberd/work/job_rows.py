@@ -11,8 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from grabberd.documents.document import JobProblem
 from grabberd.documents.enums import JobState
-from grabberd.documents.jobs import JobDocument
-from grabberd.documents.results import JobResult
+from grabberd.documents.jobs import JobDocument, JobResult
 from grabberd.work.job_spec import JobSpec
 
 

@@ -9,8 +9,8 @@ from typing import Any, ClassVar, TypeVar
 from pydantic import ConfigDict
 
 from grabberd.documents.document import Document
+from grabberd.documents.jobs import JobResult
 from grabberd.documents.requests import CaptureName
-from grabberd.documents.results import JobResult
 from grabberd.errors import NotFound
 
 T = TypeVar("T")

@@ -139,7 +139,7 @@ def test_the_state_says_how_many_minutes_are_left(tmp_path: Path) -> None:
     disk = Disk(3 * GB)
     with service_with(tmp_path, disk) as service:
         storage = service.state().storage
-        per_minute = 60 * service.instrument(None).bytes_per_s
+        per_minute = 60 * service.instrument(None).captures.bytes_per_s
         assert storage.free_bytes == 3 * GB
         assert storage.minutes_left == pytest.approx(2 * GB / per_minute, abs=0.1)
         disk.free = -1

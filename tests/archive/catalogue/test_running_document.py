@@ -18,7 +18,7 @@ GROWS = {"state", "verdict", "ended_because", "fields", "length_fields", "ledger
 
 
 def written(service: Service) -> Recording:
-    recording = service.instrument(None).recording
+    recording = service.instrument(None).captures.recording
     assert recording is not None
     deadline = time.monotonic() + PATIENCE_S
     while not recording.committed and time.monotonic() < deadline:

@@ -29,8 +29,8 @@ class Rig:
 
     def start(self) -> None:
         self.faults = FaultBoard(self.clock)
-        self.keeper = StateKeeper(self.folder, self.faults, self.clock)
-        self.keeper.restored = lambda: self.again.append(1)
+        restored = lambda: self.again.append(1)  # noqa: E731
+        self.keeper = StateKeeper(self.folder, self.faults, self.clock, restored)
         self.store = StateStore(self.path, self.keeper.heal)
         self.access = Access(self.folder, self.clock, self.keeper.heal)
         self.keeper.open()

@@ -99,7 +99,7 @@ def test_the_one_that_runs_is_named_and_runs_on(tmp_path: Path) -> None:
         (error,) = refused.value.refusals.values()
         assert isinstance(error, CaptureRunning)
         assert error.capture_id == running
-        assert service.instrument("left").recording is None
+        assert service.instrument("left").captures.recording is None
         service.capture_control.stop(running)
         sealed_all(service)
 
@@ -167,7 +167,7 @@ def test_thresholds_follow_the_light_again_after_arming_that_failed(
         with pytest.raises(GroupRefused, match="the ring says no"):
             service.capture_control.arm_group(both(FIELDS))
         assert thresholds_held(service) == set()
-        assert all(one.armed_capture is None for one in service.instruments.values())
+        assert all(one.captures.armed is None for one in service.instruments.values())
 
 
 def test_thresholds_stay_held_after_a_trigger_that_failed(
@@ -250,7 +250,7 @@ def test_stopping_an_armed_group_leaves_nothing(tmp_path: Path) -> None:
     with several(tmp_path, TWO) as service:
         group_id = service.capture_control.arm_group(both(FIELDS))
         service.capture_control.stop_group(group_id)
-        assert all(one.armed_capture is None for one in service.instruments.values())
+        assert all(one.captures.armed is None for one in service.instruments.values())
         assert thresholds_held(service) == set()
         with pytest.raises(NotFound):
             service.capture_control.captures_of(group_id)

@@ -80,7 +80,7 @@ def test_a_rearranged_stage_leaves_a_gap_and_later_captures_show_what_is_there(t
     with live(tmp_path / "state", {"stage": str(stage)}) as service:
         before = service.capture_control.start(None, CaptureRequest(fields=200)).id
         # A change before the first field would leave no gap.
-        until(lambda: service.instrument(None).recording.recorder.fields)
+        until(lambda: service.instrument(None).captures.recording.recorder.fields)
         stage.write_text("wall: thin-empty\n")
         sealed(service)
         with CaptureReader(service.archive.path(before)) as reader:

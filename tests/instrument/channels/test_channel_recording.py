@@ -103,7 +103,7 @@ def test_values_are_those_of_the_channels_columns(recorded: Recorded) -> None:
 def test_a_logger_that_stops_is_a_gap_of_the_channel_and_the_fields_are_complete(recorded: Recorded) -> None:
     recorded.begin()
     recorded.put(-30, 60)
-    recorded.one.board.failed(DeviceLost("it was unplugged", ""), DeviceState.ABSENT)
+    recorded.one.board.enter(DeviceState.ABSENT, DeviceLost("it was unplugged", ""))
     recorded.one.feed.put(Part.interrupted(BEGIN_NS + 30 * STEP_NS, "unplugged"))
     fields_of(recorded)
     _, account, complete = recorded.read()
@@ -113,7 +113,7 @@ def test_a_logger_that_stops_is_a_gap_of_the_channel_and_the_fields_are_complete
 
 
 def test_a_logger_that_is_not_there_delays_nothing(recorded: Recorded) -> None:
-    recorded.one.board.failed(DeviceLost("there is no such port", ""), DeviceState.ABSENT)
+    recorded.one.board.enter(DeviceState.ABSENT, DeviceLost("there is no such port", ""))
     recorded.begin()
     fields_of(recorded)
     (pulsation, _), account, complete = recorded.read()

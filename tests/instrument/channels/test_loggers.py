@@ -31,8 +31,8 @@ def watched(*names):
 
 def test_all_that_give_nothing_are_one_fault_with_what_to_do() -> None:
     _, faults, _, (tank, hose) = watched("tank", "hose")
-    tank.failed(ABSENT, DeviceState.ABSENT)
-    hose.failed(DeviceAbsent("no such topic", "plug it in"), DeviceState.FAILED)
+    tank.enter(DeviceState.ABSENT, ABSENT)
+    hose.enter(DeviceState.FAILED, DeviceAbsent("no such topic", "plug it in"))
     (fault,) = faults.now
     assert (fault.cause_code, fault.level) == (Cause.LOGGER_FAILED, "fault")
     assert fault.message == "no readings: tank: there is no such port; hose: no such topic"
@@ -96,7 +96,7 @@ def test_a_logger_is_unsettled_until_its_clock_is_known_to_the_wanted_sigma() ->
 
 def test_waiting_settles_neither_a_logger_that_failed_nor_one_without_a_clock() -> None:
     _, _, loggers, (tank, hose) = watched("tank", "hose")
-    tank.failed(ABSENT, DeviceState.ABSENT)
+    tank.enter(DeviceState.ABSENT, ABSENT)
     hose.opened(replace(INFO, dating=Dating.ARRIVAL))
     hose.came(1, ())
     assert loggers.unsettled(1000) == []

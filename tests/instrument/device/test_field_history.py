@@ -25,14 +25,14 @@ def filled(fields: int, count: int) -> FieldHistory:
 
 def test_five_minutes_of_a_device_take_one_and_a_half_megabytes() -> None:
     assert FIELDS * FIELD_NS == 300e9
-    assert FieldHistory().nbytes == FIELDS * ROW.itemsize < 1_500_000
+    assert FieldHistory()._rows.nbytes == FIELDS * ROW.itemsize < 1_500_000
 
 
 @pytest.mark.parametrize(("rate_hz", "fields"), [(25.0, 7_500), (59.94, 17_982), (120.0, 36_000)])
 def test_it_reaches_back_five_minutes_at_any_rate(rate_hz: float, fields: int) -> None:
     history = filled(8, 3)
     history.keep(rate_hz)
-    assert history.nbytes == fields * ROW.itemsize
+    assert history._rows.nbytes == fields * ROW.itemsize
     assert len(history.since(0).rows) == 0
     history.see(measured_field(9 * FIELD_NS), SETUP, 1_000_000)
     history.keep(rate_hz)

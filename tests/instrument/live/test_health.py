@@ -193,7 +193,7 @@ def test_a_camera_that_delivers_fewer_pictures_than_granted_is_told_with_the_rem
 def test_a_slower_camera_that_counts_loses_nothing_and_captures_go_by_its_own_rate() -> None:
     device = slow_camera(counts=True)
     assert device.health.parts["lost"].level == "good"
-    assert device.instrument.rate_hz == pytest.approx(20.0, rel=1e-3)
+    assert device.instrument.pipeline.rate_hz == pytest.approx(20.0, rel=1e-3)
     assert device.board.now.rebases[Rebase.RATE] == 1
 
 

@@ -17,7 +17,7 @@ def setup_with(calibration_id: str) -> SimpleNamespace:
 
 @pytest.fixture
 def device() -> SimpleNamespace:
-    return SimpleNamespace(name="cup", rate_hz=50.0, setup=setup_with("rig-7"))
+    return SimpleNamespace(name="cup", pipeline=SimpleNamespace(rate_hz=50.0), setup=setup_with("rig-7"))
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def test_a_stream_that_is_opened_again_at_another_rate_is_described_anew(
     device: SimpleNamespace, encoder: PointsEncoder
 ) -> None:
     before = described(encoder)
-    device.rate_hz = 59.94
+    device.pipeline.rate_hz = 59.94
     after = described(encoder)
     assert (before["rate_hz"], after["rate_hz"]) == (50.0, 59.94)
     assert after["number"] == before["number"] + 1

@@ -165,6 +165,7 @@ class Moment:
         lives = [self._live(time_ns, next(count)) for time_ns in measured_ns]
         offered = None if field_ns is None else Shown(field, Ring(2, 1, "field"), field_ns)
         pipeline = SimpleNamespace(
+            rate_hz=50.0,
             newest=SimpleNamespace(ask=lambda _: offered),
             ring=SimpleNamespace(newest=slot_of(field, 1)),
             thresholds=SimpleNamespace(in_force=SimpleNamespace(level=90)),
@@ -172,7 +173,7 @@ class Moment:
         worker = SimpleNamespace(
             published=threading.Condition(), live=lives[-1] if lives else None, since=lambda _: lives
         )
-        self.device = SimpleNamespace(pipeline=pipeline, worker=worker, rate_hz=50.0)
+        self.device = SimpleNamespace(pipeline=pipeline, worker=worker)
 
     def found(self) -> dict[str, int] | None:
         made = Preview(cast("Instrument", self.device), self.clock).make()

@@ -14,8 +14,8 @@ from grabberd.archive.capture.meta import CaptureMeta
 from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.state.calibration_store import CalibrationStore
 from grabberd.core.ledger import Ledger
+from grabberd.documents.jobs import CalibrationResult
 from grabberd.documents.requests import CalibrationOptions
-from grabberd.documents.results import CalibrationResult
 from grabberd.errors import Conflict, ExtraMissing, MeasurementError
 from grabberd.library.jobs.calibration_jobs import CalibrationJob
 from grabberd.work.job_spec import JobContext

@@ -59,7 +59,7 @@ class Daemon(NamedTuple):
     def wait_until_ready(self, seconds: float = 30.0) -> None:
         board = self.instrument.board
         with board.changed:
-            board.changed.wait_for(lambda: self.instrument.accepts, seconds)
+            board.changed.wait_for(lambda: self.instrument.captures.accepts, seconds)
 
 
 @contextmanager

@@ -44,7 +44,7 @@ def _run(running: Daemon, seconds: float) -> list[tuple[str, str]]:
     memory, cost = [resident_mb()], Cost(running.grabber)
     rounds: list[dict[str, float]] = []
     capture_id = service.capture_control.start(None, CaptureRequest(fields=round(seconds * 50))).id
-    recording = instrument.recording
+    recording = instrument.captures.recording
     assert recording
     while not recording.sealed.wait(max(1.0, seconds / 20)):
         memory.append(resident_mb())

@@ -72,11 +72,12 @@ def _run(
 ) -> tuple[list[tuple[str, ...]], list[tuple[str, str]]]:
     for one in service.instruments.values():
         with one.board.changed:
-            one.board.changed.wait_for(lambda one=one: one.accepts, 30.0)
+            one.board.changed.wait_for(lambda one=one: one.captures.accepts, 30.0)
     wanted = CaptureRequest(fields=round(seconds * 50))
     group_id = service.capture_control.start_group(dict.fromkeys(service.instruments, wanted))
     cost = Cost(_NoRendering())  # type: ignore[arg-type]
-    recordings = {name: one.recording for name, one in service.instruments.items() if one.recording}
+    captures = {name: one.captures for name, one in service.instruments.items()}
+    recordings = {name: one.recording for name, one in captures.items() if one.recording}
     shares, highest_mb = cost.shares(), resident_mb()
     while all(recording.recorder.recording for recording in recordings.values()):
         shares, highest_mb = cost.shares(), max(highest_mb, resident_mb())

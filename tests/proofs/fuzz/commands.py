@@ -25,7 +25,7 @@ def run_command(*words: str) -> int:
         contextlib.redirect_stdout(said),
         contextlib.redirect_stderr(said),
         mock.patch.dict(os.environ, {"COLUMNS": "200", "TERM": "dumb"}),
-        mock.patch("grabberd.cli.internal_error.explain", _explain),
+        mock.patch("grabberd.cli.explain", _explain),
     ):
         try:
             main()

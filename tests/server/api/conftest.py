@@ -55,7 +55,7 @@ def sealed(client: TestClient, capture_id: str) -> dict[str, object]:
 
 def sealed_in(service: Service) -> None:
     """Waits until the latest capture is sealed."""
-    recording = service.instrument(None).recording
+    recording = service.instrument(None).captures.recording
     assert recording is not None
     assert recording.sealed.wait(PATIENCE_S)
 

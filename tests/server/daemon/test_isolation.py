@@ -147,7 +147,7 @@ def test_a_file_that_cannot_be_written_for_a_while_delays_no_other(
         request = CaptureRequest(fields=FIELDS)
         service.capture_control.start_group({"good": request, "bad": request})
         stalled.append(True)
-        good, bad = (service.instrument(name).recording for name in ("good", "bad"))
+        good, bad = (service.instrument(name).captures.recording for name in ("good", "bad"))
         assert good is not None
         assert bad is not None
         assert good.sealed.wait(PATIENCE_S)

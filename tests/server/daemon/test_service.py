@@ -48,7 +48,7 @@ def test_the_state_says_while_a_capture_that_is_over_keeps_the_next_one_from_sta
     monkeypatch.setattr(Recording, "_seal", lambda one: (measured.wait(PATIENCE_S), seal(one)))
     with running(tmp_path) as service:
         device, recording = service.instrument(None), started(service, fields=5)
-        while device.running:
+        while device.captures.running:
             recording.sealed.wait(0.005)
         said = service.state().devices["simulated"]
         assert (said.capture_id, said.sealing_capture_id) == (None, recording.id)
@@ -63,7 +63,7 @@ def test_the_state_says_while_a_capture_that_is_over_keeps_the_next_one_from_sta
 def started(service: Service, **request: int) -> Recording:
     """A capture that was just started."""
     service.capture_control.start(None, CaptureRequest(**request))
-    recording = service.instrument(None).recording
+    recording = service.instrument(None).captures.recording
     assert recording is not None
     return recording
 
@@ -89,11 +89,11 @@ def test_several_devices_do_not_know_of_one_another(tmp_path: Path) -> None:
     try:
         board = service.instrument("good").board
         with board.changed:
-            assert board.changed.wait_for(lambda: service.instrument("good").accepts, PATIENCE_S)
+            assert board.changed.wait_for(lambda: service.instrument("good").captures.accepts, PATIENCE_S)
         with pytest.raises(NotFound):
             service.instrument(None)
         service.capture_control.start("good", CaptureRequest(fields=10))
-        recording = service.instrument("good").recording
+        recording = service.instrument("good").captures.recording
         assert recording
         assert recording.sealed.wait(PATIENCE_S)
         assert recording.complete
@@ -106,7 +106,7 @@ def test_a_capture_that_is_renamed_while_it_is_looked_at_is_shown_with_its_size(
 ) -> None:
     with running(tmp_path) as service:
         path = capture(service, fields=5)
-        recording = service.instrument(None).recording
+        recording = service.instrument(None).captures.recording
         assert recording
         monkeypatch.setattr(service.archive, "_recordings", lambda: [recording])
         assert service.archive.document(recording.id).state == "sealed"
@@ -133,7 +133,7 @@ def test_a_full_disk_ends_the_capture_and_what_is_on_it_can_be_read(
     )
     with running(tmp_path, {"pace": "real"}) as service:
         path = capture(service)
-        recording = service.instrument(None).recording
+        recording = service.instrument(None).captures.recording
         assert recording
         assert recording.failure is not None
         assert "full" in recording.failure.message

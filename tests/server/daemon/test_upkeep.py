@@ -94,7 +94,7 @@ def test_a_capture_that_lost_its_folder_is_sealed_when_that_is_back(tmp_path: Pa
         assert service.instrument(None).pipeline.ring.reader().take(PATIENCE_S)
         folder = service.archive.directory
         away = folder.rename(folder.with_name("away"))
-        recording = service.instrument(None).recording
+        recording = service.instrument(None).captures.recording
         assert recording is not None
         assert recording.sealed.wait(PATIENCE_S)
         assert set(causes(service)) == {Cause.CAPTURES_MISSING, Cause.CAPTURE_UNSEALED}
@@ -116,7 +116,7 @@ def test_one_that_is_not_sealed_yet_stays_listed_when_the_next_one_has_begun(
 
         patch.setattr("grabberd.archive.capture.writer.publish", refuse)
         service.capture_control.start(None, CaptureRequest(fields=5))
-        recording = service.instrument(None).recording
+        recording = service.instrument(None).captures.recording
         assert recording is not None
         assert recording.sealed.wait(PATIENCE_S)
     second = capture(service, fields=5).stem

@@ -12,7 +12,7 @@ import pytest
 from grabberd.server.web import Files
 from grabberd.server.web.page import COMMENTS, STATIC, render
 
-EDITION = Files().edition
+EDITION = Files().newest()
 MOST_BYTES = 400_000
 FIRST_BYTES = 80_000
 LIBRARIES = STATIC / "vendor"
@@ -54,7 +54,7 @@ def test_the_version_changes_with_any_file(tmp_path: Path) -> None:
 def test_style_sheets_are_served_as_one_and_catalogues_as_the_first_view_s_and_the_others(
     tmp_path: Path,
 ) -> None:
-    edition = Files(small(tmp_path)).edition
+    edition = Files(small(tmp_path)).newest()
     assert edition.files["page.css"].content == b"a {}\nb {}"
     assert json.loads(edition.files["texts/en.json"].content) == {"core": {"skip": "Skip"}}
     assert json.loads(edition.files["texts/en.rest.json"].content) == {"replay": {"loop": "Loop"}}
@@ -67,7 +67,7 @@ def test_modules_are_served_without_comments_and_with_their_line_numbers(tmp_pat
     comments = "// Why.\n/**\n * @param {number} n\n */\n"
     module = comments + 'const home = "http://a"; // stays\n  /** @type {1} */ let n = 1;\n'
     (tmp_path / "js" / "a.js").write_text(module)
-    served = Files(small(tmp_path)).edition.files["js/a.js"].content.decode()
+    served = Files(small(tmp_path)).newest().files["js/a.js"].content.decode()
     assert served == '\n\n\n\nconst home = "http://a"; // stays\n let n = 1;\n'
 
 

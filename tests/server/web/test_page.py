@@ -7,7 +7,7 @@ import pytest
 
 from grabberd.server.web import POLICY, Files, language_of, render
 
-EDITION = Files().edition
+EDITION = Files().newest()
 SCRIPT = re.compile(r"<script([^>]*)>(.*?)</script>", re.DOTALL)
 
 

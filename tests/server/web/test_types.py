@@ -18,7 +18,7 @@ def comments(path: Path) -> str:
 
 
 def test_no_type_is_served() -> None:
-    assert [name for name in Files().edition.files if name.endswith((".ts", ".map"))] == []
+    assert [name for name in Files().newest().files if name.endswith((".ts", ".map"))] == []
 
 
 def test_no_module_waves_a_type_through() -> None:

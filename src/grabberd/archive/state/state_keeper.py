@@ -28,14 +28,20 @@ class StateKeeper:
         directory: State directory; it is locked while it is open.
         faults: Where damage is told.
         clock: Source of time.
+        restored: Called after a recovery while the daemon runs: what is in force is to be stored again.
 
     Attributes:
-        restored: Called after a recovery while the daemon runs: what is in force is to be stored again.
         backed_up: Number of backups made since the start.
     """
 
-    def __init__(self, directory: Path, faults: FaultBoard, clock: UtcClock) -> None:
-        self.restored: Callable[[], None] = lambda: None
+    def __init__(
+        self,
+        directory: Path,
+        faults: FaultBoard,
+        clock: UtcClock,
+        restored: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._restored = restored
         self.backed_up = 0
         self._path = directory / STATE
         self._database = StateDatabase(self._path)
@@ -84,7 +90,7 @@ class StateKeeper:
             self._seen = ()
             self._report()
         with suppress(StorageError):
-            self.restored()
+            self._restored()
 
     def look(self) -> None:
         """Backs the state up if it has changed, and recovers it if it is damaged; called now and then."""

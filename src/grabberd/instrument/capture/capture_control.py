@@ -3,11 +3,9 @@
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from datetime import datetime, timedelta
-from pathlib import Path
-from typing import Protocol
 
 from grabberd.archive.capture.schema import part_path
-from grabberd.archive.state.capture_index import CaptureIndex
+from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.state_database import AnnotationStore
 from grabberd.clock import UtcClock
 from grabberd.documents.captures import CaptureDocument, CaptureGroup
@@ -19,26 +17,6 @@ from grabberd.instrument.capture.device_captures import CurrentCaptures, of_devi
 from grabberd.instrument.capture.recording import Recording
 
 STOPPED = "stopped by the operator"
-
-
-class CaptureArchive(Protocol):
-    """The archive of captures, as far as capture control needs it.
-
-    Attributes:
-        directory: Folder of the capture files.
-        index: Index of the sealed captures.
-    """
-
-    directory: Path
-    index: CaptureIndex
-
-    def check(self) -> None:
-        """Raises StorageError while the folder is gone."""
-        ...
-
-    def document(self, capture_id: str) -> CaptureDocument:
-        """A capture's document; raises NotFound if there is none of that id."""
-        ...
 
 
 class CaptureControl:
@@ -56,7 +34,7 @@ class CaptureControl:
     def __init__(
         self,
         current: CurrentCaptures,
-        archive: CaptureArchive,
+        archive: Archive,
         annotations: AnnotationStore,
         clock: UtcClock,
     ) -> None:
@@ -71,7 +49,7 @@ class CaptureControl:
         Raises:
             NotFound: There is no such device.
         """
-        return of_device(self._current.devices, device).rate_hz
+        return of_device(self._current.devices, device).pipeline.rate_hz
 
     def start(self, device: str | None, request: CaptureRequest) -> CaptureDocument:
         """Starts a capture and returns its document.

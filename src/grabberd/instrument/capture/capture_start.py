@@ -52,7 +52,7 @@ class CaptureStart:
     def duration_s(self) -> float | None:
         """Length of the capture; None if it has none."""
         fields = self.new.request.fields
-        return None if fields is None else fields / self.device.rate_hz
+        return None if fields is None else fields / self.device.pipeline.rate_hz
 
     def check_free(self) -> None:
         """Checks that a capture may be started or armed.
@@ -106,7 +106,7 @@ class CaptureStart:
             self.new.request,
             pipeline.ring.bits,
             None if pipeline.is_progressive else pipeline.ring.lines,
-            self.device.rate_hz,
+            self.device.pipeline.rate_hz,
             self.new.group,
         )
         return armed
@@ -117,7 +117,7 @@ class CaptureStart:
         There is no file yet. However long that takes to be made, no field is missed meanwhile.
         """
         pipeline, request = self.device.pipeline, self.new.request
-        stream = replace(self.device.stream, rate_hz=self.device.rate_hz)
+        stream = replace(self.device.stream, rate_hz=self.device.pipeline.rate_hz)
         reader = pipeline.ring.reader(request.overrun, back=request.pre_trigger_fields)
         period_ns = round(1e9 / stream.rate_hz)
         keeps_pace = stream.live and not stream.waits_for_reader
@@ -195,7 +195,7 @@ class CaptureStart:
             note=request.note,
             bits=ring.bits,
             lines=ring.lines,
-            rate_hz=device.rate_hz,
+            rate_hz=device.pipeline.rate_hz,
             version=__version__,
             boot_id=boot_id(),
             extra={

@@ -130,17 +130,11 @@ class DeviceCaptures:
         return stream
 
     @property
-    def rate_hz(self) -> float:
-        """Fields per second: as granted, or of the pace that its camera keeps to instead; nominal until the
-        device has been opened.
-        """
-        return self.pipeline.rate_hz
-
-    @property
     def bytes_per_s(self) -> float:
         """Bytes that a capture writes per second: as measured on the running one, else as expected."""
         running = self.running
-        return self.rate_hz * ((running and running.bytes_per_field) or self._expected_bytes_per_field)
+        per_field = (running and running.bytes_per_field) or self._expected_bytes_per_field
+        return self.pipeline.rate_hz * per_field
 
     @property
     def _expected_bytes_per_field(self) -> float:

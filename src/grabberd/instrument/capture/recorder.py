@@ -3,13 +3,14 @@
 import itertools
 import threading
 from collections import deque
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, TypeVar
 
 from grabberd.clock import UtcClock
 from grabberd.core.ledger import Ledger, LedgerEntry, Outcome, Slot
 from grabberd.errors import RingOverrun
 from grabberd.instrument.acquisition import RingReader, StreamInfo
 from grabberd.instrument.capture.edges import Begin, NumbersFromBegin, cut, number_at
+from grabberd.instrument.device.field_pipeline import FieldPipeline
 
 T = TypeVar("T")
 GRACE_NS = 1_000_000_000
@@ -122,20 +123,6 @@ class Backlog(Generic[T]):
         return self._first + len(self._items)
 
 
-class FieldSource(Protocol):
-    """The source of a ring's fields, as far as a recorder is concerned."""
-
-    @property
-    def interruption(self) -> str | None:
-        """Reason why no fields come at this moment, or None while they do."""
-        ...
-
-    @property
-    def rate_hz(self) -> float:
-        """Fields per second that come at this moment, lost ones included."""
-        ...
-
-
 class Recorder:
     """Takes fields until the capture has its length or is stopped; numbers them from the capture's first.
 
@@ -149,7 +136,7 @@ class Recorder:
         backlog: Queue that the fields go into; closed at the end.
         clock: Source of time.
         stream: The stream as the driver granted it.
-        source: Explains why no fields come, and tells at which rate they do.
+        source: The pipeline, which explains why no fields come, and tells at which rate they do.
         fields: Length of the capture, or None.
         begin: Instant that the capture begins at; None: with whatever field comes first.
 
@@ -160,6 +147,7 @@ class Recorder:
         ended_because: Reason for the end; None while it records.
         first_n: The stream's number of the capture's first field; None before that came.
         fields: Number of fields that the file has or will have.
+        length_fields: Length of the capture, lost fields included; None if it lasts until it is stopped.
         rate_hz: Fields per second.
     """
 
@@ -169,7 +157,7 @@ class Recorder:
         backlog: Backlog[Slot],
         clock: UtcClock,
         stream: StreamInfo,
-        source: FieldSource,
+        source: FieldPipeline,
         fields: int | None = None,
         begin: Begin | None = None,
     ) -> None:
@@ -179,7 +167,7 @@ class Recorder:
         self.ended_because: str | None = None
         self.first_n: int | None = None
         self.fields = 0
-        self._fields = fields
+        self.length_fields = fields
         self._clock = clock
         self._source = source
         self.rate_hz = stream.rate_hz
@@ -200,11 +188,6 @@ class Recorder:
         if not self._started:
             self._started = True
             threading.Thread(target=self.run, name=f"recorder-{capture_id}", daemon=True).start()
-
-    @property
-    def length_fields(self) -> int | None:
-        """Length of the capture, lost fields included; None if it lasts until it is stopped."""
-        return self._fields
 
     @property
     def recording(self) -> bool:
@@ -252,22 +235,22 @@ class Recorder:
         events = self._numbers.events(slot)
         self.ledger.events += events
         self._enter(slot._replace(lost_before=(*self._refused, *slot.lost_before), rebases=events))
-        if slot.n + 1 == self._fields:
+        if slot.n + 1 == self.length_fields:
             self.stop("length reached")
 
     def _end_n(self, slot: Slot, first_n: int) -> int | None:
         """Number after the last field of the capture; None while that is unknown."""
         if self._end_ns is None or not self._keeps_pace or self._begin.time_ns is None:
-            return self._fields
+            return self.length_fields
         stopped_n = max(number_at(slot, self._end_ns, self._period_ns) - first_n, 0)
-        return stopped_n if self._fields is None else min(stopped_n, self._fields)
+        return stopped_n if self.length_fields is None else min(stopped_n, self.length_fields)
 
     def _close_at(self, end_n: int, slot: Slot) -> None:
         """Enters what was lost before the end, and ends the capture there."""
         self._at_end = True
-        for entry in (*self._refused, *cut(slot.lost_before, 0, end_n)):
+        self._enter_refused()
+        for entry in cut(slot.lost_before, 0, end_n):
             self.ledger.add(entry)
-        self._refused = ()
         reason = slot.lost_before[-1].reason if slot.lost_before else "time gap"
         self.ledger.close(end_n, reason)
         self.stop("length reached")
@@ -278,7 +261,7 @@ class Recorder:
 
     @property
     def _wants_more(self) -> bool:
-        return self._fields is None or (self.ledger.end_n or 0) < self._fields
+        return self.length_fields is None or (self.ledger.end_n or 0) < self.length_fields
 
     def _overrun(self, error: RingOverrun) -> None:
         first_n = error.first_n - (self.first_n or 0)
@@ -296,12 +279,12 @@ class Recorder:
     @property
     def _is_over(self) -> bool:
         """True if the time of a capture of given length has passed."""
-        if self._fields is None or (self._lossless and self._source.interruption is None):
+        if self.length_fields is None or (self._lossless and self._source.interruption is None):
             return False
-        begin_ns, missing = self._start_ns, self._fields
+        begin_ns, missing = self._start_ns, self.length_fields
         # A source that waits goes at its reader's pace: only the fields still missing have a due time.
         if self._lossless:
-            begin_ns, missing = self._newest_ns, self._fields - self.ledger.total
+            begin_ns, missing = self._newest_ns, self.length_fields - self.ledger.total
         return self._clock.now_ns() > begin_ns + missing * self._period_ns + GRACE_NS
 
     def _has_heard_enough(self) -> bool:
@@ -336,9 +319,7 @@ class Recorder:
 
     def _account_for_absence(self) -> None:
         """Enters the fields that a device which is away or stalled at the end has failed to deliver."""
-        for entry in self._refused:
-            self.ledger.add(entry)
-        self._refused = ()
+        self._enter_refused()
         reason = self._source.interruption or ("nothing came" if self._is_silent else None)
         if reason is None or self._lossless or self._at_end:
             return
@@ -349,15 +330,19 @@ class Recorder:
             end_n = (self.ledger.end_n or 0) + (self._end_ns - self._newest_ns) // self._period_ns
         else:
             end_n = number_at(self._newest, self._end_ns, self._period_ns) - self.first_n
-        self.ledger.close(end_n if self._fields is None else min(end_n, self._fields), reason)
+        self.ledger.close(end_n if self.length_fields is None else min(end_n, self.length_fields), reason)
 
     def _end_short(self, reason: str) -> None:
-        assert self._fields is not None
+        assert self.length_fields is not None
+        self._enter_refused()
+        self.ledger.close(self.length_fields, reason)
+        self.stop("length reached")
+
+    def _enter_refused(self) -> None:
+        """Enters the fields that found no room."""
         for entry in self._refused:
             self.ledger.add(entry)
         self._refused = ()
-        self.ledger.close(self._fields, reason)
-        self.stop("length reached")
 
     def _enter(self, slot: Slot) -> None:
         self._refused = ()

@@ -5,7 +5,7 @@ import queue
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from grabberd.archive.capture.meta import CaptureMeta
 from grabberd.archive.capture.reader import CaptureReader
@@ -26,54 +26,6 @@ from grabberd.errors import DeviceLost, GrabberdError, StorageError, StreamEnded
 from grabberd.instrument.capture.capture_request import NewCapture
 from grabberd.instrument.capture.recorder import Recorder
 from grabberd.instrument.channels.channel_recording import ChannelRecording
-
-
-class ShownRecording(Protocol):
-    """Facts of a `Recording` that its document shows."""
-
-    recorder: Recorder
-    sealed: threading.Event
-    first_time_ns: int | None
-
-    @property
-    def meta(self) -> CaptureMeta:
-        """Metadata of the capture."""
-
-    @property
-    def runs(self) -> Sequence[RunInfo]:
-        """Runs of the capture."""
-
-    @property
-    def size_bytes(self) -> int:
-        """Size of its file."""
-
-    @property
-    def channels(self) -> Account | None:
-        """Account of its channels."""
-
-    @property
-    def is_sealed(self) -> bool:
-        """True if its file has its final name."""
-
-
-def recording_document(recording: ShownRecording) -> CaptureDocument:
-    """The capture as it is shown while it is recorded, measured or sealed; its file is not read."""
-    recorder = recording.recorder
-    document = document_of(
-        recording.meta,
-        recorder.ledger,
-        recording.runs,
-        fields=recorder.fields,
-        first_time_ns=recording.first_time_ns,
-        size_bytes=recording.size_bytes,
-        account=recording.channels,
-    )
-    ended = "unsealed" if recording.sealed.is_set() and not recording.is_sealed else "sealing"
-    state = "recording" if recorder.recording else ended
-    length = recorder.length_fields if state == "recording" else None
-    changes = {"state": state, "length_fields": length, "ended_because": recorder.ended_because}
-    return document.model_copy(update=changes)
-
 
 ROOM_SLOTS = 8
 """A source that waits for its reader is held back when as many slots wait, or as few places are left."""
@@ -216,7 +168,20 @@ class Recording:
     @property
     def document(self) -> CaptureDocument:
         """The capture as it is shown while it is recorded, measured or sealed; its file is not read."""
-        return recording_document(self)
+        document = document_of(
+            self.meta,
+            self.recorder.ledger,
+            self.runs,
+            fields=self.recorder.fields,
+            first_time_ns=self.first_time_ns,
+            size_bytes=self.size_bytes,
+            account=self.channels,
+        )
+        ended = "unsealed" if self.sealed.is_set() and not self.is_sealed else "sealing"
+        state = "recording" if self.recorder.recording else ended
+        length = self.recorder.length_fields if state == "recording" else None
+        changes = {"state": state, "length_fields": length, "ended_because": self.recorder.ended_because}
+        return document.model_copy(update=changes)
 
     @property
     def first_n(self) -> int:

@@ -110,15 +110,12 @@ class LoggerBoard:
                 doubt=doubt,
             )
         if readings and not before.is_reading:
-            self._enter(DeviceState.READY, None)
+            self.enter(DeviceState.READY, None)
         elif (doubt and doubt.reason) != (before.doubt and before.doubt.reason):
             self._changed()
 
-    def failed(self, error: GrabberdError, state: DeviceState) -> None:
-        """Notes why no readings come."""
-        self._enter(state, error)
-
-    def _enter(self, state: DeviceState, error: GrabberdError | None) -> None:
+    def enter(self, state: DeviceState, error: GrabberdError | None) -> None:
+        """Changes the state, with the error for which no readings come, if any."""
         message, hint = (error.message, error.hint) if error else (None, None)
         code = error.cause if isinstance(error, DeviceError) else None
         with self._lock:

@@ -5,29 +5,33 @@ It checks what the logger gives before anybody relies on it: a driver may err li
 
 import logging
 import threading
-from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.clock import UtcClock
 from grabberd.core.channels import Anomaly, LoggerInfo, Readings
 from grabberd.core.channels.vacuum import VacuumChannels
 from grabberd.documents.enums import DeviceState
-from grabberd.errors import Cause, DeviceRefused, GrabberdError, StreamEnded, StreamFailed
+from grabberd.errors import GrabberdError, StreamEnded, StreamFailed
 from grabberd.instrument.channels.channel_recording import calibration_of
 from grabberd.instrument.channels.feed import Feed, Part
 from grabberd.instrument.channels.logger_board import LoggerBoard
 from grabberd.instrument.channels.logger_setup import LoggerSetup
-from grabberd.instrument.device.recovery import PROVEN_S, RETRIES, STATES, Trouble, reason_of, trouble_of
+from grabberd.instrument.device.recovery import (
+    PROVEN_S,
+    RETRIES,
+    STATES,
+    FaultLog,
+    Trouble,
+    reason_of,
+    trouble_of,
+)
 
 AHEAD_NS = 1_000_000_000
 """How far a reading may lie in the future: clocks that are related to each other err by less."""
 NOT_FINITE = "not a finite number"
 TIME_BACK = "its time went back"
 TIME_AHEAD = "its time is ahead of the clock"
-Wrong = Callable[[NDArray[np.int64]], NDArray[np.bool_]]
-"""Tells of each time whether it cannot be."""
 
 
 def checked(readings: Readings, info: LoggerInfo, last_ns: int, now_ns: int) -> Readings:
@@ -49,25 +53,20 @@ def checked(readings: Readings, info: LoggerInfo, last_ns: int, now_ns: int) -> 
             f"for {len(info.channels)} columns",
             "please report this to whoever wrote the driver",
         )
-    for wrong_of, reason in ((_ahead(now_ns), TIME_AHEAD), (_back(last_ns), TIME_BACK)):
-        wrong = wrong_of(time_ns)
+    ahead = time_ns > now_ns + AHEAD_NS
+    before_ns = np.maximum.accumulate(np.concatenate(([last_ns], np.where(ahead, last_ns, time_ns))))[:-1]
+    back = ~ahead & (time_ns <= before_ns)
+    for wrong, reason in ((ahead, TIME_AHEAD), (back, TIME_BACK)):
         if wrong.any():
             example = f"{(time_ns[wrong][0] - now_ns) / 1e9:+.3f} s from now"
             anomalies.append(Anomaly(now_ns, reason, example, int(wrong.sum())))
-            time_ns, values = time_ns[~wrong], values[~wrong]
+    good = ~(ahead | back)
+    time_ns, values = time_ns[good], values[good]
     infinite = np.isinf(values)
     if infinite.any():
         anomalies.append(Anomaly(now_ns, NOT_FINITE, "inf", int(infinite.any(axis=1).sum())))
         values = np.where(infinite, np.nan, values)
     return readings._replace(time_ns=time_ns, values=values, anomalies=tuple(anomalies))
-
-
-def _ahead(now_ns: int) -> Wrong:
-    return lambda time_ns: time_ns > now_ns + AHEAD_NS
-
-
-def _back(last_ns: int) -> Wrong:
-    return lambda time_ns: time_ns <= np.maximum.accumulate(np.concatenate(([last_ns], time_ns)))[:-1]
 
 
 log = logging.getLogger(__name__)
@@ -106,7 +105,7 @@ class LoggerThread(threading.Thread):
         self._stopping = stopping or threading.Event()
         self._retries = 0
         self._trouble: Trouble | None = None
-        self._last_fault: str | None = None
+        self._faults = FaultLog(log, f"logger {board.name}: its thread failed")
 
     def stop(self) -> None:
         """Ends the thread within a read's time-out; the logger is closed."""
@@ -122,7 +121,7 @@ class LoggerThread(threading.Thread):
                 return
             self._feed.put(Part.interrupted(self._clock.now_ns(), reason_of(error)))
             if isinstance(error, StreamEnded):
-                self._board.failed(error, DeviceState.ENDED)
+                self._board.enter(DeviceState.ENDED, error)
                 return
             proven = self._clock.now_ns() - opened_ns >= PROVEN_S * 1e9
             self._stopping.wait(self._pause_s(error, proven=proven))
@@ -132,7 +131,7 @@ class LoggerThread(threading.Thread):
         trouble = trouble_of(error)
         if proven or trouble is not self._trouble:
             self._trouble, self._retries = trouble, 0
-        self._board.failed(error, STATES[trouble])
+        self._board.enter(STATES[trouble], error)
         wait_s = RETRIES[trouble].wait_s(self._retries)
         self._retries += 1
         return wait_s
@@ -146,7 +145,7 @@ class LoggerThread(threading.Thread):
         except GrabberdError as error:
             return error
         except Exception as error:
-            return self._fault(error)
+            return self._faults.refusal(error)
         return None
 
     def _read(self, info: LoggerInfo, channels: VacuumChannels) -> None:
@@ -171,17 +170,8 @@ class LoggerThread(threading.Thread):
                 hint = "check its cable and its supply; it is reopened automatically"
                 raise StreamFailed(f"no reading for {silent_s:g} s", hint)
 
-    def _fault(self, error: Exception) -> GrabberdError:
-        """The error for a fault of the driver: the logger is retried like one that refuses."""
-        message = f"{type(error).__name__}: {error}"
-        # It is tried for ever, and a traceback each time would fill the journal.
-        if message != self._last_fault:
-            self._last_fault = message
-            log.exception("logger %s: its thread failed", self._board.name)
-        return DeviceRefused(message, "please report this", Cause.FAULT)
-
     def _close(self) -> None:
         try:
             self._logger.close()
         except Exception as error:
-            self._fault(error)
+            self._faults.refusal(error)

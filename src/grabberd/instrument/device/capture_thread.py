@@ -20,8 +20,8 @@ from grabberd.errors import (
 )
 from grabberd.instrument.acquisition.device import Grabber, Signal, StreamInfo
 from grabberd.instrument.device.field_pipeline import FieldPipeline
-from grabberd.instrument.device.recovery import Failure, Ladder, Step, reason_of, trouble_of
-from grabberd.instrument.device.scheduling import NoAccount, Scheduling, ThreadAccount
+from grabberd.instrument.device.recovery import Failure, FaultLog, Ladder, Step, reason_of, trouble_of
+from grabberd.instrument.device.scheduling import Scheduling, ThreadAccount
 from grabberd.instrument.device.status_board import StatusBoard, cause_of
 
 log = logging.getLogger(__name__)
@@ -121,13 +121,13 @@ class CaptureThread(threading.Thread):
         self._stopping = stopping or threading.Event()
         self._open = False
         self._flow = FieldFlow(clock.now_ns())
-        self._account = account or NoAccount()
+        self._account = account or ThreadAccount()
         self._scheduling = Scheduling(clock, self._account, lambda: grabber.called_ns)
         self._asked_to_come_first = False
         self._signal_due_ns = 0
         self._timeout_s, self._stalled_s = DEQUEUE_TIMEOUT_S, STALLED_AFTER_S
         self._signal = Signal.UNKNOWN
-        self._last_fault: str | None = None
+        self._faults = FaultLog(log, f"device {name}: the capture thread failed")
         self._take_step: dict[Rung, Callable[[], StreamInfo]] = {
             Rung.RESTART: grabber.restart,
             Rung.REOPEN: self._reopen,
@@ -165,17 +165,8 @@ class CaptureThread(threading.Thread):
         except DeviceError as error:
             return error
         except Exception as error:
-            return self._fault(error)
+            return self._faults.refusal(error)
         return None
-
-    def _fault(self, error: Exception) -> GrabberdError:
-        """The error for a fault of the program: the device is retried like one that refuses."""
-        message = f"{type(error).__name__}: {error}"
-        # The ladder tries for ever, and a traceback each time would fill the journal.
-        if message != self._last_fault:
-            self._last_fault = message
-            log.exception("device %s: the capture thread failed", self._board.name)
-        return DeviceRefused(message, "please report this", Cause.FAULT)
 
     def _prepare(self, step: Step, error: GrabberdError) -> None:
         self._interrupted(reason_of(error))

@@ -269,11 +269,6 @@ class FieldHistory:
         self._pairs: list[tuple[int, int]] = []
         self._lock = threading.Lock()
 
-    @property
-    def nbytes(self) -> int:
-        """Bytes of memory that it takes, however long it runs."""
-        return self._rows.nbytes
-
     def keep(self, rate_hz: float) -> None:
         """Keeps five minutes at this rate from now on; what was kept at another one is forgotten."""
         fields = min(max(round(KEPT_S * rate_hz), 1), MOST_FIELDS)

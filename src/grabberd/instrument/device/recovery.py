@@ -3,13 +3,14 @@
 Nothing here touches a device or a clock. `Ladder.next` decides what to do; the capture thread does it.
 """
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import NamedTuple
 
 from grabberd.documents.enums import DeviceState, Rung
-from grabberd.errors import DeviceAbsent, DeviceLost, GrabberdError, StreamFailed
+from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, GrabberdError, StreamFailed
 
 
 class Trouble(StrEnum):
@@ -171,3 +172,24 @@ def trouble_of(error: GrabberdError) -> Trouble:
 def reason_of(error: GrabberdError) -> str:
     """Reason that the ledger gives for the fields which an error costs."""
     return "unplugged" if trouble_of(error) is Trouble.ABSENT else error.message
+
+
+class FaultLog:
+    """Logs faults of the program in a thread that tries for ever: tracebacks must not fill the journal.
+
+    Args:
+        log: Where they are logged.
+        what: What failed, in words.
+    """
+
+    def __init__(self, log: logging.Logger, what: str) -> None:
+        self._log, self._what = log, what
+        self._last: str | None = None
+
+    def refusal(self, fault: Exception) -> DeviceRefused:
+        """The error for the fault that is being handled: its device is retried like one that refuses."""
+        message = f"{type(fault).__name__}: {fault}"
+        if message != self._last:
+            self._last = message
+            self._log.exception(self._what)
+        return DeviceRefused(message, "please report this", Cause.FAULT)

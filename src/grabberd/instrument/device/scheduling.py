@@ -9,7 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from grabberd.clock import UtcClock, iso_utc
 from grabberd.core.field import PAL_HZ
@@ -36,52 +36,32 @@ class ThreadTimes(NamedTuple):
     waited_ns: int
 
 
-class ThreadAccount(Protocol):
-    """The kernel's account of a thread, and its say in when the thread runs."""
+class ThreadAccount:
+    """The account of a thread, and a say in when it runs; there is neither by a clock not the kernel's."""
 
     def thread(self) -> ThreadTimes | None:
         """Times of the thread; None if unknown."""
-        ...
+        return None
 
     def program_ns(self) -> int:
         """Processor time of the whole program."""
-        ...
+        return 0
 
     def come_first(self) -> str:
         """Asks that the calling thread runs before all others; returns how it runs from now on, in words,
         empty if that is unknown.
         """
-        ...
+        return ""
 
     def keep_to_share(self, now_ns: int) -> str:
         """Lets the calling thread run like others again if it takes too much for one that comes first.
 
         Returns how it runs then, in words, empty if nothing changes.
         """
-        ...
-
-
-class NoAccount:
-    """No account, for a clock that is not the kernel's."""
-
-    def thread(self) -> ThreadTimes | None:
-        """See `ThreadAccount`."""
-        return None
-
-    def program_ns(self) -> int:
-        """See `ThreadAccount`."""
-        return 0
-
-    def come_first(self) -> str:
-        """See `ThreadAccount`."""
-        return ""
-
-    def keep_to_share(self, now_ns: int) -> str:
-        """See `ThreadAccount`."""
         return ""
 
 
-class KernelAccount:
+class KernelAccount(ThreadAccount):
     """The account of the thread that first asks for it, from /proc/self/task/TID/schedstat."""
 
     def __init__(self) -> None:

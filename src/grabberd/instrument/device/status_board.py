@@ -351,19 +351,18 @@ class Liveness:
 
     Args:
         boards: Status of each device.
+
+    Attributes:
         restart_after_s: Silence of a thread after which the daemon is to be restarted.
+        silent: Devices whose threads have been silent for so long that the daemon is to be restarted.
     """
 
-    def __init__(self, boards: Iterable[StatusBoard], restart_after_s: float = SLOW_AFTER_S) -> None:
+    def __init__(self, boards: Iterable[StatusBoard]) -> None:
         self.boards = tuple(boards)
-        self._restart_after_s = restart_after_s
+        self.restart_after_s = SLOW_AFTER_S
         self._looked_s: float | None = None
         self._excused = False
-        self._silent: tuple[str, ...] = ()
-
-    def restart_after(self, seconds: float) -> None:
-        """Sets the silence of a thread after which the daemon is to be restarted."""
-        self._restart_after_s = seconds
+        self.silent: tuple[str, ...] = ()
 
     def look(self, now_s: float) -> None:
         """Looks at every thread; called about once a second.
@@ -383,29 +382,24 @@ class Liveness:
         self._judge()
 
     @property
-    def silent(self) -> tuple[str, ...]:
-        """Devices whose threads have been silent for so long that the daemon is to be restarted."""
-        return self._silent
-
-    @property
     def is_well(self) -> bool:
         """True unless the daemon is to be restarted now: not while another device records."""
-        return not self._silent or self._another_records()
+        return not self.silent or self._another_records()
 
     def _judge(self) -> None:
-        limit_s = self._restart_after_s
+        limit_s = self.restart_after_s
         silent = tuple(board.name for board in self.boards if board.silent_s > limit_s)
-        if silent and silent != self._silent:
+        if silent and silent != self.silent:
             log.critical(
                 "the capture thread of %s has not beaten for %.0f s: the watchdog may restart the daemon, "
                 "when no other device records",
                 " and ".join(silent),
                 limit_s,
             )
-        self._silent = silent
+        self.silent = silent
 
     def _another_records(self) -> bool:
-        others = (board for board in self.boards if board.name not in self._silent)
+        others = (board for board in self.boards if board.name not in self.silent)
         return any(board.state is DeviceState.CAPTURING for board in others)
 
 

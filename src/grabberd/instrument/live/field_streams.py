@@ -5,20 +5,17 @@ Curves have a few numbers of each field, and the vacuum, on one clock.
 
 import math
 from collections.abc import Iterator
-from datetime import UTC, datetime, timedelta
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.clock import UtcClock
+from grabberd.clock import UtcClock, utc_us
 from grabberd.documents.points import LiveChannel, LiveCurves, LiveWidths, PointsDescription
 from grabberd.documents.points_frame import PointsFrame, upper
 from grabberd.instrument.channels.loggers import ChannelMeans, Loggers
 from grabberd.instrument.device.field_watch import History
 from grabberd.instrument.device.worker import Live
 from grabberd.instrument.instrument import Instrument
-
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 class PointsEncoder:
@@ -33,7 +30,7 @@ class PointsEncoder:
 
     def description(self) -> str:
         """Description of the frames from now on, as JSON; its number changes with what it says."""
-        documents, rate_hz = self._instrument.setup.documents, self._instrument.rate_hz
+        documents, rate_hz = self._instrument.setup.documents, self._instrument.pipeline.rate_hz
         calibration, model = documents.get("calibration"), documents.get("object")
         calibration_id = None if calibration is None else calibration["id"]
         object_name = None if model is None else model.get("name")
@@ -54,11 +51,10 @@ class PointsEncoder:
         """The frame of a measured field, with the newest description."""
         measured = live.measured
         points = measured.points
-        now_us = (self._clock.utc_now() - _EPOCH) // timedelta(microseconds=1)
         return PointsFrame(
             measured.n,
             measured.time_ns,
-            now_us - (self._clock.now_ns() - measured.time_ns) // 1000,
+            utc_us(self._clock, measured.time_ns),
             live.published_ns,
             live.number,
             self._number,

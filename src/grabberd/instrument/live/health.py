@@ -28,15 +28,8 @@ from grabberd.instrument.instrument import Instrument
 from grabberd.instrument.live.newest_field import CURRENT_NS
 
 LEVELS: tuple[HealthLevel, ...] = ("good", "unknown", "warning", "bad")
-_ORDER: tuple[HealthPart, ...] = (
-    *("device", "signal", "rate", "lost", "computer", "ring", "disk"),
-    *("calibration", "measurement", "rig", "order", "records", "clock"),
-)
-"""Of several parts that are equally bad the first is told: it is likely to be the others' cause."""
-_NEEDED: tuple[HealthPart, ...] = (
-    *("device", "signal", "rate", "lost", "ring", "disk", "calibration", "measurement", "rig", "order"),
-)
-"""Parts without which a device does not measure as it should; the others are the daemon's own."""
+_DAEMONS_OWN: frozenset[HealthPart] = frozenset({"computer", "records", "clock"})
+"""Parts without which a device measures all the same; every other one it needs."""
 _RATE_OFF, _RATE_BAD = 0.04, 0.2
 """Departure from the rate that is told, and that is bad; counting over two seconds errs by 1 %."""
 _LOST_BAD = 0.01
@@ -70,7 +63,8 @@ def device_health(instrument: Instrument, around: Surroundings) -> DeviceHealth:
     """The health of a device at this moment."""
     status = instrument.board.now
     streams = status.state in STREAMING
-    found: dict[HealthPart, HealthPartDocument] = {
+    # Of several parts that are equally bad the first is told: it is likely to be the others' cause.
+    parts: dict[HealthPart, HealthPartDocument] = {
         "device": _grabber(status),
         "signal": _signal(status) if streams else _UNKNOWN,
         "rate": _rate(instrument) if streams else _UNKNOWN,
@@ -86,8 +80,7 @@ def device_health(instrument: Instrument, around: Surroundings) -> DeviceHealth:
         "clock": _clock(around.clock),
     }
     if instrument.pipeline.is_progressive:
-        del found["order"]  # progressive pictures have no fields whose order could be wrong
-    parts = {name: found[name] for name in _ORDER if name in found}
+        del parts["order"]  # progressive pictures have no fields whose order could be wrong
     worst = max(parts, key=lambda name: _gravity(parts[name]))
     level = parts[worst].level
     wrong = level in ("warning", "bad")
@@ -103,7 +96,7 @@ def device_health(instrument: Instrument, around: Surroundings) -> DeviceHealth:
 
 def lacks_of(parts: Mapping[HealthPart, HealthPartDocument]) -> list[DeviceLackDocument]:
     """List of all that keeps a device from measuring as it should; empty if it does."""
-    lacking = {part: parts[part] for part in _NEEDED if part in parts and parts[part].level == "bad"}
+    lacking = _bad(parts)
     if parts["device"].level != "good":
         # It is being opened, or was played to its end: no fault, but it does not measure either.
         lacking = {"device": parts["device"], **lacking}
@@ -120,13 +113,14 @@ def _gravity(part: HealthPartDocument) -> int:
 def _start(
     instrument: Instrument, parts: Mapping[HealthPart, HealthPartDocument], storage: StorageDocument
 ) -> StartAdvice:
-    if not instrument.accepts or not storage.minutes_left:
+    if not instrument.captures.accepts or not storage.minutes_left:
         return "refused"
-    return (
-        "doubtful"
-        if any(part in _NEEDED and one.level == "bad" for part, one in parts.items())
-        else "allowed"
-    )
+    return "doubtful" if _bad(parts) else "allowed"
+
+
+def _bad(parts: Mapping[HealthPart, HealthPartDocument]) -> dict[HealthPart, HealthPartDocument]:
+    """Those that the device needs, and that are bad."""
+    return {part: one for part, one in parts.items() if part not in _DAEMONS_OWN and one.level == "bad"}
 
 
 def _grabber(status: DeviceStatus) -> HealthPartDocument:
@@ -267,22 +261,18 @@ def _disk(storage: StorageDocument) -> HealthPartDocument:
 def _calibration(instrument: Instrument) -> HealthPartDocument:
     documents = instrument.setup.documents
     if not documents.get("calibration"):
-        word, message, hint, code = (
-            *("none", "it has no calibration", "calibrate, or activate a calibration"),
-            Cause.NO_CALIBRATION,
-        )
-    elif not documents.get("object"):
-        word, message, hint, code = (
-            *("noObject", "it has no object model", "name one in the configuration"),
-            Cause.NO_OBJECT,
-        )
-    elif instrument.misfit:
-        word, message, hint, code = (
-            *("misfit", instrument.misfit, "check camera and standard, or calibrate with these pictures"),
-            Cause.CALIBRATION_MISFIT,
-        )
-    else:
-        return _GOOD
+        hint = "calibrate, or activate a calibration"
+        return _unusable("none", "it has no calibration", hint, Cause.NO_CALIBRATION)
+    if not documents.get("object"):
+        hint = "name one in the configuration"
+        return _unusable("noObject", "it has no object model", hint, Cause.NO_OBJECT)
+    if misfit := instrument.misfit:
+        hint = "check camera and standard, or calibrate with these pictures"
+        return _unusable("misfit", misfit, hint, Cause.CALIBRATION_MISFIT)
+    return _GOOD
+
+
+def _unusable(word: str, message: str, hint: str, code: Cause) -> HealthPartDocument:
     return HealthPartDocument(level="bad", word=word, message=message, hint=hint, cause_code=code)
 
 

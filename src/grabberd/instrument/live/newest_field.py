@@ -1,12 +1,11 @@
 """A device's newest field: its illumination, its picture, and its points in short and one by one."""
 
 import threading
-from datetime import timedelta
 
 from grabberd.archive.export.field_pictures import grey_png
 from grabberd.archive.export.page_documents import point_columns
 from grabberd.archive.measure_setups import location_settings, nominal_rig, settings_of
-from grabberd.clock import UtcClock, iso_utc
+from grabberd.clock import UtcClock, iso_utc, utc_of
 from grabberd.core.chain.light import light_of
 from grabberd.core.chain.locating import px_per_mm, sized, whole
 from grabberd.core.chain.measure import MeasureSetup
@@ -107,6 +106,7 @@ def live_document(instrument: Instrument, clock: UtcClock) -> LiveDocument | Non
     if clock.now_ns() - live.measured.time_ns > CURRENT_NS:
         return None
     residual = live.measured.points.residual_px
+    lately = round(LATENCY_OF_S * instrument.pipeline.rate_hz)
     return LiveDocument(
         n=live.measured.n,
         blobs=len(live.measured.blobs),
@@ -114,7 +114,7 @@ def live_document(instrument: Instrument, clock: UtcClock) -> LiveDocument | Non
         points=len(live.measured.points),
         residual_px=float((residual**2).mean() ** 0.5) if len(residual) else None,
         widths=_widths(live, instrument.setup.measuring),
-        latency_ms=instrument.worker.latency.percentiles_ms(round(LATENCY_OF_S * instrument.rate_hz)),
+        latency_ms=instrument.worker.latency.percentiles_ms(lately),
     )
 
 
@@ -130,12 +130,11 @@ def newest_points(instrument: Instrument, clock: UtcClock) -> NewestPoints:
             f"device {instrument.name} has measured no field yet",
             "it measures once it has a signal, a calibration and an object model: GET /readyz",
         )
-    age = timedelta(microseconds=(clock.now_ns() - live.measured.time_ns) // 1000)
     # Not validated: the columns come straight from arrays of known types, and there are hundreds of numbers.
     return NewestPoints.model_construct(
         device=instrument.name,
         n=live.measured.n,
-        utc=iso_utc(clock.utc_now() - age),
+        utc=iso_utc(utc_of(clock, live.measured.time_ns)),
         **point_columns(live.measured.points),
     )
 
@@ -152,10 +151,7 @@ def object_document(instrument: Instrument) -> ObjectDocument:
         raise NotFound(
             f"device {instrument.name} has no object model", "name one in the configuration: object"
         )
-    return _object(ObjectModel.from_document(document))
-
-
-def _object(model: ObjectModel) -> ObjectDocument:
+    model = ObjectModel.from_document(document)
     return ObjectDocument(
         name=model.name,
         target_diameter_mm=model.target_diameter_mm,

@@ -5,14 +5,13 @@ A grey picture is a part of the field, with as much detail as a link carries.
 
 import struct
 import zlib
-from datetime import UTC, datetime, timedelta
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.clock import UtcClock
+from grabberd.clock import UtcClock, utc_us
 from grabberd.core.chain.light import CLIPPED_LEVEL
 from grabberd.core.field import Field, PackedField, quantise, unpack
 from grabberd.core.ledger import Outcome, Slot
@@ -153,7 +152,6 @@ OUTCOMES = (Outcome.RECEIVED, Outcome.DAMAGED, Outcome.NO_SIGNAL)
 BITS, GREY = 0, 1
 """How the picture is encoded."""
 FAST = 1
-EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 FIELD_WITHIN_S = 0.25
 """Longest wait for a field: one comes far sooner, unless there is none."""
 MEASURED_WITHIN_S = 0.015
@@ -286,7 +284,7 @@ class Preview:
             return None
         live = self._measured(shown.time_ns)
         pipeline = self._instrument.pipeline
-        found, time_us = self._found(live), self._utc_us(shown.time_ns)
+        found, time_us = self._found(live), utc_us(self._clock, shown.time_ns)
         return preview_field(shown, pipeline.ring.newest, found, time_us, pipeline.thresholds.in_force.level)
 
     def _measured(self, time_ns: int) -> Live | None:
@@ -296,7 +294,7 @@ class Preview:
             newest = worker.live
             if newest is None or time_ns - newest.measured.time_ns > OLD_NS:
                 return None
-            since_ns = time_ns - round(SAME * 1e9 / self._instrument.rate_hz)
+            since_ns = time_ns - round(SAME * 1e9 / self._instrument.pipeline.rate_hz)
             worker.published.wait_for(lambda: _is_measured(worker.live, since_ns), MEASURED_WITHIN_S)
             lives = worker.since(0)
         nearest = min(lives, key=lambda one: abs(one.measured.time_ns - time_ns))
@@ -308,12 +306,7 @@ class Preview:
         # What the picture's border cuts is no target, and looks like one with a ring round it.
         blobs = live.measured.blobs
         xy_px = blobs.xy_px[~blobs.at_border].astype(np.float32)
-        return Centroids(self._utc_us(live.measured.time_ns), xy_px, _points(live.measured.points))
-
-    def _utc_us(self, time_ns: int) -> int:
-        """Converts a time of CLOCK_MONOTONIC to µs since 1970."""
-        now_us = (self._clock.utc_now() - EPOCH) // timedelta(microseconds=1)
-        return now_us - (self._clock.now_ns() - time_ns) // 1000
+        return Centroids(utc_us(self._clock, live.measured.time_ns), xy_px, _points(live.measured.points))
 
 
 def preview_field(

@@ -41,7 +41,8 @@ def device_document(
     status, rate_hz = instrument.board.now, instrument.board.rate_hz
     # Read once: a capture may end, or begin, while the document is built.
     # The one being sealed last: so a capture that ends meanwhile is told as one of the two.
-    running, armed, sealing = instrument.running, instrument.armed_capture, instrument.sealing
+    captures = instrument.captures
+    running, armed, sealing = captures.running, captures.armed, captures.sealing
     capture = running or armed
     views = instrument.setup.config.rig.views
     return DeviceDocument(
@@ -124,11 +125,11 @@ def revision_of(instruments: Iterable[Instrument], faults: Iterable[FaultDocumen
 
 def _of_device(instrument: Instrument) -> Hashable:
     status, worker, documents = instrument.board.now, instrument.worker, instrument.setup.documents
-    captures = instrument.running, instrument.armed_capture, instrument.sealing
+    captures = instrument.captures
     return (
         (status.state, status.since_utc, status.cause, status.openings, status.last_failure_utc),
         (status.signal, status.refusals),
-        tuple(one.id if one else None for one in captures),
+        tuple(one.id if one else None for one in (captures.running, captures.armed, captures.sealing)),
         ((documents.get("calibration") or {}).get("id"), instrument.misfit),
         (worker.live is None, worker.rig.warnings, worker.field_order.warnings),
     )
@@ -144,9 +145,8 @@ def changes(before: JsonObject, after: JsonObject) -> JsonObject:
     The result is a JSON merge patch (RFC 7396): a key that is gone, or has become null, is null.
     """
     gone = {key: None for key in before if key not in after}
-    return gone | {
-        key: _change(before.get(key), value) for key, value in after.items() if _differs(key, before, value)
-    }
+    new = {key: value for key, value in after.items() if key not in before or before[key] != value}
+    return gone | {key: _change(before.get(key), value) for key, value in new.items()}
 
 
 def merged(document: JsonObject, change: JsonObject) -> JsonObject:
@@ -183,10 +183,6 @@ class History:
     def find(self, number: int) -> Version | None:
         """A version by its number; None if it has been dropped."""
         return next((version for version in list(self._versions) if version.number == number), None)
-
-
-def _differs(key: str, before: JsonObject, value: Any) -> bool:
-    return key not in before or before[key] != value
 
 
 def _change(before: Any, after: Any) -> Any:

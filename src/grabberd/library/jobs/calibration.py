@@ -22,7 +22,7 @@ from grabberd.core.chain.calibration.calibration_result import CalibrateResult, 
 from grabberd.core.chain.calibration.report_document import report_document
 from grabberd.core.chain.locating import px_per_mm
 from grabberd.core.field import NumberedField
-from grabberd.core.geometry import PARAMETERS, Calibration
+from grabberd.core.geometry import PARAMETERS, Calibration, NominalRig
 from grabberd.core.measurement import LocationSettings
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.calibration_reports import CalibrationReport
@@ -76,8 +76,7 @@ def calibrate_files(
         reader.check_unchanged(runs=())
         rig = rig or recorded_rig(reader)
         nominal = nominal_rig(rig)
-        measured = location_settings(settings_of_capture(reader.meta.config), px_per_mm(nominal))
-        settings = _settings(options, measured)
+        settings = _settings(options, recorded_location(reader, nominal))
         share = _LOCATED / len(paths)
         fields = counted(reader.received(), reader.field_count, portion(progress, 0.0, share))
         further = _Further(paths[1:], reader, progress, share)
@@ -151,6 +150,11 @@ def recorded_rig(reader: CaptureReader) -> RigConfig:
             f"the capture's own configuration has no usable rig: {error.errors()[0]['msg']}",
             "name a configuration with the rig's nominal geometry",
         ) from error
+
+
+def recorded_location(reader: CaptureReader, nominal: NominalRig) -> LocationSettings:
+    """Settings of target location from a capture's own configuration."""
+    return location_settings(settings_of_capture(reader.meta.config), px_per_mm(nominal))
 
 
 def _settings(options: CalibrationOptions, location: LocationSettings) -> CalibrateSettings:

@@ -10,17 +10,16 @@ from numpy.typing import NDArray
 
 from grabberd.archive.calibrations.calibration_frames import calibration_frame_model
 from grabberd.archive.capture.reader import CaptureReader
-from grabberd.archive.measure_setups import location_settings, nominal_rig, settings_of_capture
+from grabberd.archive.measure_setups import nominal_rig
 from grabberd.core.calibration import MeanImages
 from grabberd.core.chain.calibration.calibration_check import Check, CheckVerdict, check
 from grabberd.core.chain.calibration.frame_capture import identify
-from grabberd.core.chain.locating import px_per_mm
 from grabberd.core.field import NumberedField
 from grabberd.core.geometry import Calibration
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.calibration_reports import PixelAxes
 from grabberd.documents.document import JobProblem, JsonObject
-from grabberd.documents.results import (
+from grabberd.documents.jobs import (
     AxesDocument,
     CheckResult,
     IdentificationResult,
@@ -31,7 +30,7 @@ from grabberd.documents.results import (
     ShownField,
 )
 from grabberd.errors import NotReady
-from grabberd.library.jobs.calibration import recorded_rig
+from grabberd.library.jobs.calibration import recorded_location, recorded_rig
 from grabberd.work.job_spec import Progress, counted, portion
 
 VIEWS = ("left", "right")
@@ -59,10 +58,7 @@ def identify_file(progress: Progress, path: Path, calibration_frame: JsonObject)
             counted(fields, len(fields), portion(progress, 0.0, _LOCATED)),
             nominal,
             model,
-            replace(
-                location_settings(settings_of_capture(reader.meta.config), px_per_mm(nominal)),
-                method=QUICKEST,
-            ),
+            replace(recorded_location(reader, nominal), method=QUICKEST),
         )
         capture = reader.meta.id
     sides = zip(VIEWS, seen.images, seen.target, strict=True)
@@ -155,7 +151,7 @@ def check_file(
             nominal,
             model,
             Calibration.from_document(document),
-            location_settings(settings_of_capture(reader.meta.config), px_per_mm(nominal)),
+            recorded_location(reader, nominal),
             in_place=in_place,
         )
         capture_id = reader.meta.id

@@ -3,45 +3,15 @@
 What calibrates is imported where a job runs: the daemon does without it.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
 
 from grabberd.archive.state.calibration_store import CalibrationRecord, CalibrationStore
 from grabberd.clock import SystemClock, iso_utc
 from grabberd.documents.document import JsonObject
+from grabberd.documents.jobs import CalibrationResult, IdentificationResult
 from grabberd.documents.requests import CalibrationOptions, CaptureName
-from grabberd.documents.results import CalibrationResult, IdentificationResult
 from grabberd.errors import ExtraMissing
 from grabberd.work.job_spec import JobContext, JobSpec, Progress
-
-if TYPE_CHECKING:
-    from grabberd.library.jobs.calibration import CalibrationOutput
-
-
-class Calibrator(Protocol):
-    """A function at module level that calibrates from captures, such as `calibrate_captures`."""
-
-    def __call__(
-        self,
-        progress: Progress,
-        *,
-        paths: Sequence[Path],
-        calibration_frame: JsonObject,
-        options: CalibrationOptions,
-        note: str | None,
-        previous: JsonObject | None,
-    ) -> "CalibrationOutput":
-        """Calibrates; nothing is written."""
-        ...
-
-
-def calibrate_captures(progress: Progress, **given: Any) -> "CalibrationOutput":
-    """Calibrates as `calibrate_files` does, which takes whatever is given."""
-    from grabberd.library.jobs.calibration import calibrate_files  # noqa: PLC0415
-
-    return calibrate_files(progress, **given)
 
 
 class CalibrationJob(JobSpec):
@@ -79,7 +49,11 @@ class CalibrationJob(JobSpec):
         store = CalibrationStore(context.calibrations)
         if (stored := store.made_by(context.job)) is not None:
             return CalibrationResult(calibration=stored)
-        made = (context.calibrator or calibrate_captures)(
+        if (calibrate := context.calibrator) is None:
+            from grabberd.library.jobs.calibration import calibrate_files  # noqa: PLC0415
+
+            calibrate = calibrate_files
+        made = calibrate(
             progress,
             paths=[context.file(one) for one in self.captures],
             calibration_frame=self.calibration_frame,

@@ -26,7 +26,7 @@ from grabberd.core.reconstruction.field_order import FieldOrderCheck
 from grabberd.core.reconstruction.points import Points
 from grabberd.documents.devices import FieldOrderDocument
 from grabberd.documents.document import JsonObject
-from grabberd.documents.results import MeasurementResult
+from grabberd.documents.jobs import MeasurementResult
 from grabberd.errors import MeasurementError, NotReady, StorageError
 from grabberd.files.disk import storage_errors, write_synced
 from grabberd.work.job_spec import JobContext, JobSpec, Progress, counted

@@ -92,7 +92,7 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
     added = [place for one in extensions() for place in one.routes]
     for router in in_order(VERSIONED.items(), added).values():
         app.include_router(load(router) if isinstance(router, str) else router, prefix="/api/v1")
-    for router in (devices.check_router, system.router, metrics.router, page.router, page.site_router):
+    for router in (devices.check_router, system.router, metrics.router, page.router):
         app.include_router(router)
     describe(app)
     return app

@@ -15,6 +15,7 @@ import ssl
 import sys
 import threading
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -155,7 +156,8 @@ class BeatingServer(uvicorn.Server):
         loop = asyncio.get_running_loop()
         loop.set_exception_handler(_explain)
         if self.greeting:
-            loop.call_later(GREETING_AFTER_S, _greet, self.greeting)
+            say = partial(print, self.greeting, file=sys.stderr, flush=True)
+            loop.call_later(GREETING_AFTER_S, say)
         if self._heartbeat is None:
             await super().main_loop()
             return
@@ -178,10 +180,6 @@ class BeatingServer(uvicorn.Server):
         if feeds is not None:
             feeds.close()
         await super().shutdown(sockets)
-
-
-def _greet(words: str) -> None:
-    print(words, file=sys.stderr, flush=True)
 
 
 def _explain(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:

@@ -76,6 +76,15 @@ def _refused(host: str, port: int, error: OSError) -> Conflict:
     )
 
 
+def ip_address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    """The address in a text, without its zone, and in IPv4 if it is mapped to IPv6; None if it is none."""
+    try:
+        address = ipaddress.ip_address(text.strip("[]").partition("%")[0])
+    except ValueError:
+        return None
+    return getattr(address, "ipv4_mapped", None) or address
+
+
 def is_private(listening: socket.socket) -> bool:
     """True if a socket can be reached only from this machine, judged by its address, not by a setting.
 
@@ -83,8 +92,8 @@ def is_private(listening: socket.socket) -> bool:
     """
     name = listening.getsockname()
     if listening.family in (socket.AF_INET, socket.AF_INET6):
-        address = ipaddress.ip_address(str(name[0]).partition("%")[0])
-        return (getattr(address, "ipv4_mapped", None) or address).is_loopback
+        address = ip_address(str(name[0]))
+        return address is not None and address.is_loopback
     if listening.family == socket.AF_UNIX:
         return _is_private_file(name)
     return False

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from grabberd.archive.calibrations.calibration_frames import calibration_frame_document
 from grabberd.archive.capture.schema import SUFFIX
 from grabberd.documents.document import JsonObject
+from grabberd.documents.jobs import CheckResult
 from grabberd.documents.requests import CHECK_S
-from grabberd.documents.results import CheckResult
 from grabberd.errors import NotReady
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.work.job_spec import JobContext, JobSpec, Progress, portion
@@ -73,7 +73,7 @@ class CheckJob(JobSpec):
         # Before the capture starts: a wrong name must not leave one behind.
         document = calibration_frame_document(calibration_frame)
         request = CaptureRequest(
-            fields=round(seconds * instrument.rate_hz),
+            fields=round(seconds * instrument.pipeline.rate_hz),
             bits=8,
             lines="field",
             note=NOTE,

@@ -18,8 +18,7 @@ from grabberd.clock import SystemClock, iso_utc
 from grabberd.config.section import without_secrets
 from grabberd.documents.document import JsonObject
 from grabberd.instrument.acquisition import GRABBERS, discover
-from grabberd.server.daemon.journal import last_lines
-from grabberd.server.daemon.journal import without_secrets as text_without_secrets
+from grabberd.server.daemon.journal import last_lines, redacted
 
 if TYPE_CHECKING:
     from grabberd.server.daemon.service import Service
@@ -95,7 +94,7 @@ def bundle(parts: Parts, *, words: bool = False) -> bytes:
         archive.writestr("README.txt", about)
         for name, make in parts.items():
             # Once more on the text: an exception or a log line may quote a secret that no key gives away.
-            archive.writestr(name, text_without_secrets(_text(make)))
+            archive.writestr(name, redacted(_text(make)))
     return file.getvalue()
 
 

@@ -1,18 +1,14 @@
 """Jobs in a running daemon: kinds, by which a queue that outlived it is read, and their surroundings."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.calibration_store import CalibrationStore
 from grabberd.extension import extensions, load
-from grabberd.library.jobs.calibration_jobs import (
-    CalibrationJob,
-    Calibrator,
-    IdentificationJob,
-    calibrate_captures,
-)
+from grabberd.library.jobs.calibration_jobs import CalibrationJob, IdentificationJob
 from grabberd.library.jobs.measurement import MeasurementJob
 from grabberd.server.daemon.check_job import CheckJob
 from grabberd.work.job_rows import Kinds
@@ -33,13 +29,13 @@ class JobContexts:
         archive: The captures.
         calibrations: The calibrations.
         folders: Folders for results of extensions' jobs, by name.
-        calibrator: Function that calibrates.
+        calibrator: Function that calibrates; None for that of the program.
     """
 
     archive: Archive
     calibrations: CalibrationStore
     folders: Mapping[str, Path]
-    calibrator: Calibrator = calibrate_captures
+    calibrator: Callable[..., Any] | None = None
 
     def of(self, job_id: str, spec: JobSpec) -> JobContext:
         """The surroundings of a job.

@@ -24,7 +24,7 @@ _NAMED = re.compile(r"^(device|capture) ([^\s:]+)")
 _OWN_FORMAT = ("uvicorn", "uvicorn.error", "uvicorn.access")
 
 
-def without_secrets(text: str) -> str:
+def redacted(text: str) -> str:
     """A text with everything removed that looks like a token or a session."""
     return _SECRETS.sub("(secret)", text)
 
@@ -32,7 +32,7 @@ def without_secrets(text: str) -> str:
 def message_of(record: logging.LogRecord) -> str:
     """The message of a record without secrets, followed by its exception on further lines."""
     formatter = logging.Formatter("%(message)s")
-    return without_secrets(formatter.format(record))[:LONGEST]
+    return redacted(formatter.format(record))[:LONGEST]
 
 
 class JsonFormatter(logging.Formatter):
@@ -65,7 +65,7 @@ def document_of(record: logging.LogRecord) -> dict[str, Any]:
         "level": record.levelname.lower(),
         "logger": record.name,
         "message": message,
-        **{key: without_secrets(str(value)) for key, value in subject.items()},
+        **{key: redacted(str(value)) for key, value in subject.items()},
     }
 
 
@@ -95,14 +95,13 @@ last_lines = LastLines()
 """The last lines of this process."""
 
 
-def set_up_logging(stream: TextIO | None = None, level: int = logging.INFO) -> bool:
+def set_up_logging(stream: TextIO | None = None) -> bool:
     """Sets one format for everything that this process logs; safe twice.
 
     Returns True if it is plain text for a person.
 
     Args:
         stream: Destination; standard error by default. A terminal gets plain text, anything else JSON.
-        level: Lowest level that is logged.
     """
     stream = stream or sys.stderr
     shown = logging.StreamHandler(stream)
@@ -110,7 +109,7 @@ def set_up_logging(stream: TextIO | None = None, level: int = logging.INFO) -> b
     shown.setFormatter(PlainFormatter() if for_person else JsonFormatter())
     root = logging.getLogger()
     root.handlers = [shown, last_lines]
-    root.setLevel(level)
+    root.setLevel(logging.INFO)
     for name in _OWN_FORMAT:
         logger = logging.getLogger(name)
         # uvicorn brings handlers of its own, with which its lines would be no JSON.

@@ -34,7 +34,7 @@ from grabberd.instrument.active_calibrations import ActiveCalibrations
 from grabberd.instrument.capture.capture_control import CaptureControl
 from grabberd.instrument.capture.device_captures import CurrentCaptures, of_device
 from grabberd.instrument.capture.recording import Recording
-from grabberd.instrument.capture_end import CaptureEnd, UnsealedCaptures
+from grabberd.instrument.capture_end import CaptureEnd
 from grabberd.instrument.channels.logger_setup import LoggerSetup
 from grabberd.instrument.channels.loggers import Loggers
 from grabberd.instrument.device.status_board import Liveness
@@ -62,6 +62,7 @@ class Service:
     """The daemon without its server: instruments, archive, jobs, stores; it lives from `start` to `stop`.
 
     Attributes:
+        clock: Source of time.
         instruments: The instruments, by the name of their device.
         loggers: The data loggers beside them.
         liveness: Whether their capture threads go on.
@@ -103,7 +104,7 @@ class Service:
         retention: Policy | None = None,
         loggers: Mapping[str, LoggerSetup] | None = None,
     ) -> None:
-        self._clock = clock = clock or SystemClock()
+        self.clock = clock = clock or SystemClock()
         self.directory, self.setups = directory, setups
         self.parts = ServiceParts()
         self._disk = disk or DiskGuard()
@@ -126,7 +127,7 @@ class Service:
         }
         self.liveness = Liveness(one.board for one in self.instruments.values())
         self._current = CurrentCaptures({name: one.captures for name, one in self.instruments.items()})
-        self.state_keeper = StateKeeper(directory, self.faults, clock)
+        self.state_keeper = StateKeeper(directory, self.faults, clock, self._keep_what_is_in_force)
         state, heal = directory / STATE, self.state_keeper.heal
         self.state_store = StateStore(state, heal)
         store = AnnotationStore(state, heal)
@@ -145,11 +146,8 @@ class Service:
             folder=folder,
             faults=self.faults,
         )
-        self._capture_end = end = CaptureEnd(self.archive, self.instruments)
-        self.unsealed = UnsealedCaptures(
-            self.archive.check, end.sealed_after_all, end.count, self.faults, clock
-        )
-        end.unsealed, end.told = self.unsealed.add, self._sealed
+        self._capture_end = CaptureEnd(self.archive, self.instruments, self._sealed, self.faults, clock)
+        self.unsealed = self._capture_end.unsealed
         self.capture_control = CaptureControl(self._current, self.archive, store, clock)
         self.calibrations = CalibrationCatalog(directory / "calibrations", configured_calibrations(setups))
         self.access = Access(directory, clock, heal)
@@ -181,14 +179,8 @@ class Service:
         )
         looks = *(part.look for part in self.parts.values()), self.width_courses.look
         self.upkeep = Upkeep(self.archive, self.unsealed, self.state_keeper, self.loggers, looks)
-        self.state_keeper.restored = self._keep_what_is_in_force
         self.publisher: Publisher | None = None
         self._started = False
-
-    @property
-    def clock(self) -> UtcClock:
-        """Source of time."""
-        return self._clock
 
     @classmethod
     def from_config(
@@ -307,7 +299,7 @@ class Service:
         """
         instrument = self.instrument(device)
         instrument.check_fits(Calibration.from_document(document))
-        stored_utc = iso_utc(self._clock.utc_now())
+        stored_utc = iso_utc(self.clock.utc_now())
         return self.calibrations.add(document, CalibrationRecord(instrument.name, "import", stored_utc, note))
 
     def state(self) -> StateDocument:
@@ -326,7 +318,7 @@ class Service:
         """The disk at this moment, and what has been removed from it since the start."""
         return self._disk.document(
             self.archive.directory,
-            sum(instrument.bytes_per_s for instrument in self.instruments.values()),
+            sum(instrument.captures.bytes_per_s for instrument in self.instruments.values()),
             check=self.archive.check,
             removed=self.retention.removed,
             removed_bytes=self.retention.removed_bytes,
@@ -334,7 +326,7 @@ class Service:
 
     def surroundings(self) -> Surroundings:
         """Surroundings of all devices at this moment."""
-        return Surroundings(self.storage_document(), self.faults.now, self._clock)
+        return Surroundings(self.storage_document(), self.faults.now, self.clock)
 
     def device_document(self, instrument: Instrument, around: Surroundings | None = None) -> DeviceDocument:
         """A device at this moment."""

@@ -108,7 +108,7 @@ class Heartbeat:
         self._due_s = 0.0
         self.every_s = STATUS_EVERY_S if self._half_s is None else min(STATUS_EVERY_S, self._half_s / 4)
         if self._half_s is not None:
-            liveness.restart_after(self._half_s)
+            liveness.restart_after_s = self._half_s
 
     def beat(self, now_s: float) -> None:
         """Looks after the capture threads and sends what is due.

@@ -72,29 +72,23 @@ class Edition:
 
 
 class Files:
-    """The files of a folder, read again when one of them has changed, as after an upgrade."""
+    """The files of a folder, read again when one of them has changed, as after an upgrade.
+
+    Attributes:
+        edition: All files as they were when last read; None before that.
+    """
 
     def __init__(self, folder: Path = STATIC) -> None:
         self._folder = folder
         self._stamp: tuple[tuple[str, int, int], ...] = ()
-        self._edition = Edition("", {})
-
-    @property
-    def is_read(self) -> bool:
-        """True if the folder has been read."""
-        return bool(self._stamp)
-
-    @property
-    def edition(self) -> Edition:
-        """All files as they were when last read."""
-        return self._edition if self.is_read else self.newest()
+        self.edition: Edition | None = None
 
     def newest(self) -> Edition:
         """All files as they are now."""
         stamp = tuple(_stamp(str(self._folder)))
-        if stamp != self._stamp:
-            self._edition, self._stamp = _edition(self._folder), stamp
-        return self._edition
+        if self.edition is None or stamp != self._stamp:
+            self.edition, self._stamp = _edition(self._folder), stamp
+        return self.edition
 
 
 def _paths(folder: Path) -> list[Path]:

@@ -40,7 +40,7 @@ def start(rig: Mapping[str, Any] | None = None, **options: Any) -> dict[str, Any
     service = Service(set_up(load_config(file), file), folder)
     service.start()
     _running.append(service)
-    wait_for(lambda: service.instrument(None).accepts, PATIENCE_S)
+    wait_for(lambda: service.instrument(None).captures.accepts, PATIENCE_S)
     if not _warm:
         _warm_up(service)
         start(rig, **options)
@@ -50,13 +50,13 @@ def start(rig: Mapping[str, Any] | None = None, **options: Any) -> dict[str, Any
 def _warm_up(service: Service) -> None:
     """Has the machine read what it will need: its disk is slow by its own clock."""
     service.capture_control.start(None, CaptureRequest(fields=5))
-    recording = service.instrument(None).recording
+    recording = service.instrument(None).captures.recording
     assert recording is not None
     assert recording.sealed.wait(PATIENCE_S)
     vivid.unplug()
-    wait_for(lambda: not service.instrument(None).accepts, PATIENCE_S)
+    wait_for(lambda: not service.instrument(None).captures.accepts, PATIENCE_S)
     vivid.plug_in()
-    wait_for(lambda: service.instrument(None).accepts, PATIENCE_S)
+    wait_for(lambda: service.instrument(None).captures.accepts, PATIENCE_S)
     vivid.show_picture()
     _warm.append(True)
 
@@ -98,7 +98,7 @@ def capture_through(
     """
     service = _running[-1]
     service.capture_control.start(None, CaptureRequest())
-    recording = service.instrument(None).recording
+    recording = service.instrument(None).captures.recording
     assert recording is not None
     watched = _Watched(service, recording)
     watched.until(lambda: recording.recorder.ledger.received >= 50, PATIENCE_S)
@@ -120,7 +120,7 @@ def capture_through(
         "noticed_s": noticed_s,
         "recovered_s": recovered_s,
         "states": watched.states,
-        "ledger": ledger.in_words(service.instrument(None).rate_hz),
+        "ledger": ledger.in_words(service.instrument(None).pipeline.rate_hz),
         "entries": [[e.count, str(e.outcome), e.reason] for e in ledger.entries],
         "received": ledger.received,
         "total": ledger.total,

@@ -86,7 +86,7 @@ def test_a_body_that_does_not_come_is_not_waited_for() -> None:
         raise AssertionError
 
     with pytest.raises(Refusal) as caught:
-        asyncio.run(LimitedBody(receive, LIMITS)())  # type: ignore[arg-type]
+        asyncio.run(LimitedBody(receive, LIMITS, Bodies(LIMITS))())  # type: ignore[arg-type]
     assert (caught.value.status_code, caught.value.name) == (408, "request-timeout")
 
 
@@ -100,7 +100,7 @@ def test_one_that_drips_is_not_waited_for_either() -> None:
             await body()
 
     with pytest.raises(Refusal, match="408"):
-        asyncio.run(read_on(LimitedBody(receive, LIMITS)))
+        asyncio.run(read_on(LimitedBody(receive, LIMITS, Bodies(LIMITS))))
 
 
 def test_after_the_body_a_client_may_be_silent_for_as_long_as_it_likes() -> None:
@@ -111,7 +111,7 @@ def test_after_the_body_a_client_may_be_silent_for_as_long_as_it_likes() -> None
         return messages.pop()
 
     async def read() -> Message:
-        body = LimitedBody(receive, LIMITS)
+        body = LimitedBody(receive, LIMITS, Bodies(LIMITS))
         await body()
         return await body()
 

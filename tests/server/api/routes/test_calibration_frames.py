@@ -29,7 +29,7 @@ def looking(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[tuple[Te
 def identified(client: TestClient, **order: Any) -> dict[str, Any]:
     service: Service = client.app.state.service  # type: ignore[attr-defined]
     capture_id = client.post("/api/v1/captures", json={"fields": 6, "bits": 8}).json()["id"]
-    recording = service.instrument(None).recording
+    recording = service.instrument(None).captures.recording
     assert recording
     assert recording.sealed.wait(PATIENCE_S)
     asked = client.post(f"/api/v1/captures/{capture_id}/identification", json=order)

@@ -1,7 +1,7 @@
 """Calibrations over HTTP."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,6 @@ from grabberd.config import default_config_file
 from grabberd.documents.document import JobProblem
 from grabberd.documents.enums import Role
 from grabberd.instrument.setup import set_up
-from grabberd.library.jobs.calibration_jobs import Calibrator
 from grabberd.server.api import create_app
 from grabberd.server.daemon.service import Service
 
@@ -26,7 +25,7 @@ CONFIGURED = "fake-1-2"
 
 
 @contextmanager
-def client_of(folder: Path, pace: str, calibrator: Calibrator) -> Iterator[TestClient]:
+def client_of(folder: Path, pace: str, calibrator: Callable[..., Any]) -> Iterator[TestClient]:
     """A client of a service that records and does not measure."""
     setups = set_up(configuration({"pace": pace}, object=None), default_config_file())
     service = Service(setups, folder)
@@ -57,7 +56,7 @@ def service_of(client: TestClient) -> Service:
 
 def captured(client: TestClient) -> str:
     capture_id = str(client.post("/api/v1/captures", json={"fields": 5}).json()["id"])
-    recording = service_of(client).instrument(None).recording
+    recording = service_of(client).instrument(None).captures.recording
     assert recording
     assert recording.sealed.wait(60)
     return capture_id

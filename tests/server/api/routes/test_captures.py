@@ -63,7 +63,7 @@ def test_a_running_capture_is_stopped_and_sealed(paced: TestClient) -> None:
     assert paced.get(f"{CAPTURES}/{capture_id}").json()["state"] == "recording"
     assert paced.post(f"{CAPTURES}/{capture_id}/stop").status_code == 202
     service = paced.app.state.service  # type: ignore[attr-defined]
-    assert service.instrument(None).recording.sealed.wait(30)
+    assert service.instrument(None).captures.recording.sealed.wait(30)
     document = paced.get(f"{CAPTURES}/{capture_id}").json()
     assert (document["state"], document["ended_because"]) == ("sealed", "stopped by the operator")
     assert paced.post(f"{CAPTURES}/{capture_id}/stop").status_code == 409
@@ -72,7 +72,7 @@ def test_a_running_capture_is_stopped_and_sealed(paced: TestClient) -> None:
 def test_a_duration_is_a_number_of_fields(fast: TestClient) -> None:
     capture_id = fast.post(CAPTURES, json={"duration_s": 0.5}).json()["id"]
     service = fast.app.state.service  # type: ignore[attr-defined]
-    assert service.instrument(None).recording.sealed.wait(30)
+    assert service.instrument(None).captures.recording.sealed.wait(30)
     assert fast.get(f"{CAPTURES}/{capture_id}").json()["fields"] == 25
 
 
@@ -197,7 +197,7 @@ def test_a_capture_may_say_what_an_interruption_does_to_it(fast: TestClient, wan
     answer = fast.post(CAPTURES, json={"fields": 5, "on_interruption": wanted})
     assert answer.status_code == 202
     service = fast.app.state.service  # type: ignore[attr-defined]
-    assert service.instrument(None).recording.sealed.wait(30)
+    assert service.instrument(None).captures.recording.sealed.wait(30)
     with CaptureReader(service.archive.path(answer.json()["id"])) as reader:
         assert reader.meta.extra["on_interruption"] == wanted
 

@@ -49,7 +49,7 @@ def test_a_capture_is_counted_once_by_the_verdict_of_the_seal_that_holds(
     with monkeypatch.context() as patch:
         patch.setattr(writer, "publish", refuse)
         service.capture_control.start(None, CaptureRequest(fields=5))
-        recording = service.instrument(None).recording
+        recording = service.instrument(None).captures.recording
         assert recording
         assert recording.sealed.wait(30)
     assert counted() == [0, 0]

@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -205,7 +206,7 @@ def test_one_that_never_reads_is_dropped_and_costs_nobody_else(
         def __init__(self) -> None:
             super().__init__(Flood, 0.001)
 
-    monkeypatch.setattr(daemon.app.state.feeds, "preview", lambda _: floods)
+    monkeypatch.setattr(daemon.app.state.feeds, "of", lambda _: SimpleNamespace(preview=floods))
     monkeypatch.setattr(preview, "UNASKED_EVERY_S", 0.0)
     floods = Floods()
     with connected(daemon, max_queue=1, ping_interval=None) as _:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, closing
 from itertools import islice, pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -147,7 +148,7 @@ def test_one_that_never_reads_is_dropped_and_costs_nobody_else(
     assert none_left(daemon)
     flood = PointsMessage(1, "{}", bytes(500_000))
     floods: Broadcast[PointsMessage] = Broadcast(lambda: flood, 0.001)
-    monkeypatch.setattr(daemon.app.state.feeds, "points", lambda _: floods)
+    monkeypatch.setattr(daemon.app.state.feeds, "of", lambda _: SimpleNamespace(points=floods))
     with connected(daemon, max_queue=1, ping_interval=None) as _:
         with connected(daemon, max_size=None) as client:
             until_s = time.monotonic() + PATIENCE_S

@@ -4,6 +4,8 @@ Timestamps jitter, run backward, stand at zero or change their clock; the clock 
 are believed, and predicts the time of a field whose stamp is not.
 """
 
+import math
+
 from grabberd.core.ledger import Rebase, numbers_off
 from grabberd.instrument.acquisition.device import StreamInfo
 from grabberd.instrument.acquisition.numbering.arrivals import Arrivals
@@ -104,7 +106,8 @@ _AGREE = 0.5
 """Periods within which stamps that are off must be off alike before another clock is accepted: closer to the
 steps counted than to any other number of them."""
 _OF_DOUBTED, _OF_GOOD = 3, 8
-"""Number of such stamps in a row. Good ones need more: what is merely late may be so alike by chance."""
+"""Number of such stamps in a row: of those that are not believed, and of those whose fields arrived in time.
+Good ones need more: what is merely late may be so alike by chance."""
 
 
 class Stamps:
@@ -155,27 +158,12 @@ class Stamps:
         """Note that a field's stamp was on time."""
         self._off_ns.clear()
 
-    def doubted(self, stamp_ns: int, predicted_ns: int) -> int:
-        """Note a stamp that is not believed; some that agree are those of another clock.
+    def watch(self, stamp_ns: int, predicted_ns: int, sightings: int) -> int:
+        """Note a stamp that is off; so many in a row that agree are those of another clock.
 
         Returns:
             The time by which that one is ahead of the clock before; 0 while it is the same.
         """
-        return self._watch(stamp_ns, predicted_ns, _OF_DOUBTED)
-
-    def off(self, stamp_ns: int, predicted_ns: int) -> int:
-        """Note a stamp that is off although its field arrived in time; more of them are needed.
-
-        Returns:
-            As `doubted`.
-        """
-        return self._watch(stamp_ns, predicted_ns, _OF_GOOD)
-
-    def explains(self, stamp_ns: int, predicted_ns: int) -> bool:
-        """True if a stamp is one of the clock that is followed by now, which it was not when it came."""
-        return abs(stamp_ns - self._offset_ns - predicted_ns) <= _AGREE * self._pace.period_ns
-
-    def _watch(self, stamp_ns: int, predicted_ns: int, sightings: int) -> int:
         off_ns = stamp_ns - predicted_ns
         self._off_ns = [one for one in self._off_ns if abs(off_ns - one) <= _AGREE * self._pace.period_ns]
         self._off_ns.append(off_ns)
@@ -186,6 +174,10 @@ class Stamps:
         self._off_ns.clear()
         set_by_ns = self._offset_ns - before_ns
         return set_by_ns if abs(set_by_ns) > _AGREE * self._pace.period_ns else 0
+
+    def explains(self, stamp_ns: int, predicted_ns: int) -> bool:
+        """True if a stamp is one of the clock that is followed by now, which it was not when it came."""
+        return abs(stamp_ns - self._offset_ns - predicted_ns) <= _AGREE * self._pace.period_ns
 
 
 _LATE = 0.75
@@ -299,7 +291,7 @@ class Timing:
             self._stamps.fits()
             self._early = 0
             return self._clock.advance(step.fields, pending.time_ns), None
-        if self._arrived_in_time(pending, step):
+        if abs(self._arrived_late_by(pending, step)) < _IN_TIME:
             return self._come_in_time(pending, step, late, n)
         return self._come_off(pending, step, late, n)
 
@@ -309,7 +301,7 @@ class Timing:
         self._stamps.fits()
         if late > 0:
             return self._clock.advance(step.fields), "late timestamp"
-        if self._arrivals.way.is_known and self._arrived_late(pending, step):
+        if self._arrivals.way.is_known and self._arrived_late_by(pending, step) > _IN_TIME:
             # It has waited, so its arrival tells nothing: one that is in time will tell of the clock.
             return self._clock.advance(step.fields), "early timestamp"
         if pending.stamped_on_arrival and (n < _NEW_FOR or not self._arrivals.way.is_known):
@@ -321,7 +313,7 @@ class Timing:
         if late < 0 and n < _NEW_FOR and not self._arrivals.way.is_known:
             return self._begin_again(pending, step)
         predicted_ns = self._clock.advance(step.fields)
-        self._note_set_by(self._stamps.off(pending.stamp_ns, predicted_ns))
+        self._watch(pending.stamp_ns, predicted_ns, _OF_GOOD)
         return predicted_ns, "late timestamp" if late > 0 else "early timestamp"
 
     def _begin_again(self, pending: Pending, step: Step) -> tuple[int, str | None]:
@@ -329,7 +321,7 @@ class Timing:
         time_ns = pending.time_ns or pending.stamp_ns
         if self._is_before_request(time_ns, step):
             predicted_ns = self._clock.advance(step.fields)
-            self._note_set_by(self._stamps.off(pending.stamp_ns, predicted_ns))
+            self._watch(pending.stamp_ns, predicted_ns, _OF_GOOD)
             return predicted_ns, "early timestamp"
         self._early += 1
         if self._early < _EARLY:
@@ -362,7 +354,7 @@ class Timing:
 
     def _go_without(self, pending: Pending, predicted_ns: int) -> None:
         """Note a stamp that is not believed."""
-        self._note_set_by(self._stamps.doubted(pending.stamp_ns, predicted_ns))
+        self._watch(pending.stamp_ns, predicted_ns, _OF_DOUBTED)
         if self._stamps.explains(pending.stamp_ns, predicted_ns):
             return  # it came before the other clock was known
         self._doubted += 1
@@ -375,18 +367,15 @@ class Timing:
             self.rebases.append((Rebase.TIMESTAMPS, "the timestamps are believed again"))
         self._doubted = 0
 
-    def _note_set_by(self, set_by_ns: int) -> None:
-        if set_by_ns:
+    def _watch(self, stamp_ns: int, predicted_ns: int, sightings: int) -> None:
+        if set_by_ns := self._stamps.watch(stamp_ns, predicted_ns, sightings):
             reason = f"the clock of the timestamps was set by {set_by_ns / 1e9:+.3f} s"
             self.rebases.append((Rebase.CLOCK, reason))
 
-    def _arrived_late(self, pending: Pending, step: Step) -> bool:
+    def _arrived_late_by(self, pending: Pending, step: Step) -> float:
+        """Periods by which a field arrived later than it was due; NaN if that is unknown."""
         steps = self.steps_to(self._arrivals.exposed_ns(pending.arrival))
-        return steps is not None and steps - step.fields > _IN_TIME
-
-    def _arrived_in_time(self, pending: Pending, step: Step) -> bool:
-        steps = self.steps_to(self._arrivals.exposed_ns(pending.arrival))
-        return steps is not None and abs(steps - step.fields) < _IN_TIME
+        return math.nan if steps is None else steps - step.fields
 
     def _predicted_ns(self, pending: Pending, step: Step) -> int:
         if self._clock.locked:

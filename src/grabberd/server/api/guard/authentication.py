@@ -21,6 +21,7 @@ from grabberd.archive.access import AT_THE_MACHINE, Access, Identity, NotRemembe
 from grabberd.documents.enums import Role
 from grabberd.errors import AccessExpired, StorageError
 from grabberd.server.api.problems import Refusal
+from grabberd.server.api.sockets import ip_address
 
 log = logging.getLogger(__name__)
 
@@ -63,11 +64,7 @@ def is_here(scope: Scope) -> bool:
 def _address_of(scope: Scope) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
     """The client's address; None for a Unix socket."""
     client = scope.get("client")
-    try:
-        address = ipaddress.ip_address(str(client[0]).partition("%")[0] if client else "")
-    except ValueError:
-        return None
-    return getattr(address, "ipv4_mapped", None) or address
+    return ip_address(str(client[0])) if client else None
 
 
 class _Record(NamedTuple):

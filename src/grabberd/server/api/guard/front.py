@@ -16,6 +16,7 @@ from starlette.types import Scope
 
 from grabberd.config import HttpConfig, HttpLimits
 from grabberd.server.api.problems import Refusal
+from grabberd.server.api.sockets import ip_address
 
 UNIX = "unix"
 """Proxy that connects to a Unix socket, and so has no address."""
@@ -44,7 +45,7 @@ class Proxies:
         """True if the other end of a connection is one of them; None is that of a Unix socket."""
         if not address:
             return self._unix
-        found = _address(address)
+        found = ip_address(address)
         return found is not None and any(found in network for network in self._networks)
 
     def seen_through(self, scope: Scope) -> Scope:
@@ -65,21 +66,13 @@ class Proxies:
         """
         farthest = None
         for word in _from_last(headers, "x-forwarded-for"):
-            address = _address(word)
+            address = ip_address(word)
             if address is None:
                 break
             farthest = str(address)
             if not self.include(farthest):
                 break
         return farthest
-
-
-def _address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
-    try:
-        address = ipaddress.ip_address(text.strip("[]").partition("%")[0])
-    except ValueError:
-        return None
-    return getattr(address, "ipv4_mapped", None) or address
 
 
 def _from_last(headers: Headers, name: str) -> Iterator[str]:
@@ -157,10 +150,8 @@ def _is_loopback(name: str, scope: Scope) -> bool:
     server = scope.get("server")
     if name not in LOOPBACK_NAMES:
         return False
-    try:
-        return not server or _ip_address(str(server[0])).is_loopback
-    except ValueError:  # the path of a Unix socket
-        return True
+    address = ip_address(str(server[0])) if server else None
+    return address is None or address.is_loopback  # without one it is a Unix socket
 
 
 def _is_own_address(name: str, scope: Scope) -> bool:
@@ -168,15 +159,8 @@ def _is_own_address(name: str, scope: Scope) -> bool:
     server = scope.get("server")
     if not name or not server:
         return False
-    try:
-        return _ip_address(name) == _ip_address(str(server[0]))
-    except ValueError:
-        return False
-
-
-def _ip_address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address:
-    address = ipaddress.ip_address(text.partition("%")[0])
-    return getattr(address, "ipv4_mapped", None) or address
+    address = ip_address(name)
+    return address is not None and address == ip_address(str(server[0]))
 
 
 def check_page(scope: Scope, front: Front) -> None:

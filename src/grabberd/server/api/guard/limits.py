@@ -22,7 +22,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from grabberd.config import HttpLimits
 from grabberd.server.api.guard.authentication import client_of
 from grabberd.server.api.guard.front import Front
-from grabberd.server.api.problems import Refusal, problem
+from grabberd.server.api.problems import ProblemResponse, Refusal, problem
 from grabberd.server.daemon.descriptors import AT_ONCE
 
 LARGEST_AT_ONCE = 4
@@ -81,10 +81,10 @@ class Bodies:
 class LimitedBody:
     """A `receive` that limits the size and the duration of the request body."""
 
-    def __init__(self, receive: Receive, limits: HttpLimits, bodies: Bodies | None = None) -> None:
+    def __init__(self, receive: Receive, limits: HttpLimits, bodies: Bodies) -> None:
         self._receive = receive
         self._limits = limits
-        self._bodies = bodies or Bodies(limits)
+        self._bodies = bodies
         self._bytes = 0
         self._until: float | None = None
         self._complete = False
@@ -188,26 +188,20 @@ IDLE_S = 1.0
 
 async def too_busy(scope: Scope, receive: Receive, send: Send) -> None:
     """The application of connections beyond the limit."""
-    answer = problem(
-        503,
-        "too-many-connections",
-        "the daemon has reached its limit of connections",
-        "try again in a moment",
-    )
-    answer.headers.update({"Retry-After": "5", "Connection": "close"})
+    answer = _turned_away(503, "the daemon has reached its limit of connections", "try again in a moment")
     await answer(scope, receive, send)
 
 
 async def too_many_of_one(scope: Scope, receive: Receive, send: Send) -> None:
     """The application of connections beyond the limit of their client."""
-    answer = problem(
-        429,
-        "too-many-connections",
-        f"{client_of(scope)} has too many connections",
-        "close some, or raise http.limits.connections_per_client; name a proxy in http.proxies",
-    )
+    hint = "close some, or raise http.limits.connections_per_client; name a proxy in http.proxies"
+    await _turned_away(429, f"{client_of(scope)} has too many connections", hint)(scope, receive, send)
+
+
+def _turned_away(status: int, detail: str, hint: str) -> ProblemResponse:
+    answer = problem(status, "too-many-connections", detail, hint)
     answer.headers.update({"Retry-After": "5", "Connection": "close"})
-    await answer(scope, receive, send)
+    return answer
 
 
 class LimitedConnection(H11Protocol):

@@ -255,10 +255,7 @@ def get_field_png(
     capture_id: CaptureId, n: FieldNumber, service: ServiceOf, if_none_match: IfNoneMatch = None
 ) -> Content:
     """One field as recorded, as a picture that never changes."""
-
-    def answer(png: bytes) -> Response:
-        return tagged(png, "image/png", if_none_match, IMMUTABLE)
-
+    answer = partial(tagged, media_type="image/png", if_none_match=if_none_match, cache=IMMUTABLE)
     return Content(field_png, (service.archive.path(capture_id), n), answer)
 
 
@@ -271,10 +268,7 @@ def get_field_png(
 @reads
 def get_thumbnail(capture_id: CaptureId, service: ServiceOf, if_none_match: IfNoneMatch = None) -> Content:
     """A small picture of the field in the middle of a sealed capture, which never changes."""
-
-    def answer(png: bytes) -> Response:
-        return tagged(png, "image/png", if_none_match, IMMUTABLE)
-
+    answer = partial(tagged, media_type="image/png", if_none_match=if_none_match, cache=IMMUTABLE)
     return Content(thumbnail_png, (service.archive.sealed_path(capture_id),), answer)
 
 

@@ -223,6 +223,7 @@ def delete_captures(selection: CaptureSelection, service: ServiceOf) -> BatchDoc
     return for_each(selection.captures, service.annotations.delete)
 
 
+# Of its own, as analyses' routes come between: their extension puts them after the captures.
 zip_router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=RenderedRoute)
 
 

@@ -4,13 +4,14 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Annotated, TypeVar
 
-from fastapi import APIRouter, Header, Query, Request, Response, WebSocket
+from fastapi import APIRouter, Depends, Header, Query, Response, WebSocket
+from fastapi.requests import HTTPConnection
 from starlette.websockets import WebSocketDisconnect
 
 from grabberd.documents.points_frame import PROTOCOL as POINTS_PROTOCOL
 from grabberd.server.api.guard.limits import OneStream
 from grabberd.server.api.responses import RenderedRoute
-from grabberd.server.api.routes.dependencies import PROBLEMS, ServiceOf
+from grabberd.server.api.routes.dependencies import PROBLEMS
 from grabberd.server.api.streams.broadcast import Channel
 from grabberd.server.api.streams.feeds import EventStream, Feeds, PointsMessage
 from grabberd.server.api.streams.preview import PreviewClient
@@ -20,6 +21,13 @@ T = TypeVar("T")
 PATIENCE_S = 60.0
 GOING_AWAY = 1001
 """Close code of a server that goes down (RFC 6455, 7.4.1)."""
+
+
+async def _feeds(connection: HTTPConnection) -> Feeds:
+    return connection.app.state.feeds
+
+
+FeedsOf = Annotated[Feeds, Depends(_feeds)]
 
 router = APIRouter(tags=["live"], route_class=RenderedRoute)
 
@@ -35,14 +43,13 @@ DeviceOf = Annotated[
     responses={200: {"description": "`state` first, then `change`.", "content": {"text/event-stream": {}}}},
 )
 async def get_events(
-    request: Request,
+    feeds: FeedsOf,
     _: OneStream,
     last_event_id: Annotated[
         str | None, Header(max_length=80, description="`id` of the last event that was received.")
     ] = None,
 ) -> EventStream:
     """Server-sent events: the state, then its changes, at most five times a second."""
-    feeds: Feeds = request.app.state.feeds
     # nginx would otherwise hold events back until its buffer is full.
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
     return EventStream(feeds.events.events(last_event_id), headers=headers)
@@ -54,28 +61,25 @@ async def get_events(
     responses={**PROBLEMS, 200: {"content": {"image/png": {}}}},
     summary="Get the newest field as a picture",
 )
-def get_preview_png(service: ServiceOf, request: Request, device: DeviceOf = None) -> Response:
+def get_preview_png(feeds: FeedsOf, device: DeviceOf = None) -> Response:
     """The newest field in 8 bits, with its lines as recorded. Updated at most five times a second."""
-    feeds: Feeds = request.app.state.feeds
-    png = feeds.pictures[service.instrument(device).name].png()
+    png = feeds.of(device).picture.png()
     return Response(png, media_type="image/png", headers={"Cache-Control": "no-store"})
 
 
 @router.websocket("/preview")
-async def preview(socket: WebSocket, _: OneStream, device: DeviceOf = None) -> None:
+async def preview(socket: WebSocket, feeds: FeedsOf, _: OneStream, device: DeviceOf = None) -> None:
     """Binary messages of a device's newest field: header, centroids, its picture, points."""
-    feeds: Feeds = socket.app.state.feeds
-    feed = feeds.preview(device)
+    feed = feeds.of(device).preview
     await socket.accept()
     client = PreviewClient(socket, feed)
     await _first_to_end(client.hear(), _close_after(client.send(), socket))
 
 
 @router.websocket("/points/stream")
-async def stream_points(socket: WebSocket, _: OneStream, device: DeviceOf = None) -> None:
+async def stream_points(socket: WebSocket, feeds: FeedsOf, _: OneStream, device: DeviceOf = None) -> None:
     """Binary messages of every field's points, and a description in JSON before the first that needs it."""
-    feeds: Feeds = socket.app.state.feeds
-    feed = feeds.points(device)
+    feed = feeds.of(device).points
     offered = socket.scope.get("subprotocols", ())
     await socket.accept(POINTS_PROTOCOL if POINTS_PROTOCOL in offered else None)
     described = 0
@@ -91,10 +95,9 @@ async def stream_points(socket: WebSocket, _: OneStream, device: DeviceOf = None
 
 
 @router.websocket("/curves/stream")
-async def stream_curves(socket: WebSocket, _: OneStream, device: DeviceOf = None) -> None:
+async def stream_curves(socket: WebSocket, feeds: FeedsOf, _: OneStream, device: DeviceOf = None) -> None:
     """The wall's width and the vacuum of the last second in JSON, five times a second."""
-    feeds: Feeds = socket.app.state.feeds
-    broadcast = feeds.curves(device)
+    broadcast = feeds.of(device).curves
     await socket.accept()
     await _first_to_end(_until_gone(socket), _send(socket, broadcast, socket.send_text))
 

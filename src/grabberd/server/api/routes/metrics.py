@@ -31,6 +31,8 @@ from grabberd.server.daemon.service import Service
 
 Samples = Iterable[tuple[tuple[str, ...], float]]
 """Label values and the number they belong to."""
+Kind = Callable[[str, str, tuple[str, ...], Samples], Metric]
+"""`gauge` or `counter`."""
 
 
 def gauge(name: str, words: str, labels: tuple[str, ...], samples: Samples) -> Metric:
@@ -41,6 +43,11 @@ def gauge(name: str, words: str, labels: tuple[str, ...], samples: Samples) -> M
 def counter(name: str, words: str, labels: tuple[str, ...], samples: Samples) -> Metric:
     """A number that only grows."""
     return _filled(CounterMetricFamily(name, words, labels=labels), samples)
+
+
+def single(kind: Kind, name: str, words: str, value: float | None) -> Metric:
+    """A number of the daemon; None while it is unknown."""
+    return kind(name, words, (), [] if value is None else [((), value)])
 
 
 def _filled(
@@ -110,7 +117,7 @@ def health_metrics(service: Service) -> Iterator[Metric]:
     yield gauge("grabberd_calibration_age_seconds", "Age of the active calibration.", ("device",), ages)
     left = around.storage.minutes_left
     words = "Recording time left on the disk, for all devices together."
-    yield gauge("grabberd_disk_left_seconds", words, (), [] if left is None else [((), left * 60)])
+    yield single(gauge, "grabberd_disk_left_seconds", words, None if left is None else left * 60)
 
 
 def fault_metrics(service: Service) -> Iterator[Metric]:
@@ -120,21 +127,13 @@ def fault_metrics(service: Service) -> Iterator[Metric]:
     counts = (((cause,), board.counts[cause]) for cause in OWN_CAUSES)
     yield gauge("grabberd_fault", "1 while the daemon has this fault.", ("cause",), now)
     yield counter("grabberd_faults", "Times the fault has occurred.", ("cause",), counts)
-    yield counter(
-        "grabberd_index_rebuilds", "Rebuilds of a damaged index.", (), [((), service.archive.keeper.rebuilt)]
-    )
-    yield gauge(
-        "grabberd_unsealed_captures", "Captures still to be sealed.", (), [((), len(unsealed.captures))]
-    )
-    yield counter(
-        "grabberd_failed_seals", "Failed attempts to seal a capture.", (), [((), unsealed.attempts)]
-    )
-    yield counter(
-        "grabberd_state_backups", "Backups of state.sqlite.", (), [((), service.state_keeper.backed_up)]
-    )
-    yield counter(
-        "grabberd_descriptors_exhausted", "Refused for lack of descriptors.", (), [((), exhaustion.count)]
-    )
+    rebuilt, backed_up = service.archive.keeper.rebuilt, service.state_keeper.backed_up
+    yield single(counter, "grabberd_index_rebuilds", "Rebuilds of a damaged index.", rebuilt)
+    yield single(gauge, "grabberd_unsealed_captures", "Captures still to be sealed.", len(unsealed.captures))
+    yield single(counter, "grabberd_failed_seals", "Failed attempts to seal a capture.", unsealed.attempts)
+    yield single(counter, "grabberd_state_backups", "Backups of state.sqlite.", backed_up)
+    words = "Refused for lack of descriptors."
+    yield single(counter, "grabberd_descriptors_exhausted", words, exhaustion.count)
 
 
 router = APIRouter(tags=["system"], route_class=RenderedRoute)
@@ -189,7 +188,7 @@ class ServiceMetrics(Collector):
         yield from health_metrics(self._service)
         yield from fault_metrics(self._service)
         yield from _mqtt(self._service)
-        yield gauge("grabberd_streams", "Live streams to clients.", (), [((), self._streams())])
+        yield single(gauge, "grabberd_streams", "Live streams to clients.", self._streams())
 
 
 def _fields(instruments: list[Instrument]) -> Iterator[Metric]:
@@ -268,7 +267,7 @@ def _cumulative(counts: tuple[int, ...]) -> Iterator[tuple[str, float]]:
 
 
 def _captures(instruments: list[Instrument], service: Service) -> Iterator[Metric]:
-    running = (((one.name,), float(one.running is not None)) for one in instruments)
+    running = (((one.name,), float(one.captures.running is not None)) for one in instruments)
     ended = (
         ((one.name, v), one.captures.ended[v]) for one in instruments for v in ("complete", "incomplete")
     )
@@ -279,24 +278,16 @@ def _captures(instruments: list[Instrument], service: Service) -> Iterator[Metri
     yield counter(
         "grabberd_captures_measured", "Measured captures, by coverage.", ("device", "verdict"), measured
     )
-    yield gauge(
-        "grabberd_disk_free_bytes", "Free space for captures.", (), [] if free is None else [((), free)]
-    )
+    yield single(gauge, "grabberd_disk_free_bytes", "Free space for captures.", free)
 
 
 def _mqtt(service: Service) -> Iterator[Metric]:
     if service.publisher is None:
         return
     now = service.publisher.document()
-    yield gauge(
-        "grabberd_mqtt_connected", "1 while connected to the broker.", (), [((), float(now.connected))]
-    )
+    yield single(gauge, "grabberd_mqtt_connected", "1 while connected to the broker.", now.connected)
     waiting, acknowledged = now.waiting_captures, now.acknowledged_captures
-    yield gauge("grabberd_mqtt_waiting_captures", "Summaries not yet acknowledged.", (), [((), waiting)])
-    yield counter("grabberd_mqtt_acknowledged_captures", "Summaries acknowledged.", (), [((), acknowledged)])
-    yield counter(
-        "grabberd_mqtt_missed_captures",
-        "Captures deleted before their summary could be published.",
-        (),
-        [((), now.missed_captures)],
-    )
+    yield single(gauge, "grabberd_mqtt_waiting_captures", "Summaries not yet acknowledged.", waiting)
+    yield single(counter, "grabberd_mqtt_acknowledged_captures", "Summaries acknowledged.", acknowledged)
+    words = "Captures deleted before their summary could be published."
+    yield single(counter, "grabberd_mqtt_missed_captures", words, now.missed_captures)

@@ -92,7 +92,7 @@ async def get_page(
         "Cache-Control": "no-store",
         "Vary": "Cookie, Accept-Encoding, Accept-Language",
     }
-    return whole(StaticFile(HTML, content), own | headers, "gzip" in accept_encoding)
+    return sent(StaticFile(HTML, content), own | headers, accept_encoding)
 
 
 @router.get("/static/{version}/{path:path}")
@@ -111,24 +111,26 @@ async def get_static(
         NotFound: the page has no file of that name.
     """
     files: Files = request.app.state.files
-    edition = files.edition if files.is_read else await run_in_threadpool(files.newest)
+    if (edition := files.edition) is None:
+        edition = await run_in_threadpool(files.newest)
     found = edition.files.get(path)
     if found is None:
         raise NotFound(f"the page has no file {path!r}", "reload the page")
     kept = FOREVER if version == edition.version else "no-cache"
     headers = {"ETag": found.etag, "Cache-Control": kept, "Vary": "Accept-Encoding"}
-    if is_known(found.etag, if_none_match):
+    return sent(found, headers, accept_encoding, if_none_match)
+
+
+def sent(
+    file: StaticFile, headers: dict[str, str], accept_encoding: str, if_none_match: str | None = None
+) -> Response:
+    """A file as an answer, compressed for a client that takes it so; 304 if the client has it."""
+    if if_none_match is not None and is_known(file.etag, if_none_match):
         return Response(status_code=304, headers=headers)
-    return whole(found, headers, "gzip" in accept_encoding)
-
-
-def whole(found: StaticFile, headers: dict[str, str], compressed: bool) -> Response:
-    """A file as an answer, compressed for a client that takes it so."""
-    if not compressed:
-        return Response(found.content, media_type=found.media_type, headers=headers)
-    return Response(
-        found.compressed, media_type=found.media_type, headers={**headers, "Content-Encoding": "gzip"}
-    )
+    if "gzip" not in accept_encoding:
+        return Response(file.content, media_type=file.media_type, headers=headers)
+    headers = {**headers, "Content-Encoding": "gzip"}
+    return Response(file.compressed, media_type=file.media_type, headers=headers)
 
 
 async def _who_asks(request: Request) -> tuple[Identity | None, dict[str, str]]:
@@ -151,17 +153,16 @@ def _first(service: Service, identity: Identity | None) -> JsonObject:
 
 
 API = "/api/v1/docs"
-site_router = APIRouter(tags=["system"], include_in_schema=False)
 
 
-@site_router.get("/docs")
+@router.get("/docs")
 async def get_site(request: Request) -> Response:
     """The documentation's first page, or the description of the API where an installation has none."""
     site: Site = request.app.state.site
     return RedirectResponse("/docs/" if await run_in_threadpool(lambda: site.is_built) else API, 307)
 
 
-@site_router.get("/docs/{path:path}")
+@router.get("/docs/{path:path}")
 async def get_site_page(
     path: str,
     request: Request,
@@ -185,6 +186,4 @@ async def get_site_page(
     headers = {"ETag": found.file.etag, "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
     if found.policy:
         headers["Content-Security-Policy"] = found.policy
-    if is_known(found.file.etag, if_none_match):
-        return Response(status_code=304, headers=headers)
-    return whole(found.file, headers, "gzip" in accept_encoding)
+    return sent(found.file, headers, accept_encoding, if_none_match)

@@ -20,6 +20,7 @@ from starlette.types import Send
 from grabberd.clock import UtcClock
 from grabberd.documents.document import JsonObject
 from grabberd.documents.points_frame import encoded
+from grabberd.instrument.capture.device_captures import of_device
 from grabberd.instrument.device.worker import Live, Worker
 from grabberd.instrument.instrument import Instrument
 from grabberd.instrument.live.field_streams import PointsEncoder, curves_message
@@ -186,55 +187,54 @@ def _message(encoder: PointsEncoder, live: Live) -> PointsMessage:
 CURVES_EVERY_S = 0.2
 
 
+class DeviceFeeds(NamedTuple):
+    """The feeds of a device.
+
+    Attributes:
+        preview: Its newest field, with what was found in it.
+        points: The points of its fields.
+        curves: Its movement and its vacuum.
+        picture: Its newest field as a picture.
+    """
+
+    preview: PreviewFeed
+    points: PointsFeed
+    curves: Broadcast[str]
+    picture: PreviewPicture
+
+
 class Feeds:
     """The feeds of a service.
 
     Attributes:
         events: Feed of the state and its changes.
-        pictures: Newest field of each device as a picture.
     """
 
     def __init__(self, service: Service) -> None:
         self.events = EventFeed(service)
-        self._service = service
-        self._previews = {name: PreviewFeed(one, service.clock) for name, one in service.instruments.items()}
-        self._points = {name: PointsFeed(one, service.clock) for name, one in service.instruments.items()}
-        self._curves = {
-            name: Broadcast(partial(curves_message, one, service.loggers, service.clock), CURVES_EVERY_S)
+        clock, loggers = service.clock, service.loggers
+        self._devices = {
+            name: DeviceFeeds(
+                PreviewFeed(one, clock),
+                PointsFeed(one, clock),
+                Broadcast(partial(curves_message, one, loggers, clock), CURVES_EVERY_S),
+                PreviewPicture(one),
+            )
             for name, one in service.instruments.items()
         }
-        self.pictures = {name: PreviewPicture(one) for name, one in service.instruments.items()}
 
-    def preview(self, device: str | None) -> PreviewFeed:
-        """The preview of a device, whose name can be left out if there is only one.
+    def of(self, device: str | None) -> DeviceFeeds:
+        """The feeds of a device, whose name can be left out if there is only one.
 
         Raises:
             NotFound: there is no device of that name, or the name is needed.
         """
-        return self._previews[self._service.instrument(device).name]
-
-    def points(self, device: str | None) -> PointsFeed:
-        """The points of a device's fields; its name can be left out as above.
-
-        Raises:
-            NotFound: As above.
-        """
-        return self._points[self._service.instrument(device).name]
-
-    def curves(self, device: str | None) -> Broadcast[str]:
-        """The movement of a device and its vacuum; its name can be left out as above.
-
-        Raises:
-            NotFound: As above.
-        """
-        return self._curves[self._service.instrument(device).name]
+        return of_device(self._devices, device)
 
     def close(self) -> None:
         """Ends every stream, because the server waits for responses to end before it stops."""
         self.events.broadcast.close()
-        for preview in self._previews.values():
-            preview.close()
-        for points in self._points.values():
-            points.close()
-        for curves in self._curves.values():
-            curves.close()
+        for one in self._devices.values():
+            one.preview.close()
+            one.points.close()
+            one.curves.close()

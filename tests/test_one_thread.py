@@ -3,7 +3,7 @@
 import numpy as np
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from grabberd.library.common import one_thread
+from grabberd.memory import one_thread
 
 
 def threads() -> set[int]:
