@@ -20,7 +20,7 @@ from hypothesis import HealthCheck, settings
 from affected.durations import Durations
 
 if TYPE_CHECKING:
-    from grabberd.work.own_process import OwnProcesses
+    from grabberd.work.process import Processes
 
 HERE = Path(__file__).parent
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -51,11 +51,17 @@ def pictures_drawn_once(request: pytest.FixtureRequest) -> Iterator[None]:
 
 
 @pytest.fixture
-def processes() -> "Iterator[OwnProcesses]":
-    """Those of one test."""
-    from grabberd.work.own_process import OwnProcesses  # noqa: PLC0415 - after the environment is set
+def importable(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processes that a test starts find its modules."""
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(map(str, (HERE.parent, HERE, HERE / "support"))))
 
-    own = OwnProcesses()
+
+@pytest.fixture
+def processes(importable: None) -> "Iterator[Processes]":
+    """Those of one test."""
+    from grabberd.work.process import Processes  # noqa: PLC0415 - after the environment is set
+
+    own = Processes()
     yield own
     own.end()
 

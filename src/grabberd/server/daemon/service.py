@@ -50,7 +50,7 @@ from grabberd.server.daemon.upkeep import Upkeep
 from grabberd.server.mqtt.publisher_setup import create_publisher
 from grabberd.work.job_queue import JobQueue
 from grabberd.work.job_runner import JobRunner
-from grabberd.work.own_process import OwnProcesses
+from grabberd.work.process import Processes
 
 if TYPE_CHECKING:  # an optional extra
     from grabberd.server.mqtt.publisher import Publisher
@@ -109,7 +109,7 @@ class Service:
         self._disk = disk or DiskGuard()
         fair_lock = FairLock()
         self.faults = FaultBoard(clock)
-        self.processes = OwnProcesses()
+        self.processes = Processes()
         self.loggers = Loggers(loggers or {}, clock, self.faults)
         self.instruments = {
             name: Instrument(

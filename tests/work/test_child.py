@@ -1,4 +1,4 @@
-"""The process for contents answers questions side by side, in pieces, and lets go of what is given up."""
+"""A process answers calls side by side, in pieces, and lets go of what is given up."""
 
 import os
 import pickle
@@ -13,7 +13,7 @@ import pytest
 
 from archive.captures import slots, write
 from grabberd.archive import points_csv
-from grabberd.archive.content_process import CONTENTS, PIECE_BYTES, ContentServer
+from grabberd.archive.capture_contents import CONTENTS
 from grabberd.archive.export.page_documents import PointsQuery
 from grabberd.errors import (
     CaptureFileError,
@@ -26,7 +26,8 @@ from grabberd.errors import (
     StorageError,
 )
 from grabberd.files.patience import check_patience
-from grabberd.work.content_frames import HEAD, UNTIL, Answer, Frame, Question, packed_error, unpacked_error
+from grabberd.work.child import PIECE_BYTES, Child
+from grabberd.work.frames import HEAD, NUMBER, Answer, Call, Frame, Question, packed_error, unpacked_error
 
 PATIENCE_S = 120.0
 FOR_LONG_S = time.monotonic() + 1e6
@@ -35,19 +36,20 @@ FOR_LONG_S = time.monotonic() + 1e6
 class Asked:
     """A server in threads of this process, and the pipes to and from it."""
 
-    def __init__(self, contents: Any = CONTENTS, threads: int = 2) -> None:
+    def __init__(self, functions: Any = CONTENTS, threads: int = 2) -> None:
         (questions, to), (back, answers) = os.pipe(), os.pipe()
         self._questions, self._answers = os.fdopen(to, "wb", buffering=0), os.fdopen(back, "rb")
-        self._theirs = os.fdopen(questions, "rb"), os.fdopen(answers, "wb")
-        self._server = ContentServer(contents, threads, self._theirs[1])
+        self._theirs = os.fdopen(questions, "rb", buffering=0), os.fdopen(answers, "wb")
+        self._server = Child(threads, self._theirs[1], functions.__getitem__)
         self.thread = threading.Thread(target=self._server.serve, args=[self._theirs[0]])
         self.thread.start()
+        assert self.answer() == (0, Answer.READY, b"")
 
     def read(self, number: int, name: str, *arguments: Any, until_s: float = FOR_LONG_S) -> None:
-        self.ask(number, Question.READ, pickle.dumps((name, arguments, until_s)))
+        self.ask(number, Question.CALL, pickle.dumps(Call(name, arguments, until_s)))
 
     def next(self, number: int, until_s: float = FOR_LONG_S) -> None:
-        self.ask(number, Question.NEXT, UNTIL.pack(until_s))
+        self.ask(number, Question.NEXT, NUMBER.pack(until_s))
 
     def ask(self, number: int, kind: Question, content: bytes = b"") -> None:
         self._questions.write(Frame(number, kind, content).head() + content)
