@@ -39,7 +39,7 @@ Step = Callable[[], tuple[Answer, bytes | bytearray]]
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What a process may take.
+    """Limits of what a process may take.
 
     Attributes:
         niceness: Added to that of its parent; with 10, Linux weighs it 110 against the daemon's 1024.
@@ -251,7 +251,7 @@ class Child:
 
 
 def _read(questions: IO[bytes], count: int) -> bytes:
-    """So many bytes, or none at the end."""
+    """Exactly `count` bytes, or none at the end."""
     read = b""
     while len(read) < count:
         if not (more := questions.read(count - len(read))):

@@ -219,7 +219,7 @@ def read_entries(paths: Iterable[Path], longest_s: float = LONGEST_S) -> Iterato
 
 
 def read_entry(path: Path, longest_s: float) -> list[Any]:
-    """Whether the content of a file is to blame, and its entry; called in a process of its own."""
+    """The entry of a file, after whether its content is to blame; called in a process of its own."""
     try:
         # Half the time: a statement that is too long ends by itself, with a reason.
         with within(Patience(monotonic() + longest_s / 2)):
