@@ -31,7 +31,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 LONGEST = ("browser/", "proofs/faults/")
 """Rooms whose few tests take longest; begun last, they would keep a single processor at work at the end."""
 
-SERVED = ("archive", "cli", "instrument", "library", "liner", "server", "work")
+SERVED = ("archive/", "cli/", "drivers/reprocess/", "instrument/", "library/", "liner/", "server/", "work/")
 """Rooms of whole services and their captures."""
 SUBJECT = ("cli/test_field_order.py", "cli/test_reversed_fields.py")
 """Files in them whose subject is what moves from picture to picture."""
@@ -42,7 +42,7 @@ def pictures_drawn_once(request: pytest.FixtureRequest) -> Iterator[None]:
     """Drawing would take most of the processor's time in these rooms."""
     with pytest.MonkeyPatch.context() as patch:
         file = request.path.relative_to(HERE)
-        if file.parts[0] in SERVED and file.as_posix() not in SUBJECT:
+        if file.as_posix().startswith(SERVED) and file.as_posix() not in SUBJECT:
             from recorded_world import world_of  # noqa: PLC0415 - after the environment is set
 
             patch.setattr("grabberd_fake.grabber.World", world_of)

@@ -10,7 +10,7 @@ EXTENSION = Extension(
         Place("test", "grabberd_liner.guided_tests.command", after="study"),
         Place("render", "grabberd_liner.render.command", after="export"),
     ),
-    groups=(Place("profile", "grabberd_liner.profiles.command", after="outlet"),),
+    groups=(Place("profile", "grabberd_liner.profiles.command", after="jobs"),),
     routes=(
         Place("analysis_batches", "grabberd_liner.analyses.batch_routes", after="captures"),
         Place("analyses", "grabberd_liner.analyses.routes", after="capture_contents"),

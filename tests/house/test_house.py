@@ -67,7 +67,7 @@ def test_every_thread_of_the_daemon_is_in_the_drawing() -> None:
     drawn = set(re.findall(r"^\| (`[^|]*|[^|]*`[^|]*)\|", ARCHITECTURE.read_text(encoding="utf-8"), re.M))
     # Processes of their own have threads of their own, which are not the daemon's.
     for name, module in threads():
-        if not module.startswith(("grabberd.library.reprocess", "grabberd.work.child")):
+        if not module.startswith(("grabberd_reprocess", "grabberd.work.child")):
             assert any(name in row for row in drawn), f"{module} starts the thread {name}"
 
 

@@ -6,10 +6,10 @@ from typing import Any
 from urllib.parse import quote, urlencode
 
 from grabberd.client.daemon import Daemon
-from grabberd.client.lsl.events import DeviceEvents, Event
-from grabberd.client.lsl.outlets import LslClock, Outlets, PointsLayout
 from grabberd.client.points_stream import follow_points
 from grabberd.errors import GrabberdError, InputError, NotReady
+from grabberd_lsl.events import DeviceEvents, Event
+from grabberd_lsl.outlets import LslClock, Outlets, PointsLayout
 
 ASK_EVERY_S = 0.5
 AGAIN_S = 2.0

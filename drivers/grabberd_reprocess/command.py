@@ -21,7 +21,7 @@ from grabberd.cli.options import (
 from grabberd.cli.terminal import progress_console
 
 if TYPE_CHECKING:
-    from grabberd.library.reprocess.reprocess_archive import ReprocessProgress, ReprocessSummary
+    from grabberd_reprocess.reprocess_archive import ReprocessProgress, ReprocessSummary
 
 RATE_OVER_S = 600
 """Seconds over which the rate, and so the remaining time, is estimated."""
@@ -63,8 +63,8 @@ def reprocess(  # noqa: PLR0913, PLR0917 - options of a command
     Example: grabberd reprocess 'archive/**/2026-03-*.grab' --calibration rig.calibration.json --out points
     --scheduler tcp://10.0.0.5:8786
     """
-    from grabberd.library.reprocess.reprocess_archive import ReprocessRequest, reprocess_archive  # noqa: PLC0415
-    from grabberd.library.reprocess.workers import cluster_workers, local_workers  # noqa: PLC0415
+    from grabberd_reprocess.reprocess_archive import ReprocessRequest, reprocess_archive  # noqa: PLC0415
+    from grabberd_reprocess.workers import cluster_workers, local_workers  # noqa: PLC0415
 
     if scheduler and workers:
         raise typer.BadParameter(

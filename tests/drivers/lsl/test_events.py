@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from grabberd.client.lsl.events import DeviceEvents, Event
 from grabberd.documents.examples import CAPTURE
+from grabberd_lsl.events import DeviceEvents, Event
 
 RECEIVED = {"received": 100, "lost": 0, "damaged": 0, "no_signal": 0, "overrun": 0}
 

@@ -12,13 +12,13 @@ import pytest
 from reprocessing import CALIBRATION, OBJECT, archive, files, only_finished, table
 
 from grabberd.errors import ExtraMissing, InputError, NotReady
-from grabberd.library.reprocess.reprocess_archive import (
+from grabberd_reprocess.reprocess_archive import (
     ReprocessProgress,
     ReprocessRequest,
     ReprocessSummary,
     reprocess_archive,
 )
-from grabberd.library.reprocess.workers import ALGEBRA_THREADS, cluster_workers, local_workers
+from grabberd_reprocess.workers import ALGEBRA_THREADS, cluster_workers, local_workers
 
 CAPTURES, FIELDS = 8, 12
 
@@ -128,7 +128,7 @@ def test_without_dask_it_says_how_to_install_it(tmp_path: Path, monkeypatch: pyt
 def test_an_address_without_a_scheduler_is_said(
     address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grabberd.library.reprocess.workers.CONNECT_S", 1)
+    monkeypatch.setattr("grabberd_reprocess.workers.CONNECT_S", 1)
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))  # and does not listen
         where = address.format(taken.getsockname()[1])

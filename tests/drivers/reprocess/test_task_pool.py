@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.library.reprocess.workers import TaskPool
+from grabberd_reprocess.workers import TaskPool
 
 POISON = -1
 

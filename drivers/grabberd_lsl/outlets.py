@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from grabberd import __version__
 from grabberd.archive.capture.point_codec import PER_MM, rounded
-from grabberd.client.lsl.events import Event
 from grabberd.client.points_stream import StreamedPoints
 from grabberd.documents.points_frame import PointsFrame
 from grabberd.errors import ExtraMissing
+from grabberd_lsl.events import Event
 
 if TYPE_CHECKING:
     import pylsl

@@ -7,13 +7,13 @@ from typing import Any, cast
 
 import pytest
 
-from client.lsl.test_events import device
+from drivers.lsl.test_events import device
 from grabberd.client.daemon import Daemon
-from grabberd.client.lsl import feeding
-from grabberd.client.lsl.events import Event
-from grabberd.client.lsl.feeding import only_device
-from grabberd.client.lsl.outlets import Outlets
 from grabberd.errors import GrabberdError, InputError, NotReady
+from grabberd_lsl import feeding
+from grabberd_lsl.events import Event
+from grabberd_lsl.feeding import only_device
+from grabberd_lsl.outlets import Outlets
 
 
 class Scripted:

@@ -5,8 +5,8 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from grabberd.client.lsl.outlets import LslClock
 from grabberd.documents.points_frame import PointsFrame
+from grabberd_lsl.outlets import LslClock
 
 START_NS = 5_000_000_000_000
 UTC_NS = 1_800_000_000_000_000_000

@@ -23,8 +23,8 @@ from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.document import JsonObject
 from grabberd.errors import CaptureFileError, Conflict, GrabberdError, InputError, NotReady, StorageError
 from grabberd.files.documents import read_documents
-from grabberd.library.reprocess.reprocess_capture import CaptureTask, Recipe, TaskResult, reprocess_capture
-from grabberd.library.reprocess.workers import TaskPool, Workers
+from grabberd_reprocess.reprocess_capture import CaptureTask, Recipe, TaskResult, reprocess_capture
+from grabberd_reprocess.workers import TaskPool, Workers
 
 LISTED = 3
 """Number of other calibrations that a message names."""

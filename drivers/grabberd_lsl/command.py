@@ -34,9 +34,9 @@ def lsl(
     Example: grabberd outlet lsl --device north --token-file token
     """
     from grabberd.client.daemon import Daemon  # noqa: PLC0415
-    from grabberd.client.lsl import outlets  # noqa: PLC0415
-    from grabberd.client.lsl.feeding import feed, only_device, outlets_of  # noqa: PLC0415
-    from grabberd.client.lsl.outlets import LslClock  # noqa: PLC0415
+    from grabberd_lsl import outlets  # noqa: PLC0415
+    from grabberd_lsl.feeding import feed, only_device, outlets_of  # noqa: PLC0415
+    from grabberd_lsl.outlets import LslClock  # noqa: PLC0415
 
     end_as_ctrl_c_does()
     clock = LslClock(outlets.lsl().local_clock)

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 from running import PATIENCE_S
 
-from client.lsl.test_points_layout import LAYOUT, field
-from grabberd.client.lsl import outlets
-from grabberd.client.lsl.outlets import LslClock, Outlets, PointsLayout
+from drivers.lsl.test_points_layout import LAYOUT, field
 from grabberd.client.points_stream import StreamedPoints
 from grabberd.documents.points import PointsDescription
 from grabberd.errors import ExtraMissing
+from grabberd_lsl import outlets
+from grabberd_lsl.outlets import LslClock, Outlets, PointsLayout
 
 INLET, PUSHING = (Path(__file__).with_name(name) for name in ("inlet.py", "pushing.py"))
 OTHER = PointsLayout("other", ((7, 0, 0), (8, 0, 1)))

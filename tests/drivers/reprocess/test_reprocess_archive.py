@@ -24,7 +24,7 @@ from grabberd.archive.measure_setups import measure_setup
 from grabberd.core.chain.measure import measure_fields
 from grabberd.errors import Conflict, InputError, StorageError
 from grabberd.files.documents import read_documents
-from grabberd.library.reprocess.reprocess_archive import ReprocessProgress, find_captures
+from grabberd_reprocess.reprocess_archive import ReprocessProgress, find_captures
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from grabberd.client.lsl.outlets import PointsLayout
 from grabberd.documents.points_frame import PointsFrame
+from grabberd_lsl.outlets import PointsLayout
 
 LAYOUT = PointsLayout("liner", ((7, 0, 0), (3, 0, 1), (5, 1, 0)))
 
