@@ -31,7 +31,10 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 LONGEST = ("browser/", "proofs/faults/")
 """Rooms whose few tests take longest; begun last, they would keep a single processor at work at the end."""
 
-SERVED = ("archive/", "cli/", "drivers/reprocess/", "instrument/", "library/", "liner/", "server/", "work/")
+SERVED = (
+    *("archive/", "cli/", "drivers/mqtt/", "drivers/reprocess/", "instrument/"),
+    *("library/", "liner/", "server/", "work/"),
+)
 """Rooms of whole services and their captures."""
 SUBJECT = ("cli/test_field_order.py", "cli/test_reversed_fields.py")
 """Files in them whose subject is what moves from picture to picture."""

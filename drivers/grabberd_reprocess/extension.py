@@ -1,4 +1,4 @@
-"""Re-measuring whole archives as an extension: the command that does it on this computer or a Dask cluster."""
+"""Re-measuring whole archives as an extension: the command, for this computer or a Dask cluster."""
 
 from grabberd.extension import Extension, Place
 

@@ -12,8 +12,8 @@ from running import running
 
 from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.examples import CAPTURE
-from grabberd.server.mqtt.home_assistant import ENTITIES, discovery
-from grabberd.server.mqtt.messages import LAST_CAPTURE, STATE, Message, Topics, capture_summary, device_state
+from grabberd_mqtt.home_assistant import ENTITIES, discovery
+from grabberd_mqtt.messages import LAST_CAPTURE, STATE, Message, Topics, capture_summary, device_state
 
 BARN = "Stall 3/Nord"
 PEER = Path(__file__).with_name("home_assistant_peer.py")

@@ -17,7 +17,7 @@ from paho.mqtt.reasoncodes import ReasonCode
 
 from grabberd.config.daemon import MqttConfig, MqttTlsConfig
 from grabberd.errors import NotReady
-from grabberd.server.mqtt.messages import Message
+from grabberd_mqtt.messages import Message
 
 ACKNOWLEDGED_S = 10.0
 FAREWELL_S = 2.0

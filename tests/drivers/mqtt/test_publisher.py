@@ -37,7 +37,7 @@ START = "grabberd/Stall%203%2FNord"
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """A broker that comes back is found within a second."""
     pytest.importorskip("aiomqtt", reason="pip install 'grabberd[mqtt]'")
-    monkeypatch.setattr("grabberd.server.mqtt.publisher.LONGEST_WAIT_S", 1.0)
+    monkeypatch.setattr("grabberd_mqtt.publisher.LONGEST_WAIT_S", 1.0)
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from grabberd.documents.mqtt import (
     OnlineMessage,
 )
 from grabberd.documents.state import StateDocument
-from grabberd.server.mqtt.messages import (
+from grabberd_mqtt.messages import (
     ONLINE,
     SCHEMA,
     STATE,

@@ -12,7 +12,7 @@ import yaml
 from grabberd.config import default_config_file, load_config
 from grabberd.config.section import without_secrets
 from grabberd.errors import ConfigError
-from grabberd.server.mqtt.publisher_setup import check_mqtt
+from grabberd_mqtt.part import check_mqtt
 
 
 def written(folder: Path, mqtt: dict[str, Any], site: dict[str, str] | None = None) -> Path:

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from grabberd.archive.state.state_database import StateStore
-from grabberd.server.mqtt.home_assistant import Announcements
-from grabberd.server.mqtt.messages import Message
+from grabberd_mqtt.home_assistant import Announcements
+from grabberd_mqtt.messages import Message
 
 NORTH, SOUTH = (Message(f"homeassistant/sensor/{name}/config", {"name": name}, True) for name in ("n", "s"))
 

@@ -16,9 +16,9 @@ from grabberd.clock import UtcClock, iso_utc
 from grabberd.documents.mqtt import OnlineMessage
 from grabberd.documents.state import MqttDocument, StateDocument
 from grabberd.errors import GrabberdError, NotReady, StorageError
-from grabberd.server.mqtt.broker import Broker, Connection
-from grabberd.server.mqtt.home_assistant import Announcements
-from grabberd.server.mqtt.messages import (
+from grabberd_mqtt.broker import Broker, Connection
+from grabberd_mqtt.home_assistant import Announcements
+from grabberd_mqtt.messages import (
     CAPTURE,
     LAST_CAPTURE,
     ONLINE,
@@ -28,7 +28,7 @@ from grabberd.server.mqtt.messages import (
     device_state,
     device_topics,
 )
-from grabberd.server.mqtt.summary_queue import SummaryQueue
+from grabberd_mqtt.summary_queue import SummaryQueue
 
 log = logging.getLogger(__name__)
 

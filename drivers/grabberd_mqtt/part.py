@@ -1,25 +1,25 @@
-"""Checks the MQTT configuration and creates the publisher.
+"""The part of a daemon that publishes to an MQTT broker, and the check of its configuration.
 
 The MQTT library is an optional extra, so it is imported only where a broker is configured.
 """
 
 import importlib.util
-from collections.abc import Callable
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.state_database import StateStore
-from grabberd.clock import UtcClock
 from grabberd.config import Config
-from grabberd.documents.state import StateDocument
+from grabberd.config.daemon import MqttConfig
 from grabberd.errors import ConfigError, ExtraMissing, Problem
+from grabberd.server.daemon.service import Service
+from grabberd.server.daemon.service_part import ServicePart
 
 if TYPE_CHECKING:
-    from grabberd.server.mqtt.home_assistant import Announcements
-    from grabberd.server.mqtt.messages import Topics
-    from grabberd.server.mqtt.publisher import Publisher
+    from grabberd_mqtt.home_assistant import Announcements
+    from grabberd_mqtt.messages import Topics
+    from grabberd_mqtt.publisher import Publisher
 
 
 def check_mqtt(config: Config, file: Path) -> None:
@@ -35,47 +35,69 @@ def check_mqtt(config: Config, file: Path) -> None:
         raise ConfigError(problems)
 
 
-def create_publisher(
-    config: Config,
-    archive: Archive,
-    state: Callable[[], StateDocument],
-    clock: UtcClock,
-    heal: Callable[[str], None] | None = None,
-) -> "Publisher | None":
-    """Creates the publisher of a checked configuration; None if no broker is configured.
+class MqttPart(ServicePart):
+    """The publisher of a daemon whose configuration names a broker.
 
     Args:
-        config: The configuration.
-        archive: The captures.
-        state: Returns the state of the service.
-        clock: Dates the messages.
-        heal: Recovers a damaged state database; see `StateDatabase`.
-    """
-    if config.mqtt is None:
-        return None
-    from grabberd.archive.state.state_database import Outbox  # noqa: PLC0415
-    from grabberd.server.mqtt.broker import Broker, tls_context  # noqa: PLC0415 - an optional extra
-    from grabberd.server.mqtt.messages import Topics  # noqa: PLC0415
-    from grabberd.server.mqtt.publisher import Publisher  # noqa: PLC0415
-    from grabberd.server.mqtt.summary_queue import SummaryQueue  # noqa: PLC0415
+        service: The daemon.
 
-    mqtt, barn = config.mqtt, config.site["barn"]
+    Attributes:
+        publisher: Publishes states and captures; None if no broker is configured.
+
+    Raises:
+        ConfigError: See `check_mqtt`.
+    """
+
+    def __init__(self, service: Service) -> None:
+        self.publisher: Publisher | None = None
+        if service.config is not None and service.config[0].mqtt is not None:
+            check_mqtt(*service.config)
+            self.publisher = _publisher(service, service.config[0], service.config[0].mqtt)
+
+    def start(self) -> None:
+        """See `ServicePart`."""
+        if self.publisher is not None:
+            self.publisher.start()
+
+    def stop(self) -> None:
+        """See `ServicePart`."""
+        if self.publisher is not None:
+            self.publisher.stop()
+
+    def state_fields(self) -> Mapping[str, object]:
+        """See `ServicePart`."""
+        return {"mqtt": self.publisher.document() if self.publisher else None}
+
+    def sealed(self, capture_id: str, device: str) -> None:
+        """See `ServicePart`."""
+        if self.publisher is not None:
+            self.publisher.capture_ended()
+
+
+def _publisher(service: Service, config: Config, mqtt: MqttConfig) -> "Publisher":
+    from grabberd.archive.state.state_database import Outbox  # noqa: PLC0415
+    from grabberd_mqtt.broker import Broker, tls_context  # noqa: PLC0415 - an optional extra
+    from grabberd_mqtt.messages import Topics  # noqa: PLC0415
+    from grabberd_mqtt.publisher import Publisher  # noqa: PLC0415
+    from grabberd_mqtt.summary_queue import SummaryQueue  # noqa: PLC0415
+
+    barn, heal = config.site["barn"], service.state_keeper.heal
     context = None if mqtt.tls is None else tls_context(mqtt.tls)
     broker = Broker(mqtt, mqtt.client_id or f"grabberd-{quote(barn, safe='')}", context)
-    outbox = Outbox(config.state_directory / "state.sqlite", heal)
-    summaries = SummaryQueue(archive, outbox, mqtt.queue_captures)
+    outbox = Outbox(service.directory / "state.sqlite", heal)
+    summaries = SummaryQueue(service.archive, outbox, mqtt.queue_captures)
     topics = Topics(mqtt.topic_prefix, barn)
     announcements = _announcements(config, topics, StateStore(outbox.path, heal))
-    return Publisher(broker, topics, state, summaries, clock, mqtt.every_s, announcements)
+    return Publisher(broker, topics, service.state, summaries, service.clock, mqtt.every_s, announcements)
 
 
 def _announcements(config: Config, topics: "Topics", store: StateStore) -> "Announcements":
     """Prepares what Home Assistant needs to discover the devices; nothing unless it is to."""
-    from grabberd.server.mqtt.home_assistant import (  # noqa: PLC0415
+    from grabberd_mqtt.home_assistant import (  # noqa: PLC0415
         Announcements,
         discovery,
     )
-    from grabberd.server.mqtt.messages import LAST_CAPTURE  # noqa: PLC0415
+    from grabberd_mqtt.messages import LAST_CAPTURE  # noqa: PLC0415
 
     if config.mqtt is None or not config.mqtt.home_assistant:
         return Announcements(store, ())
@@ -106,7 +128,7 @@ def _problems(config: Config) -> list[tuple[str, str | None]]:
 def _tls_problem(config: Config) -> str | None:
     if config.mqtt is None or config.mqtt.tls is None:
         return None
-    from grabberd.server.mqtt.broker import tls_context  # noqa: PLC0415 - an optional extra
+    from grabberd_mqtt.broker import tls_context  # noqa: PLC0415 - an optional extra
 
     try:
         tls_context(config.mqtt.tls)

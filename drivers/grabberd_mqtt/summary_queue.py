@@ -9,7 +9,7 @@ from grabberd.archive.state.state_database import Outbox
 from grabberd.core.field import PAL_HZ
 from grabberd.documents.document import JsonObject
 from grabberd.errors import CaptureFileError, NotFound
-from grabberd.server.mqtt.messages import capture_summary
+from grabberd_mqtt.messages import capture_summary
 
 log = logging.getLogger(__name__)
 
