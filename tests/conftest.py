@@ -20,7 +20,7 @@ from hypothesis import HealthCheck, settings
 from affected.durations import Durations
 
 if TYPE_CHECKING:
-    from grabberd.work.own_process import OwnProcesses
+    from grabberd.work.process import Processes
 
 HERE = Path(__file__).parent
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -31,7 +31,10 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 LONGEST = ("browser/", "proofs/faults/")
 """Rooms whose few tests take longest; begun last, they would keep a single processor at work at the end."""
 
-SERVED = ("archive", "cli", "instrument", "library", "liner", "server", "work")
+SERVED = (
+    *("archive/", "cli/", "drivers/mqtt/", "drivers/reprocess/", "instrument/"),
+    *("library/", "liner/", "server/", "work/"),
+)
 """Rooms of whole services and their captures."""
 SUBJECT = ("cli/test_field_order.py", "cli/test_reversed_fields.py")
 """Files in them whose subject is what moves from picture to picture."""
@@ -42,7 +45,7 @@ def pictures_drawn_once(request: pytest.FixtureRequest) -> Iterator[None]:
     """Drawing would take most of the processor's time in these rooms."""
     with pytest.MonkeyPatch.context() as patch:
         file = request.path.relative_to(HERE)
-        if file.parts[0] in SERVED and file.as_posix() not in SUBJECT:
+        if file.as_posix().startswith(SERVED) and file.as_posix() not in SUBJECT:
             from recorded_world import world_of  # noqa: PLC0415 - after the environment is set
 
             patch.setattr("grabberd_fake.grabber.World", world_of)
@@ -51,11 +54,17 @@ def pictures_drawn_once(request: pytest.FixtureRequest) -> Iterator[None]:
 
 
 @pytest.fixture
-def processes() -> "Iterator[OwnProcesses]":
-    """Those of one test."""
-    from grabberd.work.own_process import OwnProcesses  # noqa: PLC0415 - after the environment is set
+def importable(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processes that a test starts find its modules."""
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(map(str, (HERE.parent, HERE, HERE / "support"))))
 
-    own = OwnProcesses()
+
+@pytest.fixture
+def processes(importable: None) -> "Iterator[Processes]":
+    """Those of one test."""
+    from grabberd.work.process import Processes  # noqa: PLC0415 - after the environment is set
+
+    own = Processes()
     yield own
     own.end()
 

@@ -45,8 +45,8 @@ class Extension:
         columns: Function that gives the columns that it adds to the table of captures; see `capture_table`.
         schemas: Forms of its files, `schemas.Form`, by the name of the schema.
         library: Names of `import grabberd`, which win over those of the program.
-        config_check: Function that gives the problems of its part of a configuration, by the set-up devices
-            and the configuration's file; empty: none.
+        config_check: Function that checks its part of a `Config`, by that and its file, and raises a
+            `ConfigError`; empty: none.
         messages: Its `DeviceTopic`s, on which a broker is told of each device; empty: none.
     """
 

@@ -10,7 +10,7 @@ EXTENSION = Extension(
         Place("test", "grabberd_liner.guided_tests.command", after="study"),
         Place("render", "grabberd_liner.render.command", after="export"),
     ),
-    groups=(Place("profile", "grabberd_liner.profiles.command", after="outlet"),),
+    groups=(Place("profile", "grabberd_liner.profiles.command", after="jobs"),),
     routes=(
         Place("analysis_batches", "grabberd_liner.analyses.routes:batch_router", after="captures"),
         Place("analyses", "grabberd_liner.analyses.routes:router", after="capture_contents"),
@@ -39,7 +39,7 @@ EXTENSION = Extension(
         "Capture": "grabberd_liner.library:Capture",
         "open": "grabberd_liner.library:open_capture",
     },
-    config_check="grabberd_liner.analyses.inputs:problems_of_inputs",
+    config_check="grabberd_liner.analyses.inputs:check_inputs",
     fields={
         "CaptureDocument": (
             Place("analysis", "grabberd_liner.analyses.documents:CAPTURE_ANALYSIS", after="channels"),

@@ -8,6 +8,7 @@ from typing import cast
 from grabberd.archive.state.state_backups import STATE
 from grabberd.documents.jobs import JobDocument
 from grabberd.server.daemon.service import Service
+from grabberd.server.daemon.service_part import ServicePart
 from grabberd_liner.analyses.capture_analyses import CaptureAnalyses
 from grabberd_liner.analyses.sealed_analyses import SealedAnalyses
 from grabberd_liner.analyses.store import AnalysisStore
@@ -20,7 +21,7 @@ NAME = "liner"
 """Name of the extension."""
 
 
-class LinerPart:
+class LinerPart(ServicePart):
     """Analyses, guided tests and profiles of a daemon; see `ServicePart`.
 
     Args:

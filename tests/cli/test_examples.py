@@ -31,7 +31,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 EXAMPLES = examples()
 PARSED_ONLY = {
     "serve": "runs until it is ended; tests/server/api and tests/proofs/faults start daemons",
-    "outlet lsl": "runs until it is ended; tests/client/lsl receives what it streams",
+    "outlet lsl": "runs until it is ended; tests/drivers/lsl receives what it streams",
     "check": "watches the calibration frame for ten seconds, which no daemon has before its camera here",
     "reprocess 'archive/**/2026-03-*.grab'": "needs a cluster",
 }

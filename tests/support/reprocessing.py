@@ -15,13 +15,13 @@ from archive.captures import write
 from core.chain.fake_scene import Scene, take_scene
 from grabberd.config import shipped_configs
 from grabberd.core.ledger import Outcome, Slot
-from grabberd.library.reprocess.reprocess_archive import (
+from grabberd_reprocess.reprocess_archive import (
     OnProgress,
     ReprocessRequest,
     ReprocessSummary,
     reprocess_archive,
 )
-from grabberd.library.reprocess.workers import Workers
+from grabberd_reprocess.workers import Workers
 
 CALIBRATION = shipped_configs() / "fake.calibration.json"
 OBJECT = shipped_configs() / "objects" / "liner.yaml"

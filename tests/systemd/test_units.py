@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.archive import content_process
+from grabberd.archive.capture_contents import LIMITS
 from grabberd.cli import EX_CONFIG, EX_IOERR
 from grabberd.config import load_config
 from grabberd.work.job_runner import MEMORY_BYTES
@@ -76,7 +76,7 @@ def test_user_and_state_directory_are_made_as_described(tmp_path: Path) -> None:
 def test_jobs_and_readings_are_refused_memory_before_the_service_has_none_left() -> None:
     (most,) = settings["MemoryMax"]
     assert most.endswith("G")
-    assert int(most[:-1]) * 2**30 - MEMORY_BYTES - content_process.MEMORY_BYTES > OF_DAEMON_BYTES
+    assert int(most[:-1]) * 2**30 - MEMORY_BYTES - LIMITS.data_bytes > OF_DAEMON_BYTES
     assert settings["OOMPolicy"] == ["continue"]
 
 

@@ -37,6 +37,8 @@ from grabberd.work.job_rows import MOST_ATTEMPTS
 from grabberd.work.job_runner import NICENESS
 from grabberd.work.job_spec import REPORTS, JobContext, JobSpec, counted, portion
 
+pytestmark = pytest.mark.usefixtures("importable")
+
 
 @pytest.fixture
 def jobs(tmp_path: Path) -> Iterator[Jobs]:

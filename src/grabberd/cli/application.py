@@ -25,7 +25,6 @@ COMMANDS: Mapping[str, str] = {
     "check": "grabberd.cli.check",
     "plan": "grabberd.cli.plan",
     "export": "grabberd.cli.export",
-    "reprocess": "grabberd.cli.reprocess",
     "devices": "grabberd.cli.devices",
     "logger": "grabberd.cli.devices",
     "diagnostics": "grabberd.cli.diagnostics",
@@ -38,7 +37,6 @@ COMMANDS: Mapping[str, str] = {
 """The program's own commands, by name, and the modules in which they are."""
 GROUPS: Mapping[str, str] = {
     "jobs": "grabberd.cli.jobs",
-    "outlet": "grabberd.cli.outlet",
     "token": "grabberd.cli.token",
     "storage": "grabberd.cli.storage",
 }

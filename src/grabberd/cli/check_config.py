@@ -21,13 +21,15 @@ def check_config(
     Example: grabberd check-config /etc/grabberd/grabberd.yaml
     """
     from grabberd.config import load_sound_part  # noqa: PLC0415
+    from grabberd.extension import extensions, load  # noqa: PLC0415
     from grabberd.instrument.channels.logger_setup import create_logger, set_up_loggers  # noqa: PLC0415
-    from grabberd.server.mqtt.publisher_setup import check_mqtt  # noqa: PLC0415
+    from grabberd.instrument.setup import set_up  # noqa: PLC0415
 
     config, problems, loose = load_sound_part(file)
     for name, driver in loose.items():
         create_logger(name, driver, file, problems)
-    checks: list[Callable[[Config, Path], object]] = [_check_devices, set_up_loggers, check_mqtt, _check_tls]
+    of_extensions = [load(one.config_check) for one in extensions() if one.config_check]
+    checks: list[Callable[[Config, Path], object]] = [set_up, *of_extensions, set_up_loggers, _check_tls]
     if config is not None:
         problems += [problem for check in checks for problem in _problems(check, config, file)]
     if config is None or problems:
@@ -47,16 +49,6 @@ def _problems(
     except ConfigError as error:
         return error.problems
     return ()
-
-
-def _check_devices(config: "Config", file: Path) -> None:
-    from grabberd.extension import extensions, load  # noqa: PLC0415
-    from grabberd.instrument.setup import set_up  # noqa: PLC0415
-
-    setups = set_up(config, file)
-    checks = [load(one.config_check) for one in extensions() if one.config_check]
-    if problems := [problem for check in checks for problem in check(setups, file)]:
-        raise ConfigError(problems)
 
 
 def _check_tls(config: "Config", file: Path) -> None:

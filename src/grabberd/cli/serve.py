@@ -45,7 +45,6 @@ def serve(
         Heartbeat,
         Notifier,
     )
-    from grabberd.server.mqtt.publisher_setup import check_mqtt  # noqa: PLC0415
 
     notifier = Notifier.from_environment(os.environ)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
@@ -57,8 +56,7 @@ def serve(
     http = settings.http
     # All that can be wrong with the configuration is checked before a socket or a device is opened.
     context = None if http.tls is None else serving.tls_context(http.tls, file)
-    check_mqtt(settings, file)
-    service = Service.from_config(settings, set_up(settings, file), set_up_loggers(settings, file))
+    service = Service.from_config(settings, set_up(settings, file), set_up_loggers(settings, file), file)
     freeze_loaded()  # before fields come
     # Bound before any device starts: an address in use ends the command at once.
     listening = sockets.inherited(os.environ) or sockets.bind(

@@ -108,7 +108,7 @@ MOST_ATTEMPTS = 3
 """A job that ends its process, or the daemon with it, so many times would do so for ever."""
 ENDED = frozenset({JobState.DONE, JobState.FAILED, JobState.CANCELLED})
 _CANCELLED = JobProblem(message="the analysis was cancelled", hint="analyse the capture again")
-_RESULT: TypeAdapter[JobResult] = TypeAdapter(JobResult)
+RESULT: TypeAdapter[JobResult] = TypeAdapter(JobResult)
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +232,7 @@ def _with_result(job: JobDocument, result: str | None) -> JobDocument:
     if result is None:
         return job
     try:
-        return job.model_copy(update={"result": _RESULT.validate_json(result)})
+        return job.model_copy(update={"result": RESULT.validate_json(result)})
     except ValidationError:  # of another version; what it made is there all the same
         words = "its result cannot be shown: it was stored by another version of grabberd"
         return job.model_copy(update={"problem": JobProblem(message=words, hint="look at what it has made")})

@@ -1,17 +1,12 @@
 """Runs the queue's jobs one after the other, in a niced process of their own."""
 
-import ctypes
 import logging
-import multiprocessing
-import os
 import resource
 import signal
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
-from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnProcess
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -20,82 +15,20 @@ from grabberd.documents.enums import JobState
 from grabberd.errors import Cause, GrabberdError, StorageError
 from grabberd.fault_board import FaultBoard
 from grabberd.files.disk import DirectoryLock, is_for_want_of_memory
-from grabberd.memory import kill_first
+from grabberd.work.child import Limits
 from grabberd.work.job_queue import JobQueue
-from grabberd.work.job_rows import Entry, JobStore
-from grabberd.work.job_spec import JobContext, JobSpec
+from grabberd.work.job_rows import RESULT, Entry, JobStore
+from grabberd.work.job_spec import JobContext, JobSpec, Progress
+from grabberd.work.process import KILLED_S, NoAnswer, Process
 
 NICENESS = 10
 """Linux weighs it 110 against the daemon's 1024: a capture keeps nine tenths of a processor they share."""
 MEMORY_BYTES = 2_000_000_000
 """Of private data, for the process: less than `MemoryMax` of the unit leaves beside the daemon, so that a job
 that wants more is told so, and not killed. Addresses that libraries and threads only reserve do not count."""
-KILLED_S = 10.0
-"""A killed process that waits for a slow disk ends only when the disk has answered."""
 ALONE_S = 60.0
 """Time that a process waits for an earlier one to end, such as that of a daemon that was killed."""
 _POLL_S = 0.05
-_PR_SET_PDEATHSIG = 1
-
-
-class JobProcess:
-    """The process that runs the jobs, as the daemon sees it.
-
-    Args:
-        memory_bytes: Most private data of the process.
-        folder: Folder that it locks, so that there is never a second one.
-    """
-
-    def __init__(self, memory_bytes: int, folder: Path) -> None:
-        # Spawned, not forked: a fork would copy the locks that other threads of the daemon hold at that
-        # moment, and keep the device open.
-        context = multiprocessing.get_context("spawn")
-        self._connection, theirs = context.Pipe()
-        self._process: SpawnProcess = context.Process(
-            target=_serve, args=(theirs, memory_bytes, folder, os.getpid()), name="jobs", daemon=True
-        )
-        self._process.start()
-        kill_first(self._process.pid)
-        self._killed = False
-        theirs.close()  # ours of its two ends, or `receive` would never see the end of the process
-
-    @property
-    def alive(self) -> bool:
-        """True until it has ended, or is about to."""
-        return not self._killed and self._process.is_alive()
-
-    @property
-    def pid(self) -> int | None:
-        """Id of the process."""
-        return self._process.pid
-
-    @property
-    def exit_code(self) -> int | None:
-        """Exit code as of `multiprocessing`: a signal is negative; None while it runs."""
-        return self._process.exitcode
-
-    def send(self, spec: JobSpec, context: JobContext) -> None:
-        """Begins a job.
-
-        Raises:
-            OSError: The process has ended.
-        """
-        self._connection.send((spec, context))
-
-    def receive(self) -> tuple[str, Any]:
-        """Waits for the next message about the running job: its kind, and its value.
-
-        Raises:
-            EOFError, OSError: The process has ended.
-        """
-        message, value = self._connection.recv()
-        return message, value
-
-    def kill(self) -> None:
-        """Ends it at once."""
-        self._killed = True
-        self._process.kill()
-        self._process.join(KILLED_S)
 
 
 def hint_of(exit_code: int | None) -> str:
@@ -108,31 +41,37 @@ def hint_of(exit_code: int | None) -> str:
     return "try again; if it fails again, see the journal for why the process ended"
 
 
-def _serve(connection: Connection, memory_bytes: int, folder: Path, parent: int) -> None:
-    """Runs one job after the other in the job process; ends with its parent."""
-    _end_with(parent)
-    os.nice(NICENESS)
-    resource.setrlimit(resource.RLIMIT_DATA, (memory_bytes, memory_bytes))
-    lock = DirectoryLock(folder)
-    while True:
+def run_job(spec: JobSpec, context: JobContext, folder: Path, progress: Progress) -> dict[str, Any]:
+    """Does a job in the job process; the state that it ends in, and its result or problem as JSON.
+
+    Args:
+        spec: The job.
+        context: See `JobSpec.run`.
+        folder: Folder that the process locks, so that there is never a second one.
+        progress: See `JobSpec.run`.
+    """
+    problem = _refusal_of_a_second(folder)
+    if problem is None:
         try:
-            spec, context = connection.recv()
-        except EOFError:
-            return
-        connection.send(_refusal_of_a_second(lock) or _outcome(connection, spec, context))
+            return {"state": "done", "result": spec.run(progress, context).model_dump_json()}
+        except GrabberdError as error:
+            problem = JobProblem(message=error.message, hint=error.hint)
+        except Exception as error:
+            if is_for_want_of_memory(error):
+                return {"state": "exhausted", "problem": _too_large().model_dump_json()}
+            message = f"{type(error).__name__}: {error}"
+            problem = JobProblem(message=message, hint="this is a fault of the program; please report it")
+    return {"state": "failed", "problem": problem.model_dump_json()}
 
 
-def _end_with(parent: int) -> None:
-    """Lets the kernel kill this process with its parent: an orphan would go on beside its successor."""
-    with suppress(AttributeError, OSError):
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:  # it has ended before that
-        os._exit(1)
+@cache
+def _lock_of(folder: Path) -> DirectoryLock:
+    return DirectoryLock(folder)
 
 
-def _refusal_of_a_second(lock: DirectoryLock) -> tuple[str, JobProblem] | None:
-    """Answer while an earlier process runs, which even a killed one does until its disk has answered."""
-    until_s = time.monotonic() + ALONE_S
+def _refusal_of_a_second(folder: Path) -> JobProblem | None:
+    """Problem while an earlier process runs, which even a killed one does until its disk has answered."""
+    lock, until_s = _lock_of(folder), time.monotonic() + ALONE_S
     while True:
         try:
             lock.acquire()
@@ -140,20 +79,8 @@ def _refusal_of_a_second(lock: DirectoryLock) -> tuple[str, JobProblem] | None:
         except StorageError as error:
             if time.monotonic() > until_s:
                 waited = f"the process of an earlier job has not ended within {ALONE_S:g} s: {error.message}"
-                return "failed", JobProblem(message=waited, hint="see whether its disk hangs, then try again")
+                return JobProblem(message=waited, hint="see whether its disk hangs, then try again")
         time.sleep(_POLL_S)
-
-
-def _outcome(connection: Connection, spec: JobSpec, context: JobContext) -> tuple[str, Any]:
-    try:
-        return "done", spec.run(lambda share: connection.send(("progress", share)), context)
-    except GrabberdError as error:
-        return "failed", JobProblem(message=error.message, hint=error.hint)
-    except Exception as error:
-        if is_for_want_of_memory(error):
-            return "exhausted", _too_large()
-        message = f"{type(error).__name__}: {error}"
-        return "failed", JobProblem(message=message, hint="this is a fault of the program; please report it")
 
 
 def _too_large() -> JobProblem:
@@ -169,6 +96,7 @@ log = logging.getLogger(__name__)
 
 AGAIN_S = 5.0
 """Time until the disk is tried again, once it could not be written."""
+RUN = f"{__name__}:run_job"
 _ENDED = "the job's process ended before the job was done"
 
 Contexts = Callable[[str, JobSpec], JobContext]
@@ -202,7 +130,7 @@ class JobRunner:
         self._faults = faults or FaultBoard()
         self._memory_bytes = memory_bytes
         self._stopping = threading.Event()
-        self.process: JobProcess | None = None
+        self.process: Process | None = None
         # Whose job the process has, so that no other is killed in its place.
         self._having = threading.Lock()
         self._number: int | None = None
@@ -222,7 +150,7 @@ class JobRunner:
         """Kills the running job, which begins anew with the next start, and starts no further one."""
         self._stopping.set()
         self._queue.wake()
-        # The thread blocks in `receive`, and only the end of the process wakes it.
+        # The thread waits for an answer, and only the end of the process wakes it.
         self._kill()
         if self._thread.is_alive():
             self._thread.join(KILLED_S)
@@ -243,6 +171,8 @@ class JobRunner:
             if begun is not None and begun.spec is not None:
                 self._do(begun, begun.spec)
         self._kill()
+        if self.process is not None:
+            self.process.close()
 
     def _do(self, entry: Entry, spec: JobSpec) -> None:
         try:
@@ -253,19 +183,29 @@ class JobRunner:
             return
         try:
             process = self._process_for(entry.number)
-            process.send(spec, context)
-            while self._receive(entry.number, process):
-                pass
-        except (EOFError, OSError):  # the process has ended: killed, out of memory, or crashed
+            progress = partial(self._queue.progress, entry.number)
+            ended = process.call(RUN, spec, context, self._folder, progress=progress)
+        except (
+            GrabberdError,
+            RuntimeError,
+            OSError,
+        ):  # the process has ended: killed, out of memory, or crashed
             hint = hint_of(self._kill())
             self._surely(lambda: self._after_its_end(entry.number, hint))
+        else:
+            self._end(entry.number, **ended)
 
-    def _process_for(self, number: int) -> JobProcess:
+    def _process_for(self, number: int) -> Process:
         with self._having:
             if self._stopping.is_set():
-                raise EOFError
-            if self.process is None or not self.process.alive:
-                self.process = JobProcess(self._memory_bytes, self._folder)
+                raise NoAnswer
+            if self.process is not None and not self.process.alive:
+                self.process.close()
+                self.process = None
+            if self.process is None:
+                limits = Limits(niceness=NICENESS, data_bytes=self._memory_bytes)
+                # An orphan would go on beside its successor.
+                self.process = Process(limits, end_with_parent=True)
             self._number = number
             return self.process
 
@@ -277,19 +217,15 @@ class JobRunner:
             self.process.kill()
             return self.process.exit_code
 
-    def _receive(self, number: int, process: JobProcess) -> bool:
-        """Takes one message of the running job; False if it was the last."""
-        message, value = process.receive()
-        if message == "progress":
-            self._queue.progress(number, value)
-            return True
-        if message == "exhausted":  # what failed for want of memory may have left its process in any state
-            process.kill()
-        if message == "done":
-            self._surely(lambda: self._queue.end(number, JobState.DONE, progress=1.0, result=value))
+    def _end(self, number: int, state: str, result: str = "", problem: str = "") -> None:
+        if state == "exhausted":  # what failed for want of memory may have left its process in any state
+            self._kill()
+        if state == "done":
+            made = RESULT.validate_json(result)
+            self._surely(lambda: self._queue.end(number, JobState.DONE, progress=1.0, result=made))
         else:
-            self._surely(lambda: self._queue.end(number, JobState.FAILED, problem=value))
-        return False
+            why = JobProblem.model_validate_json(problem)
+            self._surely(lambda: self._queue.end(number, JobState.FAILED, problem=why))
 
     def _after_its_end(self, number: int, hint: str) -> None:
         if self._stopping.is_set():

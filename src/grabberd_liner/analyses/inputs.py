@@ -1,11 +1,12 @@
 """The inputs with which a sealed capture is analysed, or tested, by itself."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 
+from grabberd.config import Config
 from grabberd.documents.document import JobProblem, JsonObject
-from grabberd.errors import GrabberdError, Problem
-from grabberd.instrument.setup import DeviceSetup
+from grabberd.errors import ConfigError, GrabberdError, Problem
+from grabberd.instrument.setup import DeviceSetup, set_up
 from grabberd_liner.chain.guided_tests.recipes import Recipe
 from grabberd_liner.profiles.profiles import FoundProfiles
 
@@ -47,9 +48,18 @@ def inputs_of_test(recipe: Recipe, found: FoundProfiles, device: DeviceSetup) ->
     return {key: value for key, value in (device.analysis_inputs or {}).items() if key not in stated}
 
 
-def problems_of_inputs(setups: Mapping[str, DeviceSetup], file: Path) -> list[Problem]:
-    """Problems of captures' analyses with their devices' inputs, as far as they are known beforehand."""
-    return [problem for setup in setups.values() for problem in _problems(setup, file)]
+def check_inputs(config: Config, file: Path) -> None:
+    """Checks captures' analyses with their devices' inputs, as far as they are known beforehand.
+
+    Raises:
+        ConfigError: They cannot be made.
+    """
+    try:
+        setups = set_up(config, file)
+    except ConfigError:  # which is said of the devices
+        return
+    if problems := [problem for setup in setups.values() for problem in _problems(setup, file)]:
+        raise ConfigError(problems)
 
 
 def _problems(setup: DeviceSetup, file: Path) -> Iterator[Problem]:

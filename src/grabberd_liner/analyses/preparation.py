@@ -5,19 +5,18 @@ from typing import TYPE_CHECKING, Any
 
 from grabberd.documents.document import JsonObject
 from grabberd.errors import InputError
-from grabberd.work.own_process import OwnProcesses, answer_with
+from grabberd.work.process import Processes
 from grabberd_liner.analyses.documents import AnalysisPreparation
 from grabberd_liner.analyses.job import AnalysisJob, with_log
 
 if TYPE_CHECKING:
     from grabberd_liner.chain.analysis.profile_inputs import ResolvedInputs
 
-PROGRAM = f"from {__name__} import main; main()"
 _TEXT_OF_LOG = "…"
 """In place of a vacuum log, which its sender has."""
 
 
-def prepare_in_process(processes: OwnProcesses, path: Path, job: AnalysisJob) -> AnalysisPreparation:
+def prepare_in_process(processes: Processes, path: Path, job: AnalysisJob) -> AnalysisPreparation:
     """Inputs that a job would analyse a capture with; a process of its own tells, since it takes the core.
 
     Args:
@@ -29,7 +28,9 @@ def prepare_in_process(processes: OwnProcesses, path: Path, job: AnalysisJob) ->
         GrabberdError: The capture cannot be read, or was not measured with an object model.
     """
     question = {"path": str(path), "job": job.model_dump(mode="json")}
-    return AnalysisPreparation.model_validate(processes.ask(PROGRAM, question, "prepares analyses"))
+    return AnalysisPreparation.model_validate(
+        processes.ask(f"{__name__}:answer", question, "prepares analyses")
+    )
 
 
 def prepared(path: Path, job: AnalysisJob) -> AnalysisPreparation:
@@ -93,11 +94,7 @@ def _without_text(inputs: JsonObject) -> JsonObject:
     return {**inputs, "vacuum": {**vacuum, "log": _TEXT_OF_LOG}}
 
 
-def main() -> None:
-    """Answers the question on standard input."""
-    answer_with(_answer)
-
-
-def _answer(question: Any) -> Any:
+def answer(question: Any) -> Any:
+    """The inputs, in the process that finds them."""
     job = AnalysisJob.model_validate(question["job"])
     return prepared(Path(question["path"]), job).model_dump(mode="json")

@@ -15,7 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 from grabberd.bounded_documents import parse_yaml
 from grabberd.documents.document import JsonObject
 from grabberd.errors import InputError
-from grabberd.work.own_process import OwnProcesses, answer_with
+from grabberd.work.process import Processes
 from grabberd_liner.profiles.documents import ProfileContent
 
 QuantityCheck = Callable[[JsonObject], list[str]]
@@ -137,12 +137,12 @@ def _shown(values: Mapping[str, object], key: str) -> str:
     return shown if len(shown) <= _LONGEST else shown[:_LONGEST] + "…"
 
 
-PROGRAM = f"from {__name__} import main; main()"
+PROBLEMS = "grabberd_liner.chain.analysis.profile_inputs:quantity_problems"
 _CHECKED = frozenset({"material", "obtained", "analysis", "pulsation", "liner"})
 """Keys under which there are such quantities."""
 
 
-def problems_in_process(processes: OwnProcesses, content: JsonObject) -> list[str]:
+def problems_in_process(processes: Processes, content: JsonObject) -> list[str]:
     """Problems of the quantities in a profile's document.
 
     Raises:
@@ -151,11 +151,4 @@ def problems_in_process(processes: OwnProcesses, content: JsonObject) -> list[st
     if not _CHECKED & content.keys():
         return []
     # Dates and the like, which YAML knows and JSON does not, are refused as texts as well.
-    return processes.ask(PROGRAM, content, "checks profiles")
-
-
-def main() -> None:
-    """Answers the document on standard input with its problems."""
-    from grabberd_liner.chain.analysis.profile_inputs import quantity_problems  # noqa: PLC0415 - heavy
-
-    answer_with(quantity_problems)
+    return processes.ask(PROBLEMS, content, "checks profiles")

@@ -7,14 +7,13 @@ from typing import Any
 from grabberd import __version__
 from grabberd.clock import SystemClock, iso_utc
 from grabberd.documents.document import JsonObject
-from grabberd.work.own_process import OwnProcesses, answer_with
+from grabberd.work.process import Processes
 
-PROGRAM = f"from {__name__} import main; main()"
 NOT_THERE = "there is no such capture"
 
 
 def study_in_process(
-    processes: OwnProcesses, directory: Path, captures: Sequence[str], by: str | None, within: str | None
+    processes: Processes, directory: Path, captures: Sequence[str], by: str | None, within: str | None
 ) -> JsonObject:
     """The document of a study.
 
@@ -30,7 +29,7 @@ def study_in_process(
         StorageError: The archive cannot be read, or the process does not answer.
     """
     question = {"directory": str(directory), "captures": list(captures), "by": by, "within": within}
-    return processes.ask(PROGRAM, question, "makes studies")
+    return processes.ask(f"{__name__}:answer", question, "makes studies")
 
 
 def study_of(directory: Path, captures: Sequence[str], by: str | None, within: str | None) -> JsonObject:
@@ -59,10 +58,6 @@ def study_of(directory: Path, captures: Sequence[str], by: str | None, within: s
     return study_document(study, tables(study), about)
 
 
-def main() -> None:
-    """Answers the question on standard input."""
-    answer_with(_answer)
-
-
-def _answer(asked: Any) -> JsonObject:
+def answer(asked: Any) -> JsonObject:
+    """The document of a study, in the process that makes it."""
     return study_of(Path(asked["directory"]), asked["captures"], asked["by"], asked["within"])

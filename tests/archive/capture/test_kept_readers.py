@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from archive.captures import meta, points, slots, write
-from grabberd.archive import content_process
+from grabberd.archive import capture_contents
 from grabberd.archive.capture import group_content
 from grabberd.archive.capture.groups import PointGroup, measured_points
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.runs import append_run
 from grabberd.archive.capture.writer import CaptureWriter
-from grabberd.archive.content_process import KEPT_S, MOST, KeptReaders
+from grabberd.archive.capture_contents import KEPT_S, MOST, KeptReaders
 from grabberd.core.reconstruction import Points
 from grabberd.errors import CaptureFileError
 
@@ -226,7 +226,7 @@ def test_it_is_closed_when_it_has_not_been_asked_for_in_a_while(
 
 
 def test_a_thread_closes_it(capture: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(content_process, "KEPT_S", 0.01)
+    monkeypatch.setattr(capture_contents, "KEPT_S", 0.01)
     reader_of(KeptReaders(), capture)
     until_s = time.monotonic() + 30
     while is_open(capture):

@@ -253,5 +253,5 @@ def test_a_file_that_is_damaged_meanwhile_is_an_error_and_no_short_file(capture,
     pytest.importorskip("pyarrow")
     stream = parquet_stream(capture)
     capture.write_bytes(b"nothing")
-    with pytest.raises(StorageError, match="Parquet"):
+    with pytest.raises(CaptureFileError, match="cannot be read as a capture"):
         list(stream)

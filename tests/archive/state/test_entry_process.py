@@ -1,6 +1,9 @@
 """Whatever a file does to its reader, it costs the file's own entry alone."""
 
 import os
+import signal  # noqa: F401 - of what the process is told to do
+import sys
+import time  # noqa: F401
 
 import pytest
 
@@ -10,6 +13,7 @@ from grabberd.archive.state.index_entries import read_entries
 from grabberd.errors import StorageError
 
 LONG_S = 60.0
+pytestmark = pytest.mark.usefixtures("importable")
 
 
 @pytest.fixture
@@ -17,16 +21,18 @@ def captures(tmp_path):
     return [write(tmp_path, slots(2), name=f"c{number}", id=f"c{number}") for number in range(4)]
 
 
+def crash(path, longest_s):
+    """Reads an entry in the process, but for the file c1, with which it does what the environment says."""
+    with pytest.MonkeyPatch.context() as patch:
+        if path.stem == "c1":
+            patch.setattr(index_entries, "sealed_entry", lambda _: eval(os.environ["ACT"]))
+        return index_entries.read_entry(path, longest_s)
+
+
 def sabotaged(monkeypatch, act):
     """Has the reading process do something else with the file c1."""
-    lines = (
-        "import os, signal, time",
-        "from grabberd.archive.state import index_entries as module",
-        "read = module.sealed_entry",
-        f"module.sealed_entry = lambda path: {act} if path.stem == 'c1' else read(path)",
-        "module.main()",
-    )
-    monkeypatch.setattr(index_entries, "PROGRAM", "\n".join(lines))
+    monkeypatch.setenv("ACT", act)
+    monkeypatch.setattr(index_entries, "READ", "archive.state.test_entry_process:crash")
 
 
 def test_entries_come_in_the_order_of_the_files(captures):
@@ -39,7 +45,7 @@ def test_entries_come_in_the_order_of_the_files(captures):
 @pytest.mark.parametrize(
     ("act", "words"),
     [
-        ("os.kill(os.getpid(), signal.SIGSEGV)", "ends the reader"),
+        ("signal.raise_signal(signal.SIGSEGV)", "ends the reader"),
         ("os._exit(0)", "ends the reader"),
         ("bytearray(4 << 30)", "MemoryError"),
         ("1 / 0", "ZeroDivisionError"),
@@ -76,11 +82,11 @@ def test_a_name_of_any_bytes_can_be_asked_for(captures, tmp_path):
 
 
 def test_a_reader_that_cannot_be_started_blames_no_file(captures, monkeypatch):
-    monkeypatch.setattr(index_entries, "PROGRAM", "raise SystemExit(1)")
+    monkeypatch.setattr(sys, "executable", "/bin/false")
     with pytest.raises(StorageError, match="does not start"):
         list(read_entries(captures))
 
 
 def test_nothing_to_read_starts_nothing(monkeypatch):
-    monkeypatch.setattr(index_entries, "PROGRAM", "raise SystemExit(1)")
+    monkeypatch.setattr(sys, "executable", "/bin/false")
     assert list(read_entries([])) == []

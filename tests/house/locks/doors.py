@@ -15,8 +15,6 @@ from grabberd.archive.state.state_database import Outbox
 from grabberd.cli import main
 from grabberd.cli.app import app
 from grabberd.cli.terminal import console
-from grabberd.client.lsl.events import DeviceEvents
-from grabberd.client.lsl.outlets import PointsLayout
 from grabberd.clock import SystemClock
 from grabberd.config import default_config_file, load_config
 from grabberd.core.ledger import Slot
@@ -28,11 +26,13 @@ from grabberd.server.api import create_app
 from grabberd.server.api.problems import STATUS
 from grabberd.server.daemon.jobs import KINDS
 from grabberd.server.daemon.service import Service
-from grabberd.server.mqtt.home_assistant import discovery
-from grabberd.server.mqtt.messages import Topics, all_topics, capture_summary, device_state
 from grabberd_liner.analyses.documents import DeviceAnalysis
 from grabberd_liner.messages import device_analysis
 from grabberd_liner.part import liner_of
+from grabberd_lsl.events import DeviceEvents
+from grabberd_lsl.outlets import PointsLayout
+from grabberd_mqtt.home_assistant import discovery
+from grabberd_mqtt.messages import Topics, all_topics, capture_summary, device_state
 
 __all__ = [
     "CAPTURE",

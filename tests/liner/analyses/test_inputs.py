@@ -6,11 +6,11 @@ import pytest
 from running import configuration
 from sealed_setups import DEVICE, setups_of
 
-from grabberd.config import default_config_file
+from grabberd.config import AnalysisConfig, default_config_file
 from grabberd.documents.document import JobProblem
 from grabberd.errors import ConfigError
 from grabberd.instrument.setup import set_up
-from grabberd_liner.analyses.inputs import inputs_of, problems_of_inputs
+from grabberd_liner.analyses.inputs import check_inputs, inputs_of
 from grabberd_liner.profiles.profiles import FoundProfiles
 
 
@@ -27,8 +27,10 @@ def test_inputs_that_are_no_document_are_a_problem_of_the_configuration(tmp_path
 
 
 def test_inputs_that_no_analysis_takes_are_found_by_a_check(tmp_path: Path) -> None:
-    assert problems_of_inputs(setups_of(tmp_path), tmp_path / "grabberd.yaml") == []
-    wrong = setups_of(tmp_path, inputs={"colour": "red", "phases": 1})
-    (found,) = problems_of_inputs(wrong, tmp_path / "grabberd.yaml")
-    assert "colour" in str(found)
-    assert "phases" in str(found)
+    file, inputs = tmp_path / "grabberd.yaml", tmp_path / "inputs.yaml"
+    check_inputs(configuration({}), file)
+    inputs.write_text("{colour: red, phases: 1}")
+    with pytest.raises(ConfigError) as found:
+        check_inputs(configuration({}, analysis=AnalysisConfig(when_sealed=True, inputs=inputs)), file)
+    assert "colour" in str(found.value)
+    assert "phases" in str(found.value)

@@ -9,7 +9,7 @@ import pytest
 
 from grabberd.archive.state.backup import back_up, restore
 from grabberd.errors import Conflict, InputError, NotFound, StorageError
-from grabberd.work.own_process import OwnProcesses
+from grabberd.work.process import Processes
 from grabberd_liner.chain.analysis.profile_inputs import quantity_problems
 from grabberd_liner.profiles.profile_text import problems_in_process, read_profile
 from grabberd_liner.profiles.profiles import Profiles, check_name
@@ -136,7 +136,7 @@ def test_a_backup_has_all_versions(tmp_path: Path) -> None:
 
 
 def test_the_process_finds_what_is_wrong_as_the_daemon_would(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, processes: OwnProcesses
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, processes: Processes
 ) -> None:
     (tmp_path / "grabberd.py").write_text("raise SystemExit('a module of the current folder')")
     monkeypatch.chdir(tmp_path)
@@ -148,9 +148,9 @@ def test_the_process_finds_what_is_wrong_as_the_daemon_would(
 
 
 def test_a_process_that_does_not_answer_is_an_error_of_the_machine(
-    monkeypatch: pytest.MonkeyPatch, processes: OwnProcesses
+    monkeypatch: pytest.MonkeyPatch, processes: Processes
 ) -> None:
-    monkeypatch.setattr("grabberd_liner.profiles.profile_text.PROGRAM", "raise SystemExit(3)")
+    monkeypatch.setattr("sys.executable", "/bin/false")
     with pytest.raises(StorageError, match="does not answer"):
         problems_in_process(processes, LINER)
     assert problems_in_process(processes, COW) == []

@@ -3,7 +3,7 @@
 import pytest
 
 from grabberd.errors import InputError
-from grabberd.work.own_process import OwnProcesses
+from grabberd.work.process import Processes
 from grabberd_liner.studies.capture_study import study_in_process, study_of
 from grabberd_liner.studies.documents import StudyDocument
 from liner.studies.test_studies import Barn, barn
@@ -16,7 +16,7 @@ def quantities(*values: float) -> list[list[dict[str, object]]]:
     return [[{**one, "value": value}] for value in values]
 
 
-def test_groups_that_differ_are_told_by_the_test_of_the_study(barn: Barn, processes: OwnProcesses) -> None:
+def test_groups_that_differ_are_told_by_the_test_of_the_study(barn: Barn, processes: Processes) -> None:
     for name, found in zip(("a1", "a2", "b1"), quantities(9.5, 9.6, 12.0), strict=True):
         barn.analyse(name, quantities=found)
     document = study_in_process(processes, barn.folder, ["a1", "a2", "b1"], "liner", None)

@@ -17,14 +17,14 @@ from grabberd.core.field import Field, NumberedField, double_lines, quantise
 from grabberd.core.ledger import Ledger, Outcome, Slot
 from grabberd.files.documents import read_documents
 from grabberd.instrument.acquisition.discovery import GRABBERS
-from grabberd.library.reprocess.reprocess_archive import (
+from grabberd_reprocess.reprocess_archive import (
     ReprocessProgress,
     ReprocessRequest,
     ReprocessSummary,
     reprocess_archive,
 )
-from grabberd.library.reprocess.reprocess_capture import CaptureTask, Recipe, reprocess_capture
-from grabberd.library.reprocess.workers import local_workers
+from grabberd_reprocess.reprocess_capture import CaptureTask, Recipe, reprocess_capture
+from grabberd_reprocess.workers import local_workers
 
 from .daemon import resident_mb
 

@@ -12,16 +12,14 @@ from running import PATIENCE_S
 from grabberd.server.api.serving import EX_TEMPFAIL, LEFT_S, ForcedEnd
 
 STUCK = """
-import multiprocessing, signal, sys, threading, time
+import signal, sys, threading, time
 from grabberd.server.api.serving import ForcedEnd
-
-def sleep():
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    time.sleep(3600)
+from grabberd.work.child import Limits
+from grabberd.work.process import Process
 
 if __name__ == "__main__":
-    child = multiprocessing.get_context("fork").Process(target=sleep)
-    child.start()
+    child = Process(Limits(), end_with_parent=True)
+    threading.Thread(target=child.call, args=("time:sleep", 3600)).start()
     threading.Thread(target=time.sleep, args=(3600,)).start()
     end = ForcedEnd(left_s=0.05)
     end.start()

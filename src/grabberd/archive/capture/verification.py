@@ -4,12 +4,12 @@ A daemon has it done in a process of its own, behind everybody else on this comp
 """
 
 import math
-import os
 import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from grabberd.archive.capture.checked_rows import END
 from grabberd.archive.capture.digests import CHANGED, Damage, changed_parts
@@ -17,9 +17,9 @@ from grabberd.archive.capture.meta import read_meta
 from grabberd.archive.capture.reader import content_of
 from grabberd.archive.capture.recorded_channels import RecordedChannels
 from grabberd.archive.capture.schema import connect, reading_errors
-from grabberd.archive.path_process import answer_paths, ask
 from grabberd.errors import CaptureFileError, GrabberdError, StorageError
 from grabberd.files.disk import is_disk_error
+from grabberd.work.process import HOSTILE, ask_each
 
 _OF_DATABASE = 20
 """Findings that SQLite lists."""
@@ -108,10 +108,11 @@ def _of_the_database(connection: sqlite3.Connection) -> list[str]:
     return [f"the database: {words}" for (words,) in rows if words != "ok"]
 
 
-PROGRAM = f"from {__name__} import main; main()"
+CHECK = f"{__name__}:check_file"
+"""The function that the process calls, which works behind everybody else."""
 _LONGEST_S, _BYTES_A_SECOND = 600.0, 1_000_000
 """Time for a file beside that for its size, at a tenth of what a slow disk reads: others go first."""
-_NICEST = 19
+_BEHIND = replace(HOSTILE, niceness=19, is_last=True)
 
 
 def verify_files(paths: Iterable[Path]) -> Iterator[tuple[Path, Verification]]:
@@ -120,7 +121,7 @@ def verify_files(paths: Iterable[Path]) -> Iterator[tuple[Path, Verification]]:
     Raises:
         StorageError: No process can be started.
     """
-    for path, answer in ask(PROGRAM, [], paths, _longest_s):
+    for path, answer in ask_each(_BEHIND, CHECK, paths, _longest_s):
         if answer is None:
             reason = f"reading it ends the reader, or takes longer than {_longest_s(path):.0f} s"
             yield path, Verification(0, 0, 0, has_digests=False, damages=[reason])
@@ -133,18 +134,11 @@ def _longest_s(path: Path) -> float:
     return _LONGEST_S + size / _BYTES_A_SECOND
 
 
-def _answer(path: Path) -> tuple[Any, ...]:
+def check_file(path: Path) -> Verification:
+    """Findings of a file, whatever becomes of reading it; called in a process of its own."""
     try:
         return verify(path)
     except GrabberdError as error:
         return Verification(0, 0, 0, has_digests=False, damages=[error.message])
     except Exception as error:
         return Verification(0, 0, 0, has_digests=False, damages=[f"{type(error).__name__}: {error}"])
-
-
-def main() -> None:
-    """Answers paths with what is found in their files."""
-    os.nice(_NICEST)
-    # It also puts reading behind everybody else's, where the disk's scheduler knows of priorities.
-    os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-    answer_paths(_answer)

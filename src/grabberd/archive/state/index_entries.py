@@ -4,7 +4,6 @@ They are read in a process of its own, which is killed where a file holds it up.
 """
 
 import json
-import sys
 from collections.abc import Iterable, Iterator
 from datetime import datetime
 from pathlib import Path
@@ -15,11 +14,11 @@ from grabberd.archive.capture.captures_folder import is_plain
 from grabberd.archive.capture.crash_recovery import numbered, reason_of
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.schema import DAMAGED, PART, SUFFIX
-from grabberd.archive.path_process import answer_paths, ask
 from grabberd.errors import CaptureFileError, LaterVersion, ReadingGivenUp, StorageError
 from grabberd.files.disk import storage_errors
 from grabberd.files.json_value import read_json
 from grabberd.files.patience import Patience, within
+from grabberd.work.process import HOSTILE, ask_each
 
 SEALED_ENTRY, DAMAGED_ENTRY = "sealed", "damaged"
 CAPTURES = (SUFFIX, SUFFIX + PART)
@@ -182,7 +181,8 @@ def distinct(entries: Iterable[IndexEntry]) -> Iterator[IndexEntry]:
 
 LONGEST_S = 30.0
 """Time for one file, of which only some rows are read; a disk that has to spin up takes ten seconds."""
-PROGRAM = f"from {__name__} import main; main()"
+READ = f"{__name__}:read_entry"
+"""The function that the process calls."""
 
 
 class Reading(NamedTuple):
@@ -209,7 +209,7 @@ def read_entries(paths: Iterable[Path], longest_s: float = LONGEST_S) -> Iterato
     Raises:
         StorageError: No process can be started.
     """
-    for path, answer in ask(PROGRAM, [str(longest_s)], paths, lambda _: longest_s):
+    for path, answer in ask_each(HOSTILE, READ, paths, lambda _: longest_s, longest_s):
         if answer is None:
             reason = f"reading it ends the reader, or takes longer than {longest_s:g} s"
             yield Reading(path, damaged_entry(path, reason))
@@ -218,7 +218,8 @@ def read_entries(paths: Iterable[Path], longest_s: float = LONGEST_S) -> Iterato
             yield Reading(path, IndexEntry(*entry), is_damage)
 
 
-def _answer(path: Path, longest_s: float) -> list[Any]:
+def read_entry(path: Path, longest_s: float) -> list[Any]:
+    """The entry of a file, after whether its content is to blame; called in a process of its own."""
     try:
         # Half the time: a statement that is too long ends by itself, with a reason.
         with within(Patience(monotonic() + longest_s / 2)):
@@ -229,9 +230,3 @@ def _answer(path: Path, longest_s: float) -> list[Any]:
         return [True, *damaged_entry(path, error.message)]
     except Exception as error:
         return [False, *damaged_entry(path, f"{type(error).__name__}: {error}")]
-
-
-def main() -> None:
-    """Answers paths with their entries."""
-    longest_s = float(sys.argv[1])
-    answer_paths(lambda path: _answer(path, longest_s))

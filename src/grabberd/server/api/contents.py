@@ -7,27 +7,27 @@ may wait holds for those in threads as well (`readings`).
 
 import asyncio
 import itertools
-import os
 import pickle
 import subprocess
-import sys
 import time
 from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from starlette.responses import Response
 from starlette.types import Receive
 
-from grabberd.archive.content_process import PROGRAM
+from grabberd.archive.capture_contents import LIMITS, read
 from grabberd.config import HttpLimits
 from grabberd.errors import ReadingGivenUp
 from grabberd.files.patience import given_up
-from grabberd.memory import kill_first
 from grabberd.server.api.problems import Refusal
 from grabberd.server.api.streams.downloads import download
 from grabberd.server.daemon.descriptors import exhaustion
-from grabberd.work.content_frames import HEAD, UNTIL, Answer, Frame, Question, unpacked_error
+from grabberd.work.child import Limits
+from grabberd.work.frames import HEAD, NUMBER, Answer, Call, Frame, Question, unpacked_error
+from grabberd.work.process import start
 
 WAITING_A_THREAD = 4
 """Reads that may wait for each thread: a page asks for several things at once."""
@@ -74,7 +74,7 @@ class ContentReader:
     """The process, and who waits for its answers; made by `start`.
 
     Args:
-        process: Answers as `grabberd.archive.content_process` does.
+        process: Answers as `grabberd.work.child` does.
     """
 
     def __init__(self, process: "subprocess.Popen[bytes]") -> None:
@@ -89,21 +89,15 @@ class ContentReader:
         self._listening: asyncio.Task[None] | None = None
 
     @classmethod
-    async def start(cls, program: str, threads: int) -> "ContentReader":
-        """Starts a process; it is ready half a second of processor time later, and may be asked at once.
+    async def start(cls, limits: Limits) -> "ContentReader":
+        """Starts a process, which may be asked at once.
 
         Raises:
             OSError: There is no room for a further process, or no file descriptor.
         """
-        # -P: the current folder may be that of the captures, and hold a module of any name.
-        command = (sys.executable, "-P", "-c", program, str(threads))
-        # Each thread of OpenBLAS reserves memory, which is limited there.
-        variables = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
         # Not by asyncio, which, before Python 3.12, starts a thread for each process and, where it cannot,
-        # leaves the process to nobody. A session of its own: Ctrl-C is meant for the daemon.
-        process = subprocess.Popen(  # noqa: S603 - it forks without copying memory; the program is ours
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=variables, start_new_session=True
-        )
+        # leaves the process to nobody.
+        process = start(limits)
         reader = cls(process)
         try:
             await reader._connect()
@@ -111,7 +105,6 @@ class ContentReader:
             process.kill()
             process.communicate()
             raise
-        kill_first(process.pid)
         return reader
 
     @property
@@ -248,6 +241,7 @@ def _ended() -> ReadingGivenUp:
     )
 
 
+READ = f"{read.__module__}:{read.__name__}"
 IDLE_S = 120.0
 """Time after the last reading until the process ends: an idle daemon does without its memory."""
 LOOK_EVERY_S = 0.5
@@ -260,7 +254,7 @@ class Content(NamedTuple):
     """A content that a route answers with.
 
     Attributes:
-        read: One of `grabberd.archive.content_process.CONTENTS`.
+        read: One of `grabberd.archive.capture_contents.CONTENTS`.
         arguments: Its arguments.
         response: Makes the response of what comes whole.
         media_type: Type of what comes in pieces.
@@ -279,13 +273,13 @@ class Contents:
 
     Args:
         limits: Number of readings at a time, and the time for each, waiting included.
-        program: Code of the process.
+        function: Called in the process, with the content's name and its arguments.
         idle_s: See `IDLE_S`.
     """
 
-    def __init__(self, limits: HttpLimits, program: str = PROGRAM, idle_s: float = IDLE_S) -> None:
+    def __init__(self, limits: HttpLimits, function: str = READ, idle_s: float = IDLE_S) -> None:
         self._limits = limits
-        self._program = program
+        self._function = function
         self._idle_s = idle_s
         self._reader: ContentReader | None = None
         self._starting = asyncio.Lock()
@@ -314,8 +308,8 @@ class Contents:
         reader = await self._ready()
         check_room(reader.count, self._limits)  # nothing else runs between this and `ask`
         until_s = self._until_s()
-        asked = pickle.dumps((content.read.__name__, content.arguments, until_s))
-        question = Frame(reader.new_number(), Question.READ, asked)
+        call = Call(self._function, (content.read.__name__, *content.arguments), until_s)
+        question = Frame(reader.new_number(), Question.CALL, pickle.dumps(call))
         answer = await _unless_left(reader, question, until_s, receive)
         self._used_s = time.monotonic()
         if answer.kind == Answer.WHOLE:
@@ -349,7 +343,7 @@ class Contents:
         if self._closed:
             raise given_up("what was asked for")
         try:
-            return await ContentReader.start(self._program, self._limits.reads)
+            return await ContentReader.start(replace(LIMITS, threads=self._limits.reads))
         except OSError as error:
             if exhaustion.explains(error):
                 raise
@@ -383,7 +377,7 @@ class Contents:
     async def _pieces(self, opened: "_Opened") -> AsyncIterator[bytes]:
         while True:
             until_s = self._until_s()
-            question = Frame(opened.number, Question.NEXT, UNTIL.pack(until_s))
+            question = Frame(opened.number, Question.NEXT, NUMBER.pack(until_s))
             answer = await opened.reader.ask(question, until_s)
             self._used_s = time.monotonic()
             if answer.kind == Answer.END:

@@ -7,7 +7,6 @@ it. So a daemon that was told to end is ended by force some seconds later, whate
 import asyncio
 import contextlib
 import logging
-import multiprocessing
 import os
 import select
 import socket
@@ -83,13 +82,11 @@ class ForcedEnd:
 
 
 def end_now() -> None:
-    """Ends the process and those that it has started, without waiting for anything."""
+    """Ends the process without waiting for anything; those that it has started notice it."""
     # A thread of its own: the log, too, may hang.
     logged = threading.Thread(target=_log, daemon=True)
     logged.start()
     logged.join(_LOGGED_S)
-    for child in multiprocessing.active_children():
-        child.kill()
     os._exit(EX_TEMPFAIL)
 
 

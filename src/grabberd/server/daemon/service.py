@@ -3,7 +3,6 @@
 import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from grabberd import __version__
 from grabberd.archive.access import Access
@@ -21,14 +20,14 @@ from grabberd.archive.state.state_backups import CAPTURES_FOLDER, STATE
 from grabberd.archive.state.state_database import AnnotationStore, IdempotencyStore, StateStore
 from grabberd.archive.state.state_keeper import StateKeeper
 from grabberd.clock import SystemClock, UtcClock, iso_utc
-from grabberd.config import Config
+from grabberd.config import Config, default_config_file
 from grabberd.config.section import without_secrets
 from grabberd.core.geometry import Calibration
 from grabberd.core.kernel import what_is_slower
 from grabberd.documents.devices import DeviceDocument
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.state import StateDocument, StorageDocument
-from grabberd.errors import StorageError
+from grabberd.errors import ConfigError, Problem, StorageError
 from grabberd.fault_board import FaultBoard
 from grabberd.instrument.active_calibrations import ActiveCalibrations
 from grabberd.instrument.capture.capture_control import CaptureControl
@@ -47,13 +46,9 @@ from grabberd.instrument.setup import DeviceSetup, configured_calibrations
 from grabberd.server.daemon.jobs import KINDS, JobContexts
 from grabberd.server.daemon.service_part import ServiceParts
 from grabberd.server.daemon.upkeep import Upkeep
-from grabberd.server.mqtt.publisher_setup import create_publisher
 from grabberd.work.job_queue import JobQueue
 from grabberd.work.job_runner import JobRunner
-from grabberd.work.own_process import OwnProcesses
-
-if TYPE_CHECKING:  # an optional extra
-    from grabberd.server.mqtt.publisher import Publisher
+from grabberd.work.process import Processes
 
 log = logging.getLogger(__name__)
 
@@ -85,11 +80,11 @@ class Service:
         job_runner: Runs them.
         processes: What takes the core to answer.
         idempotency: Requests that must take effect once only.
-        publisher: Publishes states and captures to a broker; None if none is configured.
         parts: The parts that extensions make, by the extension's name.
         directory: The state directory.
         state_store: Settings and choices in the state database.
         setups: The devices as they are configured.
+        config: The configuration and its file; None if it was made without one.
     """
 
     def __init__(
@@ -99,25 +94,24 @@ class Service:
         *,
         clock: UtcClock | None = None,
         site: dict[str, str] | None = None,
-        queue_s: float = 10.0,
         disk: DiskGuard | None = None,
-        retention: Policy | None = None,
         loggers: Mapping[str, LoggerSetup] | None = None,
+        config: tuple[Config, Path] | None = None,
     ) -> None:
         self.clock = clock = clock or SystemClock()
-        self.directory, self.setups = directory, setups
+        self.directory, self.setups, self.config = directory, setups, config
         self.parts = ServiceParts()
         self._disk = disk or DiskGuard()
         fair_lock = FairLock()
         self.faults = FaultBoard(clock)
-        self.processes = OwnProcesses()
+        self.processes = Processes()
         self.loggers = Loggers(loggers or {}, clock, self.faults)
         self.instruments = {
             name: Instrument(
                 setup,
                 clock,
                 site=site,
-                queue_s=queue_s,
+                queue_s=10.0 if config is None else config[0].storage.queue_s,
                 disk=self._disk,
                 on_sealed=self._ended,
                 fair_lock=fair_lock,
@@ -164,7 +158,7 @@ class Service:
         self.idempotency = IdempotencyStore(state, heal)
         self.retention = Retention(
             self.archive,
-            retention or Policy(),
+            Policy() if config is None else Policy.from_config(config[0].storage.retention),
             self._disk,
             clock,
             self._spared,
@@ -179,7 +173,6 @@ class Service:
         )
         looks = *(part.look for part in self.parts.values()), self.width_courses.look
         self.upkeep = Upkeep(self.archive, self.unsealed, self.state_keeper, self.loggers, looks)
-        self.publisher: Publisher | None = None
         self._started = False
 
     @classmethod
@@ -188,21 +181,25 @@ class Service:
         config: Config,
         setups: Mapping[str, DeviceSetup],
         loggers: Mapping[str, LoggerSetup] | None = None,
+        file: Path | None = None,
     ) -> "Service":
-        """Makes the service that a configuration describes."""
+        """Makes the service that a configuration describes.
+
+        Raises:
+            ConfigError: An extension cannot do its part of it.
+        """
+        file = file or default_config_file()
         service = cls(
             setups,
             config.state_directory,
             site=dict(config.site),
-            queue_s=config.storage.queue_s,
             disk=DiskGuard(round(config.storage.reserve_gb * GB)),
-            retention=Policy.from_config(config.storage.retention),
             loggers=loggers,
+            config=(config, file),
         )
+        if config.mqtt is not None and "mqtt" not in service.parts:
+            raise ConfigError([Problem(str(file), "mqtt", "the extension that publishes is not installed")])
         service.configuration = without_secrets(config.model_dump(mode="json"))
-        service.publisher = create_publisher(
-            config, service.archive, service.state, service.clock, service.state_keeper.heal
-        )
         return service
 
     def start(self) -> None:
@@ -226,8 +223,6 @@ class Service:
         self.job_runner.start()
         self.retention.start()
         self.scrub.start()
-        if self.publisher is not None:
-            self.publisher.start()
         self.loggers.start()
         for instrument in self.instruments.values():
             instrument.start()
@@ -271,8 +266,8 @@ class Service:
         for instrument in self.instruments.values():
             instrument.stop()
         self.loggers.stop()
-        if self.publisher is not None:
-            self.publisher.stop()
+        for part in self.parts.values():
+            part.stop()
         self.job_runner.stop()
         self.processes.end()
         self.upkeep.stop()
@@ -311,7 +306,7 @@ class Service:
             loggers=self.loggers.document(),
             storage=around.storage,
             faults=list(around.faults),
-            mqtt=self.publisher.document() if self.publisher else None,
+            **{"mqtt": None, **self.parts.state_fields()},
         )
 
     def storage_document(self) -> StorageDocument:
@@ -365,8 +360,6 @@ class Service:
         self.width_courses.sealed(capture_id)
         for part in self.parts.values():
             part.sealed(capture_id, device)
-        if self.publisher is not None:
-            self.publisher.capture_ended()
 
     def _job_ended(self, job: JobDocument, captures: Sequence[str]) -> None:
         self.archive.ended(job.subject, captures)

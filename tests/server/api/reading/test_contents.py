@@ -14,23 +14,19 @@ from typing import Any
 import pytest
 from starlette.types import Message
 
-from grabberd.archive.content_process import MEMORY_BYTES, NICED, NICENESS
+from grabberd.archive.capture_contents import LIMITS as OF_PROCESS
 from grabberd.config import HttpLimits
 from grabberd.errors import ReadingGivenUp
 from grabberd.files.patience import check_patience
 from grabberd.server.api.contents import WAITING_A_THREAD, Content, ContentReader, Contents
 from grabberd.server.api.problems import Refusal
 from grabberd.server.api.streams.downloads import Download
-from grabberd.work.content_frames import Frame, Question
+from grabberd.work.child import Limits
+from grabberd.work.frames import Call, Frame, Question
 
 LIMITS = HttpLimits(reads=2, read_timeout_s=60)
-PROGRAM = f"""
-{NICED}
-import sys
-sys.path.insert(0, {str(Path(__file__).parents[3])!r})
-from server.api.reading import test_contents as here
-here.serve()
-"""
+HERE = f"{__name__}:read"
+pytestmark = pytest.mark.usefixtures("importable")
 
 
 def echo(word: str) -> bytes:
@@ -80,11 +76,10 @@ def breaking() -> Iterator[bytes]:
     raise ReadingGivenUp("it broke", "try again")
 
 
-def serve() -> None:
-    from grabberd.archive.content_process import main  # noqa: PLC0415
-
+def read(name: str, *arguments: Any) -> Any:
+    """What the process answers."""
     reads = (echo, about, crash, endless, deaf, chatty, counting, breaking)
-    main({read.__name__: read for read in reads})
+    return {one.__name__: one for one in reads}[name](*arguments)
 
 
 async def staying() -> Message:
@@ -108,7 +103,7 @@ async def there(file: Path, size: int = 0) -> None:
 
 def run(work: Callable[[Contents], Awaitable[Any]], limits: HttpLimits = LIMITS, **options: Any) -> Any:
     async def all_of_it() -> Any:
-        contents = Contents(limits, PROGRAM, **options)
+        contents = Contents(limits, HERE, **options)
         try:
             return await work(contents)
         finally:
@@ -135,7 +130,7 @@ def test_what_is_read_is_answered() -> None:
 def test_it_is_behind_the_daemon_and_killed_before_it() -> None:
     number, *rest = map(int, run(lambda contents: body(contents, about)).split())
     assert number != os.getpid()
-    assert rest == [os.nice(0) + NICENESS, MEMORY_BYTES, 1000]
+    assert rest == [os.nice(0) + OF_PROCESS.niceness, OF_PROCESS.data_bytes, 1000]
 
 
 def test_what_a_library_prints_is_no_answer() -> None:
@@ -294,7 +289,7 @@ def test_signals_to_the_daemon_and_its_children_end_no_reading() -> None:
 
 def test_it_ends_when_whoever_asks_is_gone_even_if_a_reading_hangs(tmp_path: Path) -> None:
     async def work() -> None:
-        reader = await ContentReader.start(PROGRAM, 2)
+        reader = await ContentReader.start(Limits(threads=2))
         until_s = time.monotonic() + 60
         number = int((await reader.ask(read_frame(reader, "about"), until_s)).content.split()[0])
         hangs = asyncio.create_task(reader.ask(read_frame(reader, "deaf", tmp_path / "begun"), until_s))
@@ -310,15 +305,15 @@ def test_it_ends_when_whoever_asks_is_gone_even_if_a_reading_hangs(tmp_path: Pat
 
 
 def read_frame(reader: ContentReader, name: str, *arguments: Any) -> Frame:
-    content = pickle.dumps((name, arguments, time.monotonic() + 60))
-    return Frame(reader.new_number(), Question.READ, content)
+    call = Call(HERE, (name, *arguments), time.monotonic() + 60)
+    return Frame(reader.new_number(), Question.CALL, pickle.dumps(call))
 
 
 def test_without_room_for_a_process_clients_are_told_to_try_again(monkeypatch: pytest.MonkeyPatch) -> None:
     def no_room(*_: object, **__: object) -> None:
         raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
 
-    monkeypatch.setattr("grabberd.server.api.contents.subprocess.Popen", no_room)
+    monkeypatch.setattr("grabberd.work.process.subprocess.Popen", no_room)
     with pytest.raises(Refusal, match="cannot be started") as refused:
         run(lambda contents: body(contents, echo, "word"))
     assert (refused.value.status_code, refused.value.name) == (503, "too-many-processes")

@@ -19,6 +19,7 @@ from grabberd.core.ledger import LossCause, Outcome, Rebase
 from grabberd.core.reconstruction.coverage import CoverageVerdict
 from grabberd.core.reconstruction.field_order import Order
 from grabberd.documents.enums import DeviceState, Rung
+from grabberd.documents.state import MqttDocument
 from grabberd.fault_board import OWN_CAUSES
 from grabberd.instrument.acquisition import Signal
 from grabberd.instrument.channels.loggers import Loggers
@@ -282,9 +283,9 @@ def _captures(instruments: list[Instrument], service: Service) -> Iterator[Metri
 
 
 def _mqtt(service: Service) -> Iterator[Metric]:
-    if service.publisher is None:
+    now = service.parts.state_fields().get("mqtt")
+    if not isinstance(now, MqttDocument):
         return
-    now = service.publisher.document()
     yield single(gauge, "grabberd_mqtt_connected", "1 while connected to the broker.", now.connected)
     waiting, acknowledged = now.waiting_captures, now.acknowledged_captures
     yield single(gauge, "grabberd_mqtt_waiting_captures", "Summaries not yet acknowledged.", waiting)

@@ -1,0 +1,202 @@
+"""Contents of captures, as a process of its own reads them: all at once, or piece by piece.
+
+Readers of sealed captures stay open between two questions: a page asks for one field after the other, and to
+open the file, to check that it is a capture and to decode half a second of fields takes far longer than that.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from grabberd.archive.capture.meta import SEALED
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.schema import named_now, reading_errors
+from grabberd.archive.export.c3d_file import points_c3d
+from grabberd.archive.export.channels_export import channels_csv
+from grabberd.archive.export.field_pictures import field_png, thumbnail_png
+from grabberd.archive.export.page_documents import channels_json, points_json
+from grabberd.archive.export.points_export import points_csv, points_ply
+from grabberd.archive.export.replay_stretches import replay_pictures, replay_points
+from grabberd.archive.guarded_database import read_header
+from grabberd.work.child import Limits
+
+MOST = 4
+"""Captures that are kept open; each may hold a group of pictures and one of points, some ten megabytes."""
+KEPT_S = 5.0
+"""Time after its last use until a capture is closed: the room of a deleted one is free only then."""
+
+
+class _Identity(NamedTuple):
+    """Signs of a file of which one changes when it is replaced, written or given other rights."""
+
+    device: int
+    inode: int
+    size: int
+    modified_ns: int
+    changed_ns: int
+
+    @classmethod
+    def of(cls, path: Path) -> "_Identity":
+        """The identity of the file at a path, or of a link itself."""
+        found = path.lstat()
+        return cls(found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
+
+
+class _Kept(NamedTuple):
+    """A reader that nobody uses at present."""
+
+    reader: CaptureReader
+    identity: _Identity
+    until_s: float
+
+
+class KeptReaders:
+    """Gives readers of captures, one user at a time, and keeps those of sealed ones; any thread may call.
+
+    Args:
+        now_s: Source of monotonic time.
+    """
+
+    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._now_s = now_s
+        self._lock = threading.Lock()
+        self._kept: dict[Path, _Kept] = {}
+        self._timer: threading.Timer | None = None
+
+    @contextmanager
+    def opened(self, path: Path) -> Iterator[CaptureReader]:
+        """A reader for the duration of the block: the one that was kept, if the file is what it was then.
+
+        Raises:
+            CaptureFileError, StorageError, ReadingGivenUp: As `CaptureReader` does.
+        """
+        with reading_errors(path):
+            reader, identity = self._found(path)
+        try:
+            yield reader
+        except BaseException:  # it may be in the middle of a statement
+            reader.close()
+            raise
+        self._keep(reader, identity)
+
+    def close_old(self) -> None:
+        """Closes what nobody has used for `KEPT_S`; a thread calls it as long as there is anything."""
+        self._close_until(self._now_s())
+
+    def close(self) -> None:
+        """Closes all that is kept."""
+        self._close_until(float("inf"))
+
+    def _found(self, path: Path) -> tuple[CaptureReader, _Identity]:
+        """Takes a reader; of a capture that has been sealed since its path was looked up, by its name now."""
+        try:
+            return self._taken(path)
+        except FileNotFoundError:
+            sealed = named_now(path)
+            if sealed == path:
+                raise
+            return self._taken(sealed)
+
+    def _taken(self, path: Path) -> tuple[CaptureReader, _Identity]:
+        with self._lock:
+            kept = self._kept.pop(path, None)
+        try:
+            identity = _Identity.of(path)
+            if kept is not None and kept.identity == identity:
+                # What SQLite would find beside the file, it finds now and not when the file was opened.
+                read_header(path)
+                return kept.reader, identity
+        except BaseException:
+            if kept is not None:
+                kept.reader.close()
+            raise
+        if kept is not None:
+            kept.reader.close()
+        return _new(path), identity
+
+    def _keep(self, reader: CaptureReader, identity: _Identity) -> None:
+        if reader.meta.state != SEALED or not _is_still(reader.path, identity):
+            reader.close()
+            return
+        with self._lock:
+            closed = [self._kept.pop(reader.path, None)]
+            self._kept[reader.path] = _Kept(reader, identity, self._now_s() + KEPT_S)
+            if len(self._kept) > MOST:
+                closed.append(self._kept.pop(next(iter(self._kept))))
+            if not self._will_look():
+                closed += self._kept.values()
+                self._kept.clear()
+        for one in filter(None, closed):
+            one.reader.close()
+
+    def _will_look(self) -> bool:
+        """True if a thread will close what is old; False if the computer has no thread left to give."""
+        if self._timer is None:
+            oldest_s = min(kept.until_s for kept in self._kept.values())
+            timer = threading.Timer(max(0.0, oldest_s - self._now_s()), self._look)
+            timer.daemon = True
+            try:
+                timer.start()
+            except RuntimeError:
+                return False
+            self._timer = timer
+        return True
+
+    def _look(self) -> None:
+        self.close_old()
+        with self._lock:
+            self._timer = None
+            closed: list[_Kept] = []
+            if self._kept and not self._will_look():
+                closed = list(self._kept.values())
+                self._kept.clear()
+        for one in closed:
+            one.reader.close()
+
+    def _close_until(self, now_s: float) -> None:
+        with self._lock:
+            old = [path for path, kept in self._kept.items() if kept.until_s <= now_s]
+            closed = [self._kept.pop(path) for path in old]
+        for one in closed:
+            one.reader.close()
+
+
+def _new(path: Path) -> CaptureReader:
+    reader = CaptureReader(path)
+    if reader.meta.state == SEALED:
+        reader.content.keep_groups()
+    return reader
+
+
+def _is_still(path: Path, identity: _Identity) -> bool:
+    try:
+        return _Identity.of(path) == identity
+    except OSError:
+        return False
+
+
+log = logging.getLogger(__name__)
+
+LIMITS = Limits(niceness=10, data_bytes=700_000_000)
+"""Of the process: eight of the largest answers, 200 000 points as JSON of 50 MB each, and the stacks of as
+many threads."""
+_KEPT = KeptReaders()
+_LEAFED: tuple[Callable[..., Any], ...] = (
+    *(points_json, field_png, thumbnail_png, channels_json),
+    *(replay_points, replay_pictures),
+)
+CONTENTS: dict[str, Callable[..., Any]] = {
+    **{read.__name__: partial(read, opened=_KEPT.opened) for read in _LEAFED},
+    **{read.__name__: read for read in (points_csv, points_ply, points_c3d, channels_csv)},
+}
+"""What can be read, by name: as bytes, or as a generator of pieces."""
+
+
+def read(name: str, *arguments: Any) -> Any:
+    """One of `CONTENTS`; the process calls it."""
+    return CONTENTS[name](*arguments)
