@@ -181,8 +181,9 @@ def recorded_vacuum(
     }
     if wave is not None:
         sources["pulsation"] = _on_camera_clock(wave, None)
-    for name in set(CHAMBERS) - set(sources):
-        sources[name] = _source(name, document[name], None, None)
+    for name in CHAMBERS:
+        if name not in sources:
+            sources[name] = _source(name, document[name], None, None)
     sigmas_s = [curve.time_sigma_s for curve in curves.values()]
     sigmas_s += [wave.start_sigma_s] if wave else []
     log = curves["pulsation"].log() if "pulsation" in curves else None
