@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 import grabberd
+from grabberd.archive.capture.meta import CaptureMeta
+from grabberd.core.chain.accuracy import InvestigationSettings
 from grabberd.errors import CaptureFileError, InputError, NotFound, NotReady
+from grabberd.library import capture as module
 
 LINER = grabberd.example("liner.grab")
 OBJECT = grabberd.example("object.grab")
@@ -118,6 +121,14 @@ def test_points_are_judged_by_the_truth() -> None:
     found = grabberd.open(OBJECT).accuracy(grabberd.example("object-truth.csv"))
     assert found.single.accuracy.missing == found.single.accuracy.wrong == 0
     assert found.single.accuracy.rmse.xyz_mm < 0.1
+
+
+def test_whole_pictures_are_not_judged_as_fields(monkeypatch: pytest.MonkeyPatch) -> None:
+    judged: list[InvestigationSettings] = []
+    monkeypatch.setattr(CaptureMeta, "is_interlaced", False)
+    monkeypatch.setattr(module, "investigate", lambda points, truth, settings: judged.append(settings))
+    grabberd.open(OBJECT).accuracy(grabberd.example("object-truth.csv"))
+    assert [one.interlaced for one in judged] == [False]
 
 
 @pytest.mark.parametrize("file_format", ["csv", "mat", "png"])

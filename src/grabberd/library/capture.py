@@ -184,7 +184,10 @@ class Capture:
             InputError: The truth cannot be read.
             MeasurementError: No point could be matched.
         """
-        settings = InvestigationSettings(fit=fit, limit_mm=limit_mm, bits=self.meta.bits)
+        meta = self.meta
+        settings = InvestigationSettings(
+            fit=fit, limit_mm=limit_mm, bits=meta.bits, interlaced=meta.is_interlaced
+        )
         return investigate(self._reader.timed_points(run), read_truth(Path(truth)), settings)
 
     def export(self, file_format: str, folder: PathLike, *, run: int | None = None) -> Path:
