@@ -12,7 +12,8 @@ from typing import NamedTuple
 from grabberd import __version__
 from grabberd.archive.state.state_database import StateStore
 from grabberd.documents.document import JsonObject
-from grabberd_mqtt.messages import LAST_CAPTURE, ONLINE, STATE, Message, Topic, Topics
+from grabberd.documents.mqtt import Topic
+from grabberd_mqtt.messages import LAST_CAPTURE, ONLINE, STATE, Message, Topics
 
 _NO_NAME = re.compile(r"[^A-Za-z0-9-]")
 """Home Assistant's topics have letters, digits, hyphens and underscores; the latter escape the rest here."""

@@ -1,6 +1,6 @@
 """MQTT topics and the messages on them."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from typing import NamedTuple
 from urllib.parse import quote
@@ -9,20 +9,12 @@ from grabberd.core.ledger import Outcome
 from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.devices import DeviceDocument
 from grabberd.documents.document import Document, JsonObject
-from grabberd.documents.mqtt import CaptureSummary, DeviceStateMessage, LedgerSummary
+from grabberd.documents.mqtt import CaptureSummary, DeviceStateMessage, DeviceTopic, LedgerSummary, Topic
 from grabberd.documents.state import StorageDocument
 from grabberd.extension import extensions, load
 
 SCHEMA = 1
 """Schema version of all messages; a new key does not change it, a new meaning of a key does."""
-
-
-class Topic(NamedTuple):
-    """A topic below PREFIX/BARN: whether the broker retains its latest message, and what that tells."""
-
-    name: str
-    retained: bool
-    words: str
 
 
 ONLINE = Topic("online", True, "whether the daemon is connected; `false` is its last will")
@@ -33,18 +25,6 @@ LAST_CAPTURE = Topic(
     "the summary of the device's capture that ended last; only with `home_assistant`",
 )
 CAPTURE = Topic("captures", False, "the summary of a capture that has ended")
-
-
-class DeviceTopic(NamedTuple):
-    """A topic of an extension on which each device has a message.
-
-    Attributes:
-        topic: The topic, whose name has the placeholder `device`.
-        message: Its message by the device's state; None as long as there is nothing to tell.
-    """
-
-    topic: Topic
-    message: Callable[[DeviceDocument], Document | None]
 
 
 @cache

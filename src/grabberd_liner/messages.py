@@ -5,9 +5,9 @@ from typing import Protocol, cast
 
 from grabberd.documents.devices import DeviceDocument
 from grabberd.documents.document import Document
+from grabberd.documents.mqtt import DeviceTopic, Topic
 from grabberd_liner.analyses.documents import AnalysisState, DeviceAnalysis, QuantityDocument
 from grabberd_liner.guided_tests.documents import CheckVerdict, DeviceTest, LinerTestKind
-from grabberd_mqtt.messages import DeviceTopic, Topic
 
 
 class LinerFields(Protocol):

@@ -1,13 +1,37 @@
-"""Messages on the MQTT topics; each leaves with `schema` before these keys."""
+"""MQTT topics, and the messages on them; each leaves with `schema` before these keys."""
+
+from collections.abc import Callable
+from typing import NamedTuple
 
 from grabberd.core.ledger import Outcome
 from grabberd.core.reconstruction.coverage import CoverageVerdict
 from grabberd.core.reconstruction.drift_check import RigVerdict
 from grabberd.documents.channels import ChannelsVerdict
+from grabberd.documents.devices import DeviceDocument
 from grabberd.documents.document import CaptureState, Document, Verdict
 from grabberd.documents.enums import DeviceState
 from grabberd.documents.health import HealthLevel, HealthPart
 from grabberd.errors import Cause
+
+
+class Topic(NamedTuple):
+    """A topic below PREFIX/BARN: whether the broker retains its latest message, and what that tells."""
+
+    name: str
+    retained: bool
+    words: str
+
+
+class DeviceTopic(NamedTuple):
+    """A topic of an extension on which each device has a message.
+
+    Attributes:
+        topic: The topic, whose name has the placeholder `device`.
+        message: Its message by the device's state; None as long as there is nothing to tell.
+    """
+
+    topic: Topic
+    message: Callable[[DeviceDocument], Document | None]
 
 
 class OnlineMessage(Document):

@@ -8,6 +8,7 @@ from typing import Any
 
 import yaml
 from tests.proofs.faults.daemon import Daemon, running
+from tests.proofs.faults.machine import job_process
 
 from grabberd.config import shipped_configs
 
@@ -75,17 +76,8 @@ def _of_job(daemon: Daemon, fields: int) -> str:
             time.sleep(0.1)
         assert now["state"] == "done", now
     return _row(
-        f"the process of jobs, {fields} fields measured again and analysed", _jobs(daemon.process.pid)
+        f"the process of jobs, {fields} fields measured again and analysed", job_process(daemon.process.pid)
     )
-
-
-def _jobs(parent: int) -> int:
-    found = [
-        int(pid)
-        for line in Path(f"/proc/{parent}/task").glob("*/children")
-        for pid in line.read_text().split()
-    ]
-    return next(pid for pid in found if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes())
 
 
 def _row(what: str, pid: int) -> str:

@@ -229,7 +229,11 @@ def job_process(parent: int) -> int:
     children = Path(f"/proc/{parent}/task").glob("*/children")
     pids = [pid for children_of in children for pid in children_of.read_text().split()]
     commands = {int(pid): Path(f"/proc/{pid}/cmdline").read_bytes() for pid in pids}
-    return next(pid for pid, command in commands.items() if b"spawn_main" in command)
+    return next(
+        pid
+        for pid, command in commands.items()
+        if b"grabberd.work.child" in command and b"parent=0" not in command
+    )
 
 
 FAULTS: Mapping[str, Callable[[Machine], Finding]] = {
