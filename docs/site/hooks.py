@@ -29,7 +29,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for name, uri in OF_ROOT.items():
         text = LINK.sub(_seen_from_docs, (ROOT / name).read_text(encoding="utf-8"))
         files.append(File.generated(config, uri, content=text))
-    decisions = sorted((ROOT / "docs" / "decisions").glob("[0-9]*.md"))
+    decisions = sorted((ROOT / "docs" / "decisions").glob("*.md"))
     listing = "".join(f"- [{_title(path)}](decisions/{path.name})\n" for path in decisions)
     files.append(File.generated(config, "decisions.md", content=f"# Decisions\n\n{listing}"))
     return files

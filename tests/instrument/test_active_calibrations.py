@@ -23,6 +23,9 @@ from grabberd.library.jobs.calibration_jobs import CalibrationJob
 from grabberd.library.jobs.measurement import MeasurementJob
 from grabberd.server.daemon.service import Service
 
+pytestmark = pytest.mark.usefixtures("importable")
+"""By the job process, whose calibrator is one of the tests."""
+
 CONFIGURED = "fake-1-2"
 
 

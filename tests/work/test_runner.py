@@ -256,3 +256,16 @@ def test_progress_is_reported_as_finely_as_it_is_shown(count: int) -> None:
     assert len(shares) == min(count, REPORTS)
     assert shares == sorted(shares)
     assert all(0.5 <= share < 1.0 for share in shares)
+
+
+def test_a_job_that_its_process_cannot_read_fails_with_the_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("PYTHONPATH")  # by which the process knows the jobs of the tests
+    jobs = jobs_in(tmp_path)
+    jobs.runner.start()
+    failed = jobs.queue.wait(jobs.queue.submit(Simple()).id, PATIENCE_S)
+    jobs.runner.stop()
+    assert failed.problem
+    assert "No module named 'queued_jobs'" in failed.problem.message
+    assert (failed.state, failed.attempts) == (JobState.FAILED, 1)

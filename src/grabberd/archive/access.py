@@ -74,7 +74,7 @@ class Identity:
 AT_THE_MACHINE = Identity(Role.OPERATOR, "socket")
 """Identity of whoever reaches a private socket, as long as there are no tokens."""
 AS_THE_DAEMON = Identity(Role.ADMIN, "machine")
-"""Identity of whoever can read the daemon's own files (docs/decisions/0012)."""
+"""Identity of whoever can read the daemon's own files (docs/decisions/interfaces.md)."""
 
 
 def hash_of(secret: str) -> bytes:

@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 class Settings:
     """Threshold of each device: the configuration's until another one is set.
 
-    A capture keeps the one that it began with (docs/decisions/0003).
+    A capture keeps the one that it began with (docs/decisions/measurement.md).
     """
 
     def __init__(self, state: StateStore, instruments: Mapping[str, Instrument]) -> None:

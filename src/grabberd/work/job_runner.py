@@ -60,7 +60,7 @@ def run_job(spec: JobSpec, context: JobContext, folder: Path, progress: Progress
             if is_for_want_of_memory(error):
                 return {"state": "exhausted", "problem": _too_large().model_dump_json()}
             message = f"{type(error).__name__}: {error}"
-            problem = JobProblem(message=message, hint="this is a fault of the program; please report it")
+            problem = JobProblem(message=message, hint=_REPORT)
     return {"state": "failed", "problem": problem.model_dump_json()}
 
 
@@ -97,6 +97,7 @@ log = logging.getLogger(__name__)
 AGAIN_S = 5.0
 """Time until the disk is tried again, once it could not be written."""
 RUN = f"{__name__}:run_job"
+_REPORT = "this is a fault of the program; please report it"
 _ENDED = "the job's process ended before the job was done"
 
 Contexts = Callable[[str, JobSpec], JobContext]
@@ -185,13 +186,13 @@ class JobRunner:
             process = self._process_for(entry.number)
             progress = partial(self._queue.progress, entry.number)
             ended = process.call(RUN, spec, context, self._folder, progress=progress)
-        except (
-            GrabberdError,
-            RuntimeError,
-            OSError,
-        ):  # the process has ended: killed, out of memory, or crashed
+        except (NoAnswer, OSError):  # the process has ended: killed, out of memory, or crashed
             hint = hint_of(self._kill())
             self._surely(lambda: self._after_its_end(entry.number, hint))
+        except (GrabberdError, RuntimeError) as error:  # it could not even be begun there
+            hint = error.hint if isinstance(error, GrabberdError) else _REPORT
+            why = JobProblem(message=str(getattr(error, "message", error)), hint=hint)
+            self._surely(lambda: self._queue.end(entry.number, JobState.FAILED, problem=why))
         else:
             self._end(entry.number, **ended)
 

@@ -12,7 +12,7 @@ from grabberd.documents.requests import CaptureName
 from grabberd_liner.profiles.documents import ProfileUse
 
 PRESSURE_METHOD = "equilibrium"
-"""Pressure as the load of a wall in equilibrium (docs/decisions/0021). Earlier analyses name no method."""
+"""Pressure as the load of a wall in equilibrium (docs/decisions). Earlier analyses name no method."""
 
 
 def is_outdated(method: str | None, has_pressures: bool) -> bool:

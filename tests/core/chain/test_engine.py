@@ -23,7 +23,7 @@ from grabberd.core.reconstruction.correspondence.correspondence import Correspon
 
 pytestmark = pytest.mark.skipif(
     not KERNEL,
-    reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions/0014)",
+    reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions)",
 )
 
 FIELDS = 70

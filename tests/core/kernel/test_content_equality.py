@@ -16,7 +16,7 @@ from instrument.acquisition.pictures import camera, grabbed, noise, without_a_pa
 
 pytestmark = pytest.mark.skipif(
     not KERNEL,
-    reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions/0014)",
+    reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions)",
 )
 
 DOUBLED = Packing(1, doubled=True, threshold=80)

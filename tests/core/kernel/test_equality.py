@@ -15,7 +15,7 @@ from grabberd.core.measurement.location import measure_by_numpy, settings_for
 
 pytestmark = pytest.mark.skipif(
     not KERNEL,
-    reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions/0014)",
+    reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions)",
 )
 
 ROUNDED_PX = 5e-6

@@ -16,7 +16,7 @@ from grabberd.core.reconstruction.correspondence.correspondence import Correspon
 
 pytestmark = pytest.mark.skipif(
     not KERNEL,
-    reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions/0014)",
+    reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions)",
 )
 SCENES = 40
 """Random scenes of each rig, and as many sets of random hypotheses."""

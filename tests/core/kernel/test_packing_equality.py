@@ -13,7 +13,7 @@ from grabberd.core.kernel import KERNEL
 
 pytestmark = pytest.mark.skipif(
     not KERNEL,
-    reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions/0014)",
+    reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions)",
 )
 
 

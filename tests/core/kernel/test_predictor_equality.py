@@ -16,7 +16,7 @@ from grabberd.core.reconstruction.correspondence.displacement_field import Displ
 
 pytestmark = pytest.mark.skipif(
     not KERNEL,
-    reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions/0014)",
+    reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions)",
 )
 
 NOMINAL_MM = model().xyz_mm

@@ -9,7 +9,7 @@ from grabberd_liner.analysis.wall.shell import Load, Shell
 
 pytestmark = pytest.mark.skipif(
     not KERNEL,
-    reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions/0014)",
+    reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions)",
 )
 
 HALF = HalfTube(MountedTube(12.5, 0.01, 60.0, 2.5, 3.0, 60.0), arcs=6, slabs=8)

@@ -77,7 +77,7 @@ _REMARKS = """What misses its goal, and why:
   66° from the sight, so that their images are narrower, down to less than half; what that alone costs was not
   measured. Dim views cost 2 to 4 % at one bit, 11 % at 8 bits. σ holds: χ² is .86 to 1.01.
 - The mean of 32 fields behind mirrors uneven by .06 px: most of its error is the calibration's, which one
-  picture of a calibration frame certified to .01 mm leaves (decision 28). σ holds.
+  picture of a calibration frame certified to .01 mm leaves. σ holds.
 - Wall phases: two and a half cycles leave gaps of about 10 ms between their fields, and what the wall does
   in a gap is not known; more cycles leave smaller ones. σ says so, but for single phases
   off by more than 3 σ."""

@@ -1,4 +1,5 @@
 """The capture file: one SQLite database, written while it is recorded, sealed, recovered and read.
 
-Its layout is docs/reference/capture-file.md; why it is SQLite with a rollback journal is decision 1.
+Its layout is docs/reference/capture-file.md; why it is SQLite with a rollback journal,
+docs/decisions/archive.md.
 """

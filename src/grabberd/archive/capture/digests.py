@@ -1,10 +1,10 @@
 """Digests of a capture's content, by which whatever the disk has changed is found and told.
 
 Every row of the tables `fields`, `points` and `readings` has a digest of its own, so that one flipped bit
-costs one of them. They stand in the table `meta`, where earlier versions ignore what they do not know, a row
-for each commit, and are written in the same transaction as what they tell of. All else is covered by two
-kinds of digests that are written at the end: `digest.sealed` of metadata, ledger and channels, and
-`digest.run.N` of a run.
+costs one of them: a field in format 1, half a second of them in format 2. They stand in the table `meta`,
+where earlier versions ignore what they do not know, a row for each commit, and are written in the same
+transaction as what they tell of. All else is covered by two kinds of digests that are written at the end:
+`digest.sealed` of metadata, ledger and channels, and `digest.run.N` of a run.
 """
 
 import json

@@ -2,7 +2,7 @@
 
 Collocation separates them from the trend and from errors of the calibration frame; the views are then
 adjusted again to image points less the fields. They are accepted only if errors of this pattern are far more
-likely than errors without any, and held-out targets are predicted better (docs/decisions/0005).
+likely than errors without any, and held-out targets are predicted better (docs/decisions/calibration.md).
 """
 
 from dataclasses import dataclass, replace

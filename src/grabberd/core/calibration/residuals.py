@@ -2,7 +2,7 @@
 
 Blunders are found by Pope's test, one image point at a time. Means over many fields are known to some
 thousandths of a pixel, while mirrors are uneven by some hundredths: weighted by their own σ alone, the points
-that scatter least would decide everything, and all others would look like blunders (docs/decisions/0005).
+that scatter least would decide everything, and all others would look like blunders (docs/decisions).
 Residuals of neighbouring targets agree if the model is wrong there; noise does not make them do so.
 """
 

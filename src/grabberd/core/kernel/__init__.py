@@ -1,7 +1,7 @@
 """Compiled kernel: the most time-consuming steps of a field, in C, if the installation has it.
 
 It is built with the wheel if a C compiler and Python's headers are available; without it numpy does the same.
-Rooms that can use it check `KERNEL` and need to know nothing else (docs/decisions/0014).
+Rooms that can use it check `KERNEL` and need to know nothing else (docs/decisions/measurement.md).
 """
 
 from importlib import import_module

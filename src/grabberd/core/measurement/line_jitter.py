@@ -1,7 +1,7 @@
 """Line jitter: its effect on located positions, and its correction by the shifts of the lines.
 
 Runs above the threshold are cut into chords of blobs on the delivered lines, from which `line_shifts` solves
-for the shifts; if the settings forbid that, the effect to be expected is stated (docs/decisions/0006).
+for the shifts; if the settings forbid that, the effect to be expected is stated (docs/decisions).
 """
 
 from typing import NamedTuple

@@ -321,7 +321,7 @@ class _System(NamedTuple):
     def common_variance(self, jitter_px: float) -> tuple[Array, Array]:
         """(N,) variance of x from errors of the shifts; for some, its covariance with x one line down."""
         some = slice(None, None, ASKED_BESIDE)
-        # Solved for every blob; the kernel reads it from the inverse's band alone (docs/decisions/0014).
+        # Solved for every blob; the kernel reads it from the inverse's band alone (docs/decisions).
         both = np.concatenate([self.at, np.minimum(self.at[some] + 1, len(self.right) - 1)])
         share = np.concatenate([self.chords.share, self.chords.share[some]])
         flat = np.arange(len(both))[:, np.newaxis] * len(self.right) + both

@@ -32,7 +32,7 @@ ROOM_SLOTS = 8
 ENOUGH_FIELDS = 100
 """Number of fields from which on the size of the file tells that of a field."""
 COMMIT_EVERY_NS = 500_000_000
-"""Bounds what a kill costs (docs/decisions/0001); not shorter, since each commit waits for the disk."""
+"""Bounds what a kill costs (docs/decisions/archive.md); not shorter, since each commit waits for the disk."""
 LIVE_RUN = 1
 """Number of the run that is measured while the capture records."""
 WAIT_S = 0.05

@@ -1,4 +1,4 @@
-"""The threshold in force: chosen beside the capture thread, held during a capture (docs/decisions/0003).
+"""The threshold in force: chosen beside the capture thread, held during a capture (docs/decisions).
 
 It is chosen by a copy of the newest 8-bit field, which is made on request: that costs the capture thread
 nothing while nobody asks.

@@ -181,7 +181,7 @@ class Worker(threading.Thread):
     """Measures the ring's fields, missing some when it is late; during a capture all recorded ones.
 
     A capture's points begin afresh with its first field, so that measuring its file later gives the same
-    points (docs/decisions/0002). Without a setup it waits for one.
+    points (docs/decisions/reconstruction.md). Without a setup it waits for one.
 
     Attributes:
         live: The newest measured field.

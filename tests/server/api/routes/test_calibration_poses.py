@@ -12,6 +12,9 @@ from grabberd.documents.requests import CalibrationOptions
 from grabberd.library.jobs.calibration_jobs import CalibrationJob
 from server.api.routes.test_calibrations import CALIBRATIONS, captured, client_of, is_problem, service_of
 
+pytestmark = pytest.mark.usefixtures("importable")
+"""By the job process, whose calibrator is one of the tests."""
+
 
 @pytest.fixture
 def calibrating(tmp_path: Path) -> Iterator[TestClient]:

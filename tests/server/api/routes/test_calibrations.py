@@ -20,6 +20,9 @@ from grabberd.instrument.setup import set_up
 from grabberd.server.api import create_app
 from grabberd.server.daemon.service import Service
 
+pytestmark = pytest.mark.usefixtures("importable")
+"""By the job process, whose calibrator is one of the tests."""
+
 CALIBRATIONS = "/api/v1/calibrations"
 CONFIGURED = "fake-1-2"
 

@@ -161,7 +161,7 @@ def _fitted(windows: Windows, start: Single, blurring_x: float, noise: float) ->
     discs = start + step.T
     discs[HALF_WIDTH : HALF_HEIGHT + 1] = np.maximum(discs[HALF_WIDTH : HALF_HEIGHT + 1], SMALLEST_PX)
     # Against the upright disc of the start, the chords of one that leans are off alike in every field, by up
-    # to .04 px at its ends (docs/decisions/0028).
+    # to .04 px at its ends (docs/decisions/measurement.md).
     image, slopes = disc_images(discs, windows.x_px, windows.y_px, blurring_x)
     return _Fit(discs, (inverse * noise**2).astype(np.float64), windows.grey - image, slopes[:, X])
 

@@ -9,10 +9,10 @@ For objects of many targets it is computed by parts (*tiled*), at linear instead
 targets screen the influence of far ones (kriging's screening effect). So every part of the object uses only
 the targets in and around it, and a few from everywhere, in case a large area is hidden. From field to field
 only parts in which a target appears or disappears are recomputed. On a grid of 864 targets that moves
-predictions by a tenth of their σ (docs/decisions/0014).
+predictions by a tenth of their σ (docs/decisions/measurement.md).
 
 The kernel computes the same without a library of linear algebra, whose rounding depends on the number of its
-threads (docs/decisions/0046).
+threads (docs/decisions/measurement.md).
 """
 
 import math
