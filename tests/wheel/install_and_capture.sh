@@ -26,7 +26,7 @@ points=$(($(wc -l <exported/points.csv) - 1))
 test "$points" -gt 3000 || { echo "wheel: only $points points in 64 fields"; exit 1; }
 "$work/venv/bin/python" -c '
 from grabberd.server.web import Files, render
-edition = Files().edition
+edition = Files().newest()
 assert "js/main.js" in edition.files and "symbols.svg" in edition.files, "the page has been forgotten"
 assert edition.version in render(edition, "en", {})
 from grabberd_liner.reports.environment import environment
