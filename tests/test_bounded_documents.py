@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from grabberd.archive.input_files import read_identifications, read_truth
-from grabberd.bounded_documents import csv_records, csv_rows, parse_yaml, read_bounded, read_text
+from grabberd.bounded_documents import csv_records, csv_rows, parse_yaml, read_bounded, read_text, yaml_text
 from grabberd.config.reading import load_config
 from grabberd.errors import ConfigError, InputError
 from grabberd.files.documents import read_documents, read_yaml
@@ -19,19 +19,20 @@ MERGES = "a0: &a0 {x: 1, y: 2}\n" + "".join(
     f"a{n}: &a{n} {{<<: [{', '.join([f'*a{n - 1}'] * 9)}]}}\n" for n in range(1, 12)
 )
 DEEP = "[" * 100_000
-LOADERS = [yaml.SafeLoader, getattr(yaml, "CSafeLoader", yaml.SafeLoader)]
+TEXTS = ["4:00", "1:30.5", "NO", "yes", "on", "off", "y", "1_000", "0b11", "2026-11-28", "0o8", "1e", "~x"]
+"""Numbers, truth values and dates to YAML 1.1 or to nobody."""
 
 
-@pytest.mark.parametrize("loader", LOADERS)
-def test_a_document_that_repeats_parts_of_itself_is_read_as_it_says(loader):
+@pytest.mark.parametrize("fast", [False, True])
+def test_a_document_that_repeats_parts_of_itself_is_read_as_it_says(fast):
     text = "targets: [&t {x: 1}, *t]\nother: {<<: *t, y: [2.5, null, ha]}"
-    assert parse_yaml(text, loader) == {
+    assert parse_yaml(text, fast=fast) == {
         "targets": [{"x": 1}, {"x": 1}],
         "other": {"x": 1, "y": [2.5, None, "ha"]},
     }
 
 
-@pytest.mark.parametrize("loader", LOADERS)
+@pytest.mark.parametrize("fast", [False, True])
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -42,7 +43,8 @@ def test_a_document_that_repeats_parts_of_itself_is_read_as_it_says(loader):
         ("&a [*a]", "'a' contains itself"),
         ("[*a]", "'a' contains itself, or is not there|undefined alias"),
         ("1" * 5000, "4300 digits"),
-        ("2026-99-99", "month"),
+        ("!!timestamp 2026-99-99", "month"),
+        ("{a: 1, b: {c: 1, d: 2, c: 3}}", "the key 'c' is given twice"),
         ("!!int x", "invalid literal"),
         ("!!timestamp x", "not valid YAML"),
         ("!!python/object/apply:os.system [ls]", "not valid YAML"),
@@ -51,14 +53,62 @@ def test_a_document_that_repeats_parts_of_itself_is_read_as_it_says(loader):
         ("a" * ((16 << 20) + 1), "more than 16777216 characters"),
     ],
 )
-def test_what_would_take_memory_or_end_the_program_is_an_error_of_the_document(text, message, loader):
+def test_what_would_take_memory_or_end_the_program_is_an_error_of_the_document(text, message, fast):
     tracemalloc.start()
     try:
         with pytest.raises(ValueError, match=message):
-            parse_yaml(text, loader)
+            parse_yaml(text, fast=fast)
         assert tracemalloc.get_traced_memory()[1] < 150 << 20
     finally:
         tracemalloc.stop()
+
+
+@pytest.mark.parametrize("fast", [False, True])
+@pytest.mark.parametrize(
+    ("words", "value"),
+    [
+        *(("011", 11), ("018", 18), ("-07", -7), ("+7", 7), ("0o17", 15), ("0x1F", 31), ("0240", 240)),
+        *(
+            (".5", 0.5),
+            ("1e5", 1e5),
+            ("-1.5e-3", -1.5e-3),
+            ("1.", 1.0),
+            (".inf", float("inf")),
+            ("-.INF", -float("inf")),
+        ),
+        *(("true", True), ("False", False), ("~", None), ("null", None), ("", None)),
+        *(
+            (one, one)
+            for one in (
+                "4:00",
+                "1:30.5",
+                "NO",
+                "yes",
+                "on",
+                "off",
+                "y",
+                "1_000",
+                "0b11",
+                "2026-11-28",
+                "0o8",
+                "1e",
+                "~x",
+            )
+        ),
+        ("'011'", "011"),
+        ("!!int '011'", 11),
+    ],
+)
+def test_words_mean_what_the_core_schema_of_yaml_1_2_says(words, value, fast):
+    assert parse_yaml(f"key: {words}", fast=fast) == {"key": value}
+
+
+@pytest.mark.parametrize(
+    "text", ["011", "0o17", "1e5", "yes", "4:00", "2026-11-28", ".5", "~", "", "1_0", "Ø", "a: b"]
+)
+def test_a_text_stays_one_for_every_reader(text):
+    written = yaml_text({"key": text})
+    assert parse_yaml(written) == yaml.safe_load(written) == {"key": text}
 
 
 def test_a_file_that_goes_on_for_ever_is_read_up_to_the_limit():
@@ -88,7 +138,7 @@ def test_records_have_the_named_columns_however_long_a_row_is():
         csv_records("a, b\n", ("c", "b", "d"))
 
 
-@pytest.mark.parametrize("text", [LAUGHS, MERGES, DEEP, "1" * 5000, "a: 2026-99-99", "\udcff"])
+@pytest.mark.parametrize("text", [LAUGHS, MERGES, DEEP, "1" * 5000, "a: !!timestamp 2026-99-99", "\udcff"])
 def test_every_reader_of_a_document_tells_it_as_a_fault_of_the_file(tmp_path, text):
     file = tmp_path / "hostile"
     file.write_text(text, errors="surrogateescape")

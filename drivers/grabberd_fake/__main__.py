@@ -8,8 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from grabberd.bounded_documents import yaml_text
 from grabberd.errors import GrabberdError
 from grabberd_fake.audit import audit
 from grabberd_fake.documents import calibration_document, object_document
@@ -52,7 +51,7 @@ def _lines(given: argparse.Namespace) -> Iterable[str]:
     if given.command == "truth":
         return _truth_lines(given)
     if given.command == "stage":
-        return [yaml.safe_dump(_stage(given), sort_keys=False).rstrip("\n")]
+        return [yaml_text(_stage(given)).rstrip("\n")]
     if given.command == "calibration":
         return [json.dumps(calibration_document(FakeOptions.read(given.options)), indent=2)]
     return [object_document(FakeOptions.read({**given.options, "scene": given.scene})).rstrip("\n")]

@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from grabberd.bounded_documents import parse_yaml, read_text
+from grabberd.bounded_documents import parse_yaml, read_text, yaml_text
 from grabberd.errors import DeviceRefused, GrabberdError
 from grabberd_fake.liner_options import LinerOptions
 from grabberd_fake.reading import read
@@ -133,7 +133,7 @@ def write_stage(path: Path, changes: Mapping[str, Any]) -> dict[str, Any]:
     new = path.with_name(f".{path.name}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        new.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+        new.write_text(yaml_text(content), encoding="utf-8")
         new.replace(path)
     except OSError as error:
         raise ValueError(f"{path}: cannot be written: {error}") from error

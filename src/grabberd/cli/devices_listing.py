@@ -9,11 +9,11 @@ from itertools import count
 from typing import Any
 
 import typer
-import yaml
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from grabberd.bounded_documents import yaml_text
 from grabberd.cli.options import print_json
 from grabberd.cli.terminal import console
 from grabberd.config import Config, DeviceConfig, LoggerConfig
@@ -146,7 +146,7 @@ def yaml_of(found: Sequence[FoundDevice], taken: Container[str] = ()) -> str:
     for name, device in zip(_free_names(taken), found, strict=False):
         # width: yaml would fold a long value, and a folded one is easily spoilt when it is pasted.
         document = {name: {"driver": device.driver, "options": dict(device.options)}}
-        text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=1000)
+        text = yaml_text(document, width=1000)
         lines += [f"  # {one_line(device.card)}", *(f"  {line}" for line in text.splitlines())]
     return "\n".join(lines) + "\n"
 

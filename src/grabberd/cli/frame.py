@@ -122,13 +122,13 @@ def _document(out: Path, model: "ObjectModel", remarks: Sequence[str]) -> dict[s
 
 def _lines(model: "ObjectModel", remarks: Sequence[str], *, is_object: bool) -> Iterator[str]:
     """Lines of the file, with comments on what to complete."""
-    import yaml  # noqa: PLC0415
+    from grabberd.bounded_documents import yaml_text  # noqa: PLC0415
 
     words = _in_words(model, is_object)
     yield f"# {words[0].upper()}{words[1:]}."
     yield "# Places as designed; every key is explained in docs/reference/object-files.md."
     yield from (f"# Note: {one}." for one in remarks)
-    yield yaml.safe_dump({"name": model.name}, allow_unicode=True).rstrip("\n")
+    yield yaml_text({"name": model.name}).rstrip("\n")
     yield f"target_diameter_mm: {model.target_diameter_mm:g}   # gives their size in the picture"
     yield f"sigma_mm: {model.sigma_mm:g}   # standard deviation of each x_mm, y_mm and z_mm below"
     yield from (OBJECT_KEYS if is_object else _certified_keys(model))

@@ -152,13 +152,13 @@ def labels_of(words: list[str]) -> dict[str, str]:
 
 def driver_options(words: list[str] | None) -> dict[str, Any]:
     """Options of a driver from words such as rate_hz=60; values are of the types that YAML gives them."""
-    import yaml  # noqa: PLC0415 - takes longer to import than the help does to show
+    from grabberd.bounded_documents import parse_yaml  # noqa: PLC0415 - takes longer to import than the help
 
     options: dict[str, Any] = {}
     for key, value in _pairs(words or [], "--option").items():
         try:
-            options[key] = yaml.safe_load(value)
-        except yaml.YAMLError:
+            options[key] = parse_yaml(value)
+        except ValueError:
             raise typer.BadParameter(f"{value!r} is no value", param_hint="--option") from None
     return options
 

@@ -4,13 +4,11 @@ Where a configuration has problems, drivers and files of its sound part are chec
 """
 
 import difflib
-from collections import Counter
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType, NoneType
 from typing import Any, NamedTuple, get_args
 
-import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
@@ -70,7 +68,7 @@ def read_document(path: Path) -> dict[str, Any]:
         ConfigError: It cannot be read, is not valid YAML, or has no keys.
     """
     try:
-        document = parse_yaml(read_text(path), _StrictLoader)
+        document = parse_yaml(read_text(path))
     except IsADirectoryError:
         raise ConfigError([Problem(str(path), WHOLE_FILE, "a folder, not a file")]) from None
     except OSError as error:
@@ -84,20 +82,6 @@ def read_document(path: Path) -> dict[str, Any]:
         words = f"{path.name} has no keys: a configuration is keys and values, {_LEAST}"
         raise ConfigError([Problem(str(path), WHOLE_FILE, words)])
     return document
-
-
-class _StrictLoader(yaml.SafeLoader):
-    """YAML loader that refuses duplicate keys, of which plain YAML silently keeps the last."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        mapping = super().construct_mapping(node, deep)  # refuses keys that cannot be counted
-        for key, times in Counter(keys).items():
-            if times > 1:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"the key {key!r} is given twice", node.start_mark
-                )
-        return mapping
 
 
 def _problem(path: Path, details: ErrorDetails) -> Problem:

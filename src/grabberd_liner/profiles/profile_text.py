@@ -9,10 +9,9 @@ from textwrap import shorten
 from typing import Any
 from unicodedata import normalize
 
-import yaml
 from pydantic import TypeAdapter, ValidationError
 
-from grabberd.bounded_documents import parse_yaml
+from grabberd.bounded_documents import parse_yaml, yaml_text
 from grabberd.documents.document import JsonObject
 from grabberd.errors import InputError
 from grabberd.work.process import Processes
@@ -42,7 +41,7 @@ def read_profile(text: str) -> JsonObject:
 
 def write_profile(content: Mapping[str, Any]) -> str:
     """A profile's content as YAML text, which `read_profile` reads back."""
-    return yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True, width=100)
+    return yaml_text(dict(content), width=100)
 
 
 def checked_profile(document: Mapping[str, Any], check: QuantityCheck) -> JsonObject:

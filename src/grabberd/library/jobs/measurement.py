@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import yaml
 
 from grabberd import __version__
 from grabberd.archive.capture.digests import Damage, left_out_in_words
@@ -17,6 +16,7 @@ from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.runs import append_run
 from grabberd.archive.catalogue.capture_documents import whole_coverage
 from grabberd.archive.measure_setups import INCLUDE_DAMAGED, measure_setup
+from grabberd.bounded_documents import parse_yaml, yaml_text
 from grabberd.clock import SystemClock, iso_utc
 from grabberd.core.chain.measure import FIELDS_AT_ONCE, MeasuredField, measure_fields
 from grabberd.core.chain.nominal_places import NominalPlaces, nominal_places
@@ -223,7 +223,7 @@ def _write(
     out: Path, document: JsonObject, model: ObjectModel, provenance: list[str], moved: list[MovedTarget]
 ) -> None:
     text = "".join(f"{line}\n" for line in _lines(document, model, provenance, moved))
-    again = ObjectModel.from_document(yaml.safe_load(text))
+    again = ObjectModel.from_document(parse_yaml(text))
     if not np.allclose(again.xyz_mm, model.xyz_mm, atol=1e-4):
         raise StorageError(f"{out.name} would not hold the places proposed", "please report this")
     with storage_errors(out):
@@ -235,7 +235,7 @@ def _lines(
 ) -> Iterator[str]:
     yield from (f"# {line}" for line in provenance)
     head = {key: value for key, value in document.items() if key != "targets"}
-    yield yaml.safe_dump(head, sort_keys=False, allow_unicode=True).rstrip("\n")
+    yield yaml_text(head).rstrip("\n")
     yield "targets:"
     notes = {one.id: one for one in moved}
     places = dict(zip(model.target.tolist(), model.xyz_mm.tolist(), strict=True))
@@ -245,7 +245,7 @@ def _lines(
             xyz_mm = (round(one, 4) for one in places[note.id])
             entry |= dict(zip(("x_mm", "y_mm", "z_mm"), xyz_mm, strict=True))
             entry["sigma_mm"] = note.sigma_mm
-        text = yaml.safe_dump(entry, default_flow_style=True, sort_keys=False, width=1000).strip()
+        text = yaml_text(entry, default_flow_style=True, width=1000).strip()
         yield f"  - {text}{_comment(note)}"
 
 
