@@ -279,3 +279,12 @@ def test_another_library_reads_the_same_channels_and_points(with_channels, tmp_p
 
 def test_a_file_with_channels_is_read_back_with_them(with_channels, tmp_path):
     assert export_c3d(with_channels, tmp_path / "out") == sum(len(points(n)) for n in (0, 1, 2, 5, 6))
+
+
+@pytest.mark.parametrize("frames", [65_534, 65_535, 65_536, 70_000])
+def test_of_many_frames_ezc3d_finds_no_point_beyond_the_last(frames, tmp_path):
+    markers = Markers(["a", "b", "c", "d", "e"], [""] * 5, frames, 50.0, 0.01, {"x": "y"})
+    words = c3d_frames(np.ones((frames, 5, 3)), np.full((frames, 5), 0.02), 0.01)
+    found, _ = by_ezc3d(c3d_head(markers) + words.tobytes() + c3d_padding(markers), tmp_path)
+    assert np.isfinite(found[:frames]).all()
+    assert np.isnan(found[frames:]).all()

@@ -138,8 +138,16 @@ def c3d_frames(
 
 
 def c3d_padding(markers: Markers) -> bytes:
-    """Zeros after the last frame, up to the end of its block."""
-    return bytes(-markers.frames * markers.words * 4 % BLOCK)
+    """The words after the last frame, up to the end of its block: zeros.
+
+    Where the count in the head has reached its limit, some programs read frames up to the end of the file:
+    the words are those of missing markers then.
+    """
+    count = -markers.frames * markers.words * 4 % BLOCK
+    if markers.frames < LONGEST_COUNT:
+        return bytes(count)
+    frame = struct.pack("<4f", 0.0, 0.0, 0.0, -1.0) * len(markers.labels) + bytes(4 * markers.analog.words)
+    return (frame * (count // len(frame) + 1))[:count]
 
 
 def _check_room(what: str, count: int, most: int) -> None:
