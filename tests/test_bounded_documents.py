@@ -131,9 +131,13 @@ def test_rows_and_columns_of_a_table_are_limited():
         list(csv_rows('"' + "a" * 200_000))
 
 
-def test_records_have_the_named_columns_however_long_a_row_is():
-    records = list(csv_records("a, b\n1\n\n1,2,3\n", ("b",)))
-    assert records == [(2, {"a": "1", "b": ""}), (4, {"a": "1", "b": "2"})]
+def test_records_have_as_many_cells_as_the_first_line_has_names():
+    records = csv_records("a, b\n1,\n\n1,2, ,\n1,2,3\n", ("b",))
+    assert [next(records), next(records)] == [(2, {"a": "1", "b": ""}), (4, {"a": "1", "b": "2"})]
+    with pytest.raises(ValueError, match="line 5 has 3 cells, the first line 2: are there decimal commas"):
+        next(records)
+    with pytest.raises(ValueError, match=r"line 2 has 1 cell, the first line 2$"):
+        list(csv_records("a, b\n1\n", ("b",)))
     with pytest.raises(KeyError, match="c, d"):
         csv_records("a, b\n", ("c", "b", "d"))
 

@@ -221,19 +221,31 @@ def csv_rows(text: str, delimiter: str = ",") -> Iterator[tuple[int, list[str]]]
 def csv_records(text: str, columns: Sequence[str]) -> Iterator[tuple[int, dict[str, str]]]:
     """The rows of a CSV text by the columns that its first line names, with the numbers of their lines.
 
-    Cells that a row lacks are empty, cells beyond the named columns are ignored.
-
     Args:
         text: The text.
         columns: Columns that have to be there.
 
     Raises:
         KeyError: At once: a column is missing; the message lists all that are.
-        ValueError: While they are read: see `csv_rows`.
+        ValueError: While they are read: see `csv_rows` and `check_cells`.
     """
     rows = csv_rows(text)
     names = next(rows, (0, []))[1]
     if missing := [name for name in columns if name not in names]:
         raise KeyError(", ".join(missing))
-    nothing = [""] * len(names)
-    return ((line, dict(zip(names, row + nothing[len(row) :], strict=False))) for line, row in rows)
+    return ((line, dict(zip(names, check_cells(line, row, len(names)), strict=True))) for line, row in rows)
+
+
+def check_cells(line: int, row: Sequence[str], count: int) -> Sequence[str]:
+    """The cells of a row, of which there are as many as in the first; empty ones at its end do not count.
+
+    Raises:
+        ValueError: There are more or fewer, as where numbers with decimal commas stand between commas.
+    """
+    if len(row) == count:
+        return row
+    if len(row) > count and not any(cell.strip() for cell in row[count:]):
+        return row[:count]
+    advice = ": are there decimal commas between commas?" if len(row) > count else ""
+    cells = "1 cell" if len(row) == 1 else f"{len(row)} cells"
+    raise ValueError(f"line {line} has {cells}, the first line {count}{advice}")

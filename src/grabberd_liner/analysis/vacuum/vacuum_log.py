@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from grabberd.bounded_documents import check_cells
 from grabberd.core.channels.vacuum import LEAST_KPA, MOST_KPA, likely_unit
 from grabberd.errors import InputError
 from grabberd_liner.arrays import Array
@@ -105,25 +106,43 @@ def read_vacuum_log(text: str) -> VacuumLog:
     if time is None or PULSATION not in names:
         raise InputError(f"the vacuum log has the columns {', '.join(names) or 'none'}", _COLUMNS)
     wanted = {name: names.index(name) for name in (time, PULSATION, LINER, LIGHT) if name in names}
-    rows = _rows(lines, separator, tuple(wanted.values()))
+    rows = _rows(lines, separator, len(names), tuple(wanted.values()))
+    if separator == ";":
+        _check_decimal_mark(rows)
     columns = {name: _numbers(rows, place, name, separator) for place, name in enumerate(wanted)}
     return VacuumLog(columns[time] * TIMES[time], columns[PULSATION], columns.get(LINER), columns.get(LIGHT))
 
 
-def _rows(lines: list[str], separator: str, places: tuple[int, ...]) -> list[tuple[str, ...]]:
-    """The wanted cells of each line; cells that a line lacks are empty, all others are dropped at once."""
+def _rows(lines: list[str], separator: str, count: int, places: tuple[int, ...]) -> list[tuple[str, ...]]:
+    """The wanted cells of each line; all others are dropped at once."""
     reader = csv.reader(lines, delimiter=separator)
     rows: list[tuple[str, ...]] = []
     try:
         for row in reader:
-            rows.append(tuple(row[place] if place < len(row) else "" for place in places))
+            whole = check_cells(reader.line_num + 1, row, count)
+            rows.append(tuple(whole[place] for place in places))
             if len(rows) > MOST_READINGS:
                 hint = "cut it to the time of the capture"
                 raise InputError(f"the vacuum log has more than {MOST_READINGS} readings", hint)
     except csv.Error as error:
         what = f"line {reader.line_num + 1} of the vacuum log is not CSV: {error}"
         raise InputError(what, "correct or remove the line") from error
+    except ValueError as error:
+        hint = "correct or remove the line; numbers with decimal commas need semicolons between them"
+        raise InputError(f"the vacuum log cannot be read: {error}", hint) from error
     return rows
+
+
+def _check_decimal_mark(rows: list[tuple[str, ...]]) -> None:
+    """Refuses commas beside points: a comma may be a decimal mark, or 1,000 a thousand."""
+    with_comma, with_point = (
+        next((cell for row in rows for cell in row if mark in cell), None) for mark in (",", ".")
+    )
+    if with_comma and with_point:
+        raise InputError(
+            f"the vacuum log has both {with_comma.strip()!r} and {with_point.strip()!r}",
+            "write all numbers with the same decimal mark, and none for thousands",
+        )
 
 
 def _numbers(rows: list[tuple[str, ...]], place: int, name: str, separator: str) -> Array:
