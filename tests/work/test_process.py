@@ -99,6 +99,11 @@ def test_a_fault_of_the_function_is_one_here(process: Process) -> None:
     assert process.call(f"{HERE}:echo", 1)[0] == 1
 
 
+def test_a_process_that_cannot_send_its_answer_ends(process: Process) -> None:
+    with pytest.raises(NoAnswer):
+        process.call("os:closerange", 3, 256)
+
+
 def test_whoever_waits_gives_up_in_time(process: Process, tmp_path: Path) -> None:
     with pytest.raises(NoAnswer):
         process.call(f"{HERE}:ponder", str(tmp_path / "asked"), longest_s=0.1)

@@ -241,7 +241,11 @@ class Child:
                 kind, content = _failed(error)
         if kind not in (Answer.BEGUN, Answer.PIECE):
             self._calls.pop(number, None)
-        self._tell(number, kind, content)
+        try:
+            self._tell(number, kind, content)
+        except Exception:  # whoever asks would wait for ever, but for the end of the process
+            log.exception("an answer could not be sent")
+            os._exit(1)
 
     def _tell(self, number: int, kind: Answer, content: bytes | bytearray) -> None:
         with self._writing:
@@ -276,7 +280,11 @@ def main(limits: Limits) -> None:
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever a library prints is no answer
     child = Child(limits.threads, output)
-    child.serve(os.fdopen(0, "rb", buffering=0), limits.idle_s)
+    try:
+        child.serve(os.fdopen(0, "rb", buffering=0), limits.idle_s)
+    except Exception:  # calls that go on would keep this process
+        log.exception("questions cannot be answered any more")
+        os._exit(1)
     # Whoever asked may be gone: a thread that hangs on a disk must not keep this process.
     end = threading.Timer(LEFT_S, os._exit, (1,))
     end.daemon = True

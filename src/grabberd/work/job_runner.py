@@ -189,7 +189,8 @@ class JobRunner:
         except (NoAnswer, OSError):  # the process has ended: killed, out of memory, or crashed
             hint = hint_of(self._kill())
             self._surely(lambda: self._after_its_end(entry.number, hint))
-        except (GrabberdError, RuntimeError) as error:  # it could not even be begun there
+        except (GrabberdError, RuntimeError) as error:  # it could not be begun, or its end not reported
+            self._kill()
             hint = error.hint if isinstance(error, GrabberdError) else _REPORT
             why = JobProblem(message=str(getattr(error, "message", error)), hint=hint)
             self._surely(lambda: self._queue.end(entry.number, JobState.FAILED, problem=why))

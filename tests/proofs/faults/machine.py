@@ -5,7 +5,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -226,14 +226,16 @@ def measured_again(daemon: Daemon, capture_id: str) -> str:
 
 def job_process(parent: int) -> int:
     """The daemon's child that does jobs."""
-    children = Path(f"/proc/{parent}/task").glob("*/children")
-    pids = [pid for children_of in children for pid in children_of.read_text().split()]
-    commands = {int(pid): Path(f"/proc/{pid}/cmdline").read_bytes() for pid in pids}
-    return next(
-        pid
-        for pid, command in commands.items()
-        if b"grabberd.work.child" in command and b"parent=0" not in command
-    )
+    until_s = time.monotonic() + 5.0
+    while time.monotonic() < until_s:  # the kernel may leave one out while another ends
+        children = Path(f"/proc/{parent}/task").glob("*/children")
+        for pid in (pid for children_of in children for pid in children_of.read_text().split()):
+            with suppress(OSError):
+                command = Path(f"/proc/{pid}/cmdline").read_bytes()
+                if b"grabberd.work.child" in command and b"parent=0" not in command:
+                    return int(pid)
+        time.sleep(0.05)
+    raise AssertionError("the daemon has no process for jobs")
 
 
 FAULTS: Mapping[str, Callable[[Machine], Finding]] = {
