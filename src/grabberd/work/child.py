@@ -20,7 +20,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import IO, Any
+from typing import IO, Any, NoReturn
 
 from grabberd.files.patience import Patience, check_patience, given_up, within
 from grabberd.work.frames import HEAD, NUMBER, Answer, Call, Frame, Question, is_fault, packed_error
@@ -243,9 +243,8 @@ class Child:
             self._calls.pop(number, None)
         try:
             self._tell(number, kind, content)
-        except Exception:  # whoever asks would wait for ever, but for the end of the process
-            log.exception("an answer could not be sent")
-            os._exit(1)
+        except Exception as error:  # whoever asks would wait for ever, but for the end of the process
+            _end_now(error)
 
     def _tell(self, number: int, kind: Answer, content: bytes | bytearray) -> None:
         with self._writing:
@@ -271,6 +270,14 @@ def _failed(error: Exception) -> tuple[Answer, bytes]:
     return Answer.ERROR, content
 
 
+def _end_now(error: Exception) -> NoReturn:
+    try:
+        if not isinstance(error, BrokenPipeError):  # whoever asked is gone
+            log.error("no answer can be sent any more", exc_info=error)
+    finally:  # there may be no memory for the log
+        os._exit(1)
+
+
 def main(limits: Limits) -> None:
     """Answers on standard input and output, and ends with whoever asks."""
     # They are meant for the daemon, which closes standard input when it has answered its last request.
@@ -282,9 +289,8 @@ def main(limits: Limits) -> None:
     child = Child(limits.threads, output)
     try:
         child.serve(os.fdopen(0, "rb", buffering=0), limits.idle_s)
-    except Exception:  # calls that go on would keep this process
-        log.exception("questions cannot be answered any more")
-        os._exit(1)
+    except Exception as error:  # calls that go on would keep this process
+        _end_now(error)
     # Whoever asked may be gone: a thread that hangs on a disk must not keep this process.
     end = threading.Timer(LEFT_S, os._exit, (1,))
     end.daemon = True
