@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from capturing import capture
-from running import PATIENCE_S, live, running, sealed, until
+from running import PATIENCE_S, PatientClock, live, running, sealed, until
 
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.config import CaptureConfig, RingConfig
@@ -13,7 +13,10 @@ from grabberd.documents.enums import DeviceState
 from grabberd.errors import Cause
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.instrument.live.health import device_health, lacks_of
+from grabberd_fake import grabber
+from grabberd_fake.options import FakeOptions
 from grabberd_fake.stage import REARRANGED
+from grabberd_fake.world import World
 
 FROM_THE_FIRST = 200
 """So many fields before the trigger are all that ever came: the script's fields are the capture's."""
@@ -75,9 +78,22 @@ def test_an_unplugged_device_comes_back_and_the_capture_says_what_is_missing(tmp
         assert service.instrument(None).board.now.openings == 2
 
 
-def test_a_rearranged_stage_leaves_a_gap_and_later_captures_show_what_is_there(tmp_path: Path) -> None:
+def test_a_rearranged_stage_leaves_a_gap_and_later_captures_show_what_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     stage = tmp_path / "stage.yaml"
     with live(tmp_path / "state", {"stage": str(stage)}) as service:
+        drawn = grabber.World
+
+        def arranged(options: FakeOptions) -> World:
+            """On a clock that stands meanwhile, a new stage would be there in no time, and half of the time
+            without a gap: the stream begins again with a top field.
+            """
+            assert isinstance(service.clock, PatientClock)
+            service.clock.pass_by(0.1)
+            return drawn(options)
+
+        monkeypatch.setattr(grabber, "World", arranged)
         before = service.capture_control.start(None, CaptureRequest(fields=200)).id
         # A change before the first field would leave no gap.
         until(lambda: service.instrument(None).captures.recording.recorder.fields)
