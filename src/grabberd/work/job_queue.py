@@ -35,7 +35,7 @@ class JobQueue:
         clock: Source of time.
         store: The jobs on disk.
         kinds: Classes of jobs by their kinds.
-        faults: Where it is told that a queue was lost.
+        faults: Where a lost queue is reported.
         ended: Called with every job that has ended, and the captures that it should have analysed.
 
     Attributes:

@@ -25,7 +25,8 @@ NICENESS = 10
 """Linux weighs it 110 against the daemon's 1024: a capture keeps nine tenths of a processor they share."""
 MEMORY_BYTES = 2_000_000_000
 """Of private data, for the process: less than `MemoryMax` of the unit leaves beside the daemon, so that a job
-that wants more is told so, and not killed. Addresses that libraries and threads only reserve do not count."""
+that wants more fails with the reason, and is not killed. Addresses that libraries and threads only reserve do
+not count."""
 ALONE_S = 60.0
 """Time that a process waits for an earlier one to end, such as that of a daemon that was killed."""
 _POLL_S = 0.05
@@ -110,7 +111,7 @@ class JobRunner:
         queue: The jobs.
         store: Their place on the disk, whose folder the process locks.
         context: Surroundings of a job that begins, by its id and declaration.
-        faults: Where a disk that cannot be written is told.
+        faults: Where a disk that cannot be written is reported.
         memory_bytes: Most private data of the process.
 
     Attributes:

@@ -41,6 +41,7 @@ _ATTEMPTS = 2
 HOSTILE = Limits(address_bytes=2 << 30)
 """For who reads files of unknown content; it uses a tenth, and a file's largest value is 64 MiB."""
 _FOR_LONG_S = 1e6
+"""Patience with a piece of a stream: it is its client who gives up, not the process."""
 
 
 class NoAnswer(StorageError):

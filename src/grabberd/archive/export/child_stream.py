@@ -20,6 +20,7 @@ from grabberd.work.process import NoAnswer, Process
 
 CHUNK_BYTES = 65_536
 LIMITS = Limits(niceness=10)
+"""Without a limit of memory: Parquet is written in groups of rows, and a MAT-file's size is known before."""
 PARQUET, MAT = "Parquet", "MAT-file"
 
 
