@@ -1,11 +1,12 @@
 """The pictures of a video file, one after another, by the FFmpeg that is inside OpenCV.
 
-Grey values are the video's own luma wherever possible: uncompressed pictures are read directly from the file,
-decoded ones without their colours. Only for videos without 8-bit luma is it computed from colours.
+It reads videos where the programs of FFmpeg are not installed, as far as that gives the pixels that they
+would: uncompressed pictures directly from the file, decoded ones without their colours, and luma computed
+from colours alone. OpenCV converts luma of more than 8 bits, or in other layouts, so those are refused.
 """
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from functools import partial
 from itertools import islice
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from grabberd.core.field import LARGEST_SIDE_PX, FieldOrder
 from grabberd.errors import DeviceRefused, PictureError
+from grabberd_replay.samples import from_colours
 
 INSTALL = "install FFmpeg: sudo apt-get install ffmpeg"
 Picture = NDArray[np.uint8]
@@ -50,6 +52,8 @@ LAYOUTS = {
     "UYVY": Layout(2, first=1, step=2),
     "YUY2": Layout(2, first=0, step=2),
 }
+_COLOURS = frozenset({"RGB.", "BGR.", "RGBA", "BGRA", "ARGB", "ABGR", "PAL.", "RV24", "RV32", "BGR0"})
+"""Pixel formats without a luma of their own, of 8 bits a colour."""
 
 
 class Header(NamedTuple):
@@ -87,8 +91,10 @@ class Decoder:
 
     Attributes:
         header: properties of the video.
-        order: order of its fields, which OpenCV does not tell; None unless somebody else does.
-        fault: nothing: why there are no more pictures is not told either.
+        order: None: OpenCV does not tell the order of fields.
+        fault: empty: nor why there are no more pictures.
+        bits: None: samples have 8.
+        turned: degrees by which pictures are to be turned, which is not done.
 
     Raises:
         DeviceRefused: the file has no readable video, or OpenCV does not deliver its pictures.
@@ -96,11 +102,14 @@ class Decoder:
     """
 
     fault = ""
+    order: FieldOrder | None = None
+    bits: int | None = None
 
-    def __init__(self, path: Path, order: FieldOrder | None = None) -> None:
-        self._path, self.order = path, order
+    def __init__(self, path: Path) -> None:
+        self._path = path
         with _opened(path) as capture:
             self.header = _header(capture)
+            self.turned = int(capture.get(cv2.CAP_PROP_ORIENTATION_META)) % 360
         check_size(path, self.header)
         self._way = self._choose()
         self._check_that_pictures_change()
@@ -115,7 +124,7 @@ class Decoder:
         """True if pictures are read directly from the file."""
         return self._way.setting[0] == cv2.CAP_PROP_FORMAT
 
-    def pictures(self) -> Iterator[tuple[float, Picture]]:
+    def pictures(self) -> Generator[tuple[float, Picture], None, None]:
         """Time in s and grey values of every picture, until the first that cannot be read.
 
         Raises:
@@ -138,8 +147,14 @@ class Decoder:
             return Way("as it stands in the file", (cv2.CAP_PROP_FORMAT, -1), luma)
         if layout and layout.step == 1:
             return Way("as it was coded", (cv2.CAP_PROP_CONVERT_RGB, 0), lambda picture: picture)
+        if self.header.pixels not in _COLOURS:
+            raise DeviceRefused(
+                f"{self._path}: OpenCV gives pictures of {self.header.pixels!r} only converted, not as they "
+                "are stored",
+                f"{INSTALL}, which reads them, or {_LUMA_HINT.format(name=self._path.name)}",
+            )
         description = f"computed from the colours of {self.header.pixels!r} by Rec. 601"
-        return Way(description, (cv2.CAP_PROP_CONVERT_RGB, 1), from_colours)
+        return Way(description, (cv2.CAP_PROP_CONVERT_RGB, 1), _luma)
 
     def _stands_in_the_file(self, layout: Layout) -> bool:
         if self.header.codec:
@@ -182,9 +197,8 @@ class Decoder:
             )
 
 
-def from_colours(picture: Picture) -> Picture:
-    """Grey values of a picture with colours, by Rec. 601."""
-    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
+def _luma(picture: Picture) -> Picture:
+    return np.asarray(from_colours(picture), np.uint8)
 
 
 def _header(capture: cv2.VideoCapture) -> Header:
@@ -240,6 +254,7 @@ def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
     with _quiet():
         settings = [cv2.CAP_PROP_N_THREADS, 1]
         capture = cv2.VideoCapture(str(path.absolute()), cv2.CAP_FFMPEG, settings)
+        capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
     try:
         if not capture.isOpened():
             raise DeviceRefused(

@@ -23,14 +23,15 @@ import numpy as np
 
 from grabberd.core.field import FieldOrder
 from grabberd.errors import DeviceRefused, PictureError
-from grabberd_replay.decoder import INSTALL, Header, Picture, check_size, from_colours
+from grabberd_replay.decoder import INSTALL, Header, check_size
+from grabberd_replay.samples import STORED_BITS, Samples, from_colours
 
 # Only the containers that the first bytes have been compared with; a playlist names other files.
 _SAFE = (
     "-protocol_whitelist",
     "file",
     "-format_whitelist",
-    "avi,mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,yuv4mpegpipe,mpeg,mpegvideo,mpegts,nut,dv",
+    "avi,mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,yuv4mpegpipe,mpeg,mpegvideo,mpegts,nut,dv,mjpeg",
 )
 _LOOKED_AT = 25
 """Pictures whose marks are read: a codec may mark single ones as progressive among interlaced ones."""
@@ -38,9 +39,10 @@ _LONGEST_S = 60.0
 _PASSTHROUGH_SINCE = (5, 1)
 _ENTRIES = (
     "stream=codec_name,width,height,pix_fmt,field_order,r_frame_rate,avg_frame_rate,nb_frames,duration"
-    ":frame=interlaced_frame,top_field_first:format=duration"
+    ":stream_side_data=rotation:frame=interlaced_frame,top_field_first:format=duration"
 )
 _ORDERS = {"progressive": FieldOrder.PROGRESSIVE, "t": FieldOrder.TOP_FIRST, "b": FieldOrder.BOTTOM_FIRST}
+_BITS = 8
 _LUMA_FIRST = ("yuv", "gray", "nv", "uyvy", "yuyv", "yvyu", "p0", "p2", "p4", "ya")
 """Beginnings of the names of pixel formats that have a luma of their own."""
 
@@ -53,12 +55,14 @@ class Probe(NamedTuple):
         every_picture: options by which it neither repeats nor drops a picture.
         header: its size, rate and number of pictures; codec and pixel format by FFmpeg's names.
         order: order of the fields by the marks of pictures and stream; None if they say nothing.
+        turned: degrees by which pictures are to be turned, which is not done.
     """
 
     program: str
     every_picture: tuple[str, str]
     header: Header
     order: FieldOrder | None
+    turned: int = 0
 
     @property
     def has_luma(self) -> bool:
@@ -106,6 +110,7 @@ def probe(path: Path) -> Probe | None:
             pixels=str(stream["pix_fmt"]),
         ),
         order=_order(stream, told.get("frames", ())),
+        turned=_turned(stream),
     )
 
 
@@ -116,6 +121,13 @@ def _order(stream: dict[str, Any], frames: Sequence[dict[str, Any]]) -> FieldOrd
         return FieldOrder.TOP_FIRST if marked.most_common(1)[0][0] else FieldOrder.BOTTOM_FIRST
     told = str(stream.get("field_order", ""))
     return _ORDERS.get(told, _ORDERS.get(told[:1]))
+
+
+def _turned(stream: dict[str, Any]) -> int:
+    for side in stream.get("side_data_list", ()):
+        if "rotation" in side:
+            return -int(side["rotation"]) % 360
+    return 0
 
 
 def _rate(stream: dict[str, Any]) -> float | None:
@@ -153,7 +165,7 @@ def _passthrough(told: dict[str, Any]) -> str:
 _SHOWN = re.compile(rb"\[info\] n: *\d+ pts: *\S+ pts_time: *(\S+) .*? s:(\d+)x(\d+) ")
 _OPENED = re.compile(rb"\[info\] Input #0, ")
 """The end of its look at the beginning of the file: errors before it are said again where they belong."""
-_OF_CONTAINER = frozenset(_SAFE[-1].split(","))
+_OF_CONTAINER = frozenset(_SAFE[-1].split(",")) - {"mjpeg"}  # which is a codec's name too
 # Concealed damage is only a remark to FFmpeg, but no measurement.
 _FAILED = re.compile(
     rb"(?:\[([\w.,]+) @ \w+\] )?\[(?:(?:error|fatal|panic)\] (.*)|\w+\] (.*(?:[Cc]onceal|[Cc]orrupt).*))"
@@ -169,10 +181,15 @@ _SAID = 120
 class _Shown(NamedTuple):
     """Announcement of a picture: its time, its size, and the first error that was said before it."""
 
-    time_s: float
+    time_s: float | None
     columns: int
     lines: int
     fault: str
+
+    @property
+    def at(self) -> str:
+        """Its time, for a message."""
+        return "an unknown time" if self.time_s is None else f"{self.time_s:.3f}"
 
 
 class PipedDecoder:
@@ -182,18 +199,21 @@ class PipedDecoder:
         header: properties of the video.
         order: order of the fields, as its own marks have it.
         fault: error that ended it before its end, in the words of `ffmpeg`.
+        bits: significant bits of samples of 16; None where the pictures themselves have to show them.
+        turned: degrees by which pictures are to be turned, which is not done.
+        uncompressed: True if they are stored as they are.
 
     Raises:
         DeviceRefused: `ffmpeg` cannot be started, or pictures are too large.
         PictureError: no picture can be read.
     """
 
-    uncompressed = False
-
     def __init__(self, path: Path, probe: Probe) -> None:
         self._path, self._probe = path, probe
-        self.order, self.fault = probe.order, ""
+        self.order, self.fault, self.turned = probe.order, "", probe.turned
         self.header = probe.header
+        self.uncompressed = probe.header.codec == "rawvideo"
+        self.bits = probe.bits if _BITS < probe.bits < STORED_BITS else None
         check_size(path, self.header)
         with closing(self.pictures()) as pictures:
             if next(pictures, None) is None:
@@ -207,12 +227,10 @@ class PipedDecoder:
         """Description of how the grey values are obtained."""
         if not self._probe.has_luma:
             return f"computed from the colours of {self.header.pixels!r} by Rec. 601"
-        if self._probe.bits > 8:
-            return f"the upper 8 of {self._probe.bits} bits, as it was coded"
-        return "as it was coded"
+        return "as it stands in the file" if self.uncompressed else "as it was coded"
 
-    def pictures(self) -> Generator[tuple[float, Picture], None, None]:
-        """Time in s and grey values of every picture; `fault` tells why there are no more.
+    def pictures(self) -> Generator[tuple[float | None, Samples], None, None]:
+        """Time in s and samples of every picture; `fault` tells why there are no more.
 
         Raises:
             PictureError: a picture is damaged, or its size differs from the first one's.
@@ -223,27 +241,23 @@ class PipedDecoder:
                 shown = pipe.announced()
                 if shown.fault:
                     raise PictureError(
-                        f"{self._path}: the picture at {shown.time_s:.3f} s is damaged ({shown.fault})",
+                        f"{self._path}: the picture at {shown.at} s is damaged ({shown.fault})",
                         "copy it again, or cut the video there; what came before it is kept",
                     )
                 if (shown.lines, shown.columns) != (self.header.lines, self.header.columns):
                     raise PictureError(
-                        f"{self._path}: the picture at {shown.time_s:.3f} s has {shown.columns}x{shown.lines}"
+                        f"{self._path}: the picture at {shown.at} s has {shown.columns}x{shown.lines}"
                         f" pixels, expected {self.header} like the first",
                         "cut the video there; what came before it is kept",
                     )
-                yield shown.time_s, self._grey(raw)
+                yield shown.time_s, self._samples(raw)
             self.fault = pipe.end()
 
-    def _grey(self, raw: bytearray) -> Picture:
+    def _samples(self, raw: bytearray) -> Samples:
         shape = self.header.lines, self.header.columns
         if not self._probe.has_luma:
-            colours = np.frombuffer(raw, np.uint8).reshape(*shape, 3)
-            return from_colours(colours)
-        if self._probe.bits > 8:
-            samples = np.frombuffer(raw, "<u2").reshape(shape)
-            return np.asarray(samples >> (self._probe.bits - 8), np.uint8)
-        return np.frombuffer(raw, np.uint8).reshape(shape)
+            return from_colours(np.frombuffer(raw, np.uint8).reshape(*shape, 3))
+        return np.frombuffer(raw, "<u2" if self._deep else np.uint8).reshape(shape)
 
     @property
     def _bytes(self) -> int:
@@ -252,7 +266,7 @@ class PipedDecoder:
 
     @property
     def _deep(self) -> bool:
-        return self._probe.has_luma and self._probe.bits > 8
+        return self._probe.has_luma and self._probe.bits > _BITS
 
     @property
     def _command(self) -> list[str]:
@@ -352,7 +366,7 @@ class _Pipe:
     def _take(self, line: bytes) -> None:
         if found := _SHOWN.search(line):
             time, columns, lines = found.groups()
-            seconds = 0.0 if time == b"NOPTS" else float(time)
+            seconds = None if time == b"NOPTS" else float(time)
             self._shown.append(_Shown(seconds, int(columns), int(lines), self.fault))
         elif _OPENED.match(line):
             self.fault = self._of_container = ""

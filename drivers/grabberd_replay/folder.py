@@ -1,269 +1,51 @@
-"""A folder of PNG pictures as a recording: of numbered pictures at a steady rate, or one that grabberd
-exported, with kind and time of each picture in its `fields.csv`.
-"""
+"""A folder of pictures as a source: in the order, and with the numbers or times, that their names have."""
 
-import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Generator
 from pathlib import Path
-from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
+from grabberd.core.field import FieldOrder
+from grabberd_replay.footage import Shown
+from grabberd_replay.names import Names
+from grabberd_replay.picture_file import SUFFIXES, read_picture
 
-from grabberd.bounded_documents import LARGEST_TABLE, csv_records, read_text
-from grabberd.core.field import LARGEST_SIDE_PX, NTSC_HZ, PAL_HZ, PROGRESSIVE, Field, FieldOrder
-from grabberd.core.ledger import Outcome
-from grabberd.errors import DeviceRefused, PictureError
-from grabberd.instrument.acquisition import GrabbedField
-from grabberd_replay.png import Header, Levels, read_png
-from grabberd_replay.recording import Batch, Format, Pictures, Recording, Splitter, recognise, usual_rate_hz
-
-_NUMBER = re.compile(r"^(.*?)(\d+)(\D*)$")
+_LOSSY = (
+    "Its pictures are JPEG, which is lossy: targets are displaced by more than their sigma says. Record PNG "
+    "or TIFF."
+)
 
 
-class FolderRecording(Recording):
-    """The pictures of a folder in the order of their names, a field every 1 / rate_hz from time zero.
+class FolderSource:
+    """The pictures of a folder.
 
     Raises:
-        DeviceRefused: there are no pictures, or their kind or their rate cannot be told.
+        DeviceRefused: there are none, or their names contradict one another.
         PictureError: the first picture cannot be read.
     """
 
-    def __init__(
-        self,
-        directory: Path,
-        pictures: Pictures,
-        order: FieldOrder,
-        first_parity: int,
-        rate_hz: float | None,
-        bits: int | None = None,
-    ) -> None:
-        self._paths = in_order(directory)
-        self._header, first = read_png(self._paths[0])
-        self._levels = Levels.of(first, bits)
-        pictures = recognise(self._paths[0], pictures, self._header.lines, self._header.columns)
-        rate_hz = rate_hz or usual_rate_hz(directory, pictures, self._header.lines)
-        self._splitter = Splitter(pictures, order, first_parity, rate_hz)
-        self.format = self._splitter.format(
-            self._header.lines,
-            self._header.columns,
-            details={**colours_of(self._header), **self._levels.details},
-            remarks=self._levels.remarks,
-        )
+    rate_hz: float | None = None
+    bits: int | None = None
+    marked: FieldOrder | None = None
+    expected = 0
+    fault = ""
 
-    def batches(self) -> Iterator[Batch]:
-        """Fields of one picture at a time."""
-        missing = missing_names(self._paths)
-        for number, path in enumerate(self._paths):
-            if path.name in missing:
-                raise _missing(path.parent / missing[path.name], self._header)
-            _, samples = read_png(path, self._header)
-            yield self._splitter.batch(self._levels.grey(path, samples), number)
+    def __init__(self, directory: Path) -> None:
+        self.path = directory
+        self._names = Names.of(directory)
+        first = self._names.paths[0]
+        self._header, _ = read_picture(first)
+        self.lines, self.columns = self._header.lines, self._header.columns
+        self.details = self._header.details
+        lossy = (_LOSSY,) if SUFFIXES[first.suffix.lower()] == "JPEG" else ()
+        self.remarks = (*self._names.remarks, *lossy)
 
+    def pictures(self) -> Generator[Shown, None, None]:
+        """The pictures, each read when it is its turn.
 
-def in_order(directory: Path) -> list[Path]:
-    """The PNG files of a folder, by name; numbers in names by their value.
-
-    Raises:
-        DeviceRefused: there are none.
-    """
-    paths = [path for path in directory.iterdir() if path.suffix.lower() == ".png"]
-    if not paths:
-        raise DeviceRefused(
-            f"{directory} has no PNG pictures", "give a folder of PNG files or a capture file"
-        )
-    return sorted(paths, key=lambda path: [_piece(piece) for piece in re.split(r"(\d+)", path.name)])
-
-
-def _piece(text: str) -> tuple[int, str]:
-    return (int(text), text) if text.isdecimal() else (-1, text)
-
-
-def missing_names(paths: Sequence[Path]) -> dict[str, str]:
-    """Gaps in numbered names: for each picture after a gap, the missing name right before it.
-
-    The regular step is the smallest one that occurs. Names without numbers, or with differing texts round
-    them, show no gaps.
-    """
-    matches = [_NUMBER.match(path.name) for path in paths]
-    found = [match.groups() for match in matches if match]
-    if len(found) < len(paths) or len({(before, after) for before, _, after in found}) != 1 or len(paths) < 3:
-        return {}
-    numbers = [int(number) for _, number, _ in found]
-    step = min(later - earlier for earlier, later in pairwise(numbers))
-    pairs = zip(found, numbers, found[1:], numbers[1:], strict=False)
-    return {
-        "".join(later): f"{before}{number + step:0{len(digits)}d}{after}"
-        for (before, digits, after), number, later, next_number in pairs
-        if next_number - number > step > 0
-    }
-
-
-def _missing(path: Path, header: Header) -> PictureError:
-    return PictureError(
-        f"{path} is missing; expected {header}, since the pictures before and after it are numbered",
-        "put it back, or number the pictures without gaps; what came before it is kept",
-    )
-
-
-def colours_of(header: Header) -> dict[str, str]:
-    """Stream detail for pictures whose grey values were computed from colours."""
-    return {"colours": "converted to luma by Rec. 601"} if header.coloured else {}
-
-
-MANIFEST = "fields.csv"
-_CLOCK_OFF = 5e-4
-"""Departure of a camera's clock from its nominal rate."""
-_NUMBERS = range(-(1 << 62), 1 << 62)
-_RANGES = {
-    "n": range(1 << 31),
-    "time_ns": _NUMBERS,
-    "parity": range(PROGRESSIVE + 1),
-    "y0": range(LARGEST_SIDE_PX),
-    "y_step": range(1, 3),
-}
-
-
-class Row(NamedTuple):
-    """One field of the manifest."""
-
-    n: int
-    time_ns: int
-    sequence: int | None
-    parity: int
-    y0: int
-    y_step: int
-    outcome: Outcome
-    file: str
-
-
-class ManifestRecording(Recording):
-    """The fields that a manifest lists, with their own times, parities and gaps.
-
-    Raises:
-        DeviceRefused: the manifest is empty, or one of its rows is malformed.
-        PictureError: the first picture cannot be read.
-    """
-
-    def __init__(self, directory: Path, rate_hz: float | None) -> None:
-        self._directory = directory
-        self._rows = read_manifest(directory / MANIFEST)
-        self._header, first = read_png(directory / self._rows[0].file)
-        self._levels = Levels.of(first)
-        self._woven = self._rows[0].y_step == 2 and self._is_woven()
-        parities = {row.parity for row in self._rows}
-        self.format = Format(
-            columns=self._header.columns,
-            field_rows=self._header.lines // (2 if self._woven else 1),
-            rate_hz=rate_hz or _rate_hz(self._rows),
-            field_order=_order_of(parities),
-            counts_losses=_counts_like_numbers(self._rows),
-            details={
-                "pictures": str(self._pictures),
-                "size": f"{self._header.columns}x{self._header.lines}",
-                **colours_of(self._header),
-                **self._levels.details,
-            },
-            remarks=self._levels.remarks,
-        )
-
-    def batches(self) -> Iterator[Batch]:
-        """One field at a time; both of a woven frame come from the same picture."""
-        name, luma = "", np.empty((0, 0), np.uint8)
-        for row in self._rows:
-            if row.file != name:
-                path = self._directory / row.file
-                name, luma = row.file, self._levels.grey(path, read_png(path, self._header)[1])
-            damage = None if row.outcome is Outcome.RECEIVED else str(row.outcome).replace("_", " ")
-            yield (GrabbedField(self._field(luma, row), row.time_ns, row.sequence, damage),)
-
-    def _field(self, luma: NDArray[np.uint8], row: Row) -> Field:
-        return Field(luma[row.parity :: 2] if self._woven else luma, row.parity, row.y0, row.y_step)
-
-    def _is_woven(self) -> bool:
-        """True if pictures are frames: listed once for each of their fields, or higher than any field."""
-        return self._header.lines >= 480 or any(a.file == b.file for a, b in pairwise(self._rows))
-
-    @property
-    def _pictures(self) -> Pictures:
-        if self._woven:
-            return Pictures.FRAMES
-        if self._rows[0].parity == PROGRESSIVE:
-            return Pictures.PROGRESSIVE
-        return Pictures.DOUBLED if self._rows[0].y_step == 1 else Pictures.FIELDS
-
-
-def _order_of(parities: Collection[int]) -> FieldOrder:
-    if PROGRESSIVE in parities:
-        return FieldOrder.PROGRESSIVE
-    return FieldOrder.ALTERNATE if len(parities) > 1 else FieldOrder.ONE_PARITY
-
-
-def _rate_hz(rows: Sequence[Row]) -> float:
-    """Nominal fields per second by the rows' numbers and times; PAL's where they do not tell."""
-    steps = np.diff([row.n for row in rows])
-    apart_ns = np.diff([row.time_ns for row in rows])
-    known = apart_ns > 0
-    if not known.any():
-        return PAL_HZ
-    seen_hz = float(np.median(steps[known] * 1e9 / apart_ns[known]))
-    nominal_hz = min((NTSC_HZ, max(float(round(seen_hz)), 1.0)), key=lambda one: abs(one - seen_hz))
-    return nominal_hz if abs(nominal_hz / seen_hz - 1) < _CLOCK_OFF else seen_hz
-
-
-def _counts_like_numbers(rows: Sequence[Row]) -> bool:
-    """True if the driver's count grew with the field numbers, and so showed every loss."""
-    shifts = {row.n - row.sequence if row.sequence is not None else None for row in rows}
-    return len(shifts) == 1 and None not in shifts
-
-
-def read_manifest(path: Path) -> list[Row]:
-    """The rows of a manifest.
-
-    Raises:
-        DeviceRefused: there are no rows, or one is malformed; the message names its line.
-    """
-    hint = "export the capture again"
-    try:
-        records = csv_records(read_text(path, LARGEST_TABLE), Row._fields)
-        rows = [_row(path, line, values) for line, values in records]
-    except KeyError as error:
-        raise DeviceRefused(f"{path} has no column {error.args[0]}", hint) from None
-    except (OSError, ValueError) as error:
-        raise DeviceRefused(f"{path} cannot be read: {error}", hint) from error
-    if not rows:
-        raise DeviceRefused(f"{path} lists no fields", hint)
-    if any(later.n <= earlier.n for earlier, later in pairwise(rows)):
-        raise DeviceRefused(f"{path}: the numbers n do not ascend", hint)
-    return rows
-
-
-def _row(path: Path, line: int, values: Mapping[str, str]) -> Row:
-    try:
-        numbers = {name: _whole(values, name) for name in _RANGES}
-        return Row(
-            **numbers,
-            sequence=_whole(values, "sequence") if values["sequence"] else None,
-            outcome=Outcome(values["outcome"]),
-            file=_file(values["file"]),
-        )
-    except ValueError as error:
-        raise DeviceRefused(
-            f"{path}, line {line} cannot be understood: {type(error).__name__} {error}",
-            "export the capture again",
-        ) from error
-
-
-def _whole(values: Mapping[str, str], name: str) -> int:
-    number = int(values[name])
-    if number not in _RANGES.get(name, _NUMBERS):
-        raise ValueError(f"{name} is {number}")
-    return number
-
-
-def _file(text: str) -> str:
-    name = Path(text).name  # never out of the manifest's own folder
-    if not name or "\0" in name:
-        raise ValueError(f"{text!r} is not a file's name")
-    return name
+        Raises:
+            PictureError: one is missing, damaged, or unlike the first.
+        """
+        names = self._names
+        for at, path in enumerate(names.paths):
+            _, samples = read_picture(path, self._header)
+            time_s = names.times_s[at] if names.times_s else None
+            yield Shown(str(path), samples, time_s, names.numbers[at] if names.numbers else None)

@@ -21,12 +21,13 @@ from grabberd.errors import (
     StreamEnded,
 )
 from grabberd.instrument.acquisition import GrabbedField, Signal, StreamInfo
-from grabberd_replay.folder import MANIFEST, FolderRecording, ManifestRecording
-from grabberd_replay.png import KNOWN_BITS
-from grabberd_replay.recording import Batch, Format, Pictures, Recording, older_parity, parity_named
-from grabberd_replay.video import KINDS, VideoRecording, container_of
+from grabberd_replay.folder import FolderSource
+from grabberd_replay.footage import FootageRecording, Options
+from grabberd_replay.manifest import MANIFEST, ManifestRecording
+from grabberd_replay.recording import Batch, Format, Recording
+from grabberd_replay.video import KINDS, VideoSource, container_of
 
-_RECORDINGS = f"a capture file, a folder of PNG pictures, or a video ({KINDS})"
+_RECORDINGS = f"a capture file, a folder of pictures, or a video ({KINDS})"
 
 
 class Pace(StrEnum):
@@ -37,18 +38,20 @@ class Pace(StrEnum):
 
 
 class ReplayGrabber:
-    """Plays a capture file, a video file or a folder of PNG pictures.
+    """Plays a capture file, a video file or a folder of pictures.
+
+    An option that has no effect on what is played is refused when it is opened.
 
     Args:
         path: path of the file or folder.
         pictures: kind of the pictures: "frames" (woven), "fields", "doubled" (fields whose missing lines have
-            been interpolated), "progressive", or "auto", by their size; ignored for a capture file or a
-            folder with a `fields.csv`.
+            been interpolated), "progressive", or "auto", by their size.
         field_order: order of the fields of a frame: "top_first" (PAL) or "bottom_first"; by default as a
             video is marked, else the top field first.
-        first_parity: parity of the first field, "top" or "bottom", if pictures are fields or doubled.
+        first_parity: parity of the first field, "top" or "bottom", if pictures are fields or doubled; by
+            default top.
         rate_hz: fields per second, or progressive pictures, for a folder without times or a video with a
-            wrong rate; by default the video's own rate, or that of the standard: 50 or 59.94.
+            wrong rate; by default by the pictures' own times, or that of the standard: 50 or 59.94.
         bits: significant bits of pictures that are stored with 16 bits a sample: 8, 10, 12, 14 or 16, of
             which the upper 8 are used; by default as the first picture's values show.
         pace: "free": as fast as fields are read; "real": when they are due.
@@ -63,24 +66,17 @@ class ReplayGrabber:
     def __init__(
         self,
         path: str | Path,
-        pictures: str = "auto",
+        pictures: str | None = None,
         field_order: str | None = None,
-        first_parity: str = "top",
+        first_parity: str | None = None,
         rate_hz: float | None = None,
         bits: int | None = None,
         pace: str = "free",
         clock: Clock | None = None,
     ) -> None:
-        if rate_hz is not None and not rate_hz > 0:
-            raise ValueError(f"rate_hz is the number of fields a second, not {rate_hz}")
-        if bits is not None and bits not in KNOWN_BITS:
-            raise ValueError(f"bits is one of {', '.join(map(str, KNOWN_BITS))}, not {bits}")
-        self._path, self._bits = Path(path), bits
-        self._pictures = Pictures(pictures)
-        self._order = None if field_order is None else FieldOrder(field_order)
-        older_parity(self._order or FieldOrder.TOP_FIRST)
-        self._first_parity = parity_named(first_parity)
-        self._rate_hz = rate_hz
+        self._path = Path(path)
+        self._options = Options(pictures, field_order, first_parity, rate_hz, bits)
+        self._options.check()
         self._pace = Pace(pace)
         self._clock: Clock = clock or SystemClock()
         self._recording: Recording | None = None
@@ -155,18 +151,16 @@ class ReplayGrabber:
             return self._open_folder()
         container = container_of(self._path)
         if container is None:
+            self._options.refuse(self._path, "a capture file", *Options._fields)
             return self._open_capture()
-        return VideoRecording(
-            self._path, container, self._pictures, self._order, self._first_parity, self._rate_hz
-        )
+        return FootageRecording(VideoSource(self._path, container), self._options)
 
     def _open_folder(self) -> Recording:
-        if (self._path / MANIFEST).exists():
-            return ManifestRecording(self._path, self._rate_hz)
-        order = self._order or FieldOrder.TOP_FIRST
-        return FolderRecording(
-            self._path, self._pictures, order, self._first_parity, self._rate_hz, self._bits
-        )
+        if not (self._path / MANIFEST).exists():
+            return FootageRecording(FolderSource(self._path), self._options)
+        others = (name for name in Options._fields if name != "rate_hz")
+        self._options.refuse(self._path, f"pictures of which {MANIFEST} tells what they are", *others)
+        return ManifestRecording(self._path, self._options.rate_hz)
 
     def _open_capture(self) -> Recording:
         try:

@@ -124,13 +124,13 @@ def usual_rate_hz(path: Path, pictures: Pictures, lines: int) -> float:
 
 
 class Splitter(NamedTuple):
-    """Splitter of pictures without parity and time of their own.
+    """Splitter of pictures into fields.
 
     Attributes:
         pictures: kind of the pictures, not AUTO.
         order: order of the fields of a frame.
         first_parity: parity of the first field, if pictures are fields or doubled.
-        rate_hz: fields per second, the first at time zero.
+        rate_hz: fields per second.
     """
 
     pictures: Pictures
@@ -138,11 +138,11 @@ class Splitter(NamedTuple):
     first_parity: int
     rate_hz: float
 
-    def batch(self, luma: NDArray[np.uint8], number: int) -> Batch:
-        """The fields of picture `number`, counted from 0, the older first."""
+    def batch(self, luma: NDArray[np.uint8], number: int, time_s: float, damage: str | None = None) -> Batch:
+        """The fields of picture `number`, counted from 0 and taken at this time, the older first."""
         first = number * self.pictures.fields
         return [
-            GrabbedField(field, round(n * 1e9 / self.rate_hz), n, None)
+            GrabbedField(field, round((time_s + (n - first) / self.rate_hz) * 1e9), n, damage)
             for n, field in enumerate(self._split(luma, self._parity(first)), start=first)
         ]
 

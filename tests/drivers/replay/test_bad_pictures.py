@@ -38,7 +38,7 @@ SPOILT = {
         "is 720x288 coloured, expected 720x288 grey",
     ),
     "transparent": (transparent, "coloured, expected 720x288 grey"),
-    "missing": (Path.unlink, "is missing"),
+    "away while it is played": (lambda path: (path.unlink(), path.symlink_to("nowhere")), "is missing"),
 }
 
 

@@ -1,6 +1,5 @@
 """Coded videos are read by the program `ffmpeg`: interlaced ones in the order that they are marked with."""
 
-import os
 from contextlib import suppress
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from grabberd_replay.video import container_of
 pytestmark = needs_ffmpeg
 
 PICTURES = [luma(n) for n in range(4)]
+SMALL = [luma(n, 64, 64) for n in range(120)]
 SMOOTH = [cv2.GaussianBlur(luma(n), (0, 0), 3) for n in range(8)]
 FLAGS = ("-flags", "+ilme+ildct")
 KINDS = {
@@ -135,7 +135,8 @@ def test_of_ten_bits_the_upper_eight_are_used(tmp_path):
     path = tmp_path / "a.mkv"
     options = [*raw, "-i", str(content), "-map", "1:v", "-c:v", "ffv1", "-pix_fmt", "gray10le"]
     info, played, _ = play(by_ffmpeg(path, [luma(0, 16, 16)], *options))
-    assert info.details["luma"] == "the upper 8 of 10 bits, as it was coded"
+    assert info.details["luma"] == "as it was coded"
+    assert info.details["samples"] == "the upper 8 of 10 bits"
     np.testing.assert_array_equal(played[2].field.luma, luma(1)[0::2])
 
 
@@ -149,21 +150,30 @@ def test_colours_become_luma_and_that_is_said(tmp_path):
 # --- times ---
 
 
-def test_a_rate_that_varies_is_refused_where_it_varies(tmp_path):
-    times = "settb=1/1000,setpts=PTS+gte(N\\,3)*15"
+@pytest.mark.parametrize("installed", [True, False])
+def test_a_rate_that_changes_ends_the_video_where_it_changes(tmp_path, monkeypatch, installed):
+    times = "settb=1/1000,setpts=PTS+gte(N\\,70)*(N-70)*20"
     path = by_ffmpeg(
-        tmp_path / "a.mkv", SMOOTH, "-vf", times, "-fps_mode", "passthrough", "-enc_time_base", "0.001",
+        tmp_path / "a.mkv", SMALL, "-vf", times, "-fps_mode", "passthrough", "-enc_time_base", "0.001",
         *("-c:v", "ffv1"),
     )  # fmt: skip
-    for installed in (True, False):
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setenv("PATH", os.environ["PATH"] if installed else "")
-            _, played, error = play(path)
-        assert isinstance(error, PictureError)
-        assert "a.mkv: the picture at 0.135 s is 0.38 periods off its time" in error.message
-        assert "its rate varies" in error.message
-        assert "constant rate" in error.hint
-        assert len(played) == 6
+    if not installed:
+        monkeypatch.setenv("PATH", "")
+    _, played, error = play(path, pictures="frames")
+    assert isinstance(error, PictureError)
+    assert "no longer come 40 ms apart: its rate varies" in error.message
+    assert "constant rate" in error.hint
+    assert [one.sequence for one in played if one.damage is None][:140] == list(range(140))
+
+
+def test_times_without_a_steady_rate_are_refused_at_once(tmp_path):
+    times = "settb=1/1000,setpts=N*40+18*mod(N*N\\,3)-16*mod(N\\,2)"
+    path = by_ffmpeg(
+        tmp_path / "a.mkv", SMALL, "-vf", times, "-fps_mode", "passthrough", "-enc_time_base", "0.001",
+        *("-c:v", "ffv1"),
+    )  # fmt: skip
+    with pytest.raises(DeviceRefused, match="ms apart, at no steady rate"):
+        play(path, pictures="frames")
 
 
 def test_pictures_that_were_dropped_are_lost_fields(tmp_path):

@@ -44,7 +44,8 @@ def test_a_woven_video_without_loss_comes_back_bit_for_bit(tmp_path, write):
     for n, grabbed in enumerate(played):
         np.testing.assert_array_equal(grabbed.field.luma, luma(n // 2)[n % 2 :: 2])
     assert (info.columns, info.field_rows, info.rate_hz) == (720, 288, 50.0)
-    assert (info.standard, info.remarks) == ("PAL", ())
+    assert info.standard == "PAL"
+    assert all(one.startswith("Nothing tells which field") for one in info.remarks)
 
 
 def test_frames_of_25_a_second_are_fields_of_50_by_their_own_times(tmp_path):
@@ -120,13 +121,14 @@ def test_ntsc_keeps_its_own_rate(tmp_path):
     info, played, _ = play(avi(tmp_path / "clip.avi", lines=480, rate=(30_000, 1001)))
     assert info.rate_hz == pytest.approx(59.94, abs=0.001)
     assert played[5].time_ns == pytest.approx(5e9 / 59.94, rel=1e-5)
-    assert (info.standard, info.remarks) == ("NTSC", ())
+    assert info.standard == "NTSC"
 
 
 def test_deinterlaced_video_is_said_to_be_too_fast_and_how_to_play_it(tmp_path):
     path = avi(tmp_path / "clip.avi", rate=(50, 1))
-    assert "100 fields a second" in ReplayGrabber(path).open().remarks[0]
-    assert "'doubled'" in ReplayGrabber(path).open().remarks[0]
+    remarks = " ".join(ReplayGrabber(path).open().remarks)
+    assert "100 fields a second" in remarks
+    assert "'doubled'" in remarks
     info, played, _ = play(path, pictures="doubled")
     assert rows(played) == [(0, 0, 1), (1, 0, 1), (0, 0, 1)]
     assert (info.rate_hz, info.remarks) == (50.0, ())

@@ -8,7 +8,7 @@ fields for several readers, none of which can hold up the capture; `standstill` 
 late. No threads are started here.
 """
 
-from grabberd.instrument.acquisition.content_check import Content, ContentCheck
+from grabberd.instrument.acquisition.content_check import REPEATED, Content, ContentCheck
 from grabberd.instrument.acquisition.device import GrabbedField, Grabber, Signal, StreamInfo
 from grabberd.instrument.acquisition.discovery import GRABBERS, LOGGERS, FoundDevice, Verdict, discover
 from grabberd.instrument.acquisition.numbering import FieldNumbering, Numbered
@@ -18,6 +18,7 @@ from grabberd.instrument.acquisition.standstill import Standstill
 __all__ = [
     "GRABBERS",
     "LOGGERS",
+    "REPEATED",
     "Content",
     "ContentCheck",
     "FieldNumbering",

@@ -255,6 +255,8 @@ class CaptureThread(threading.Thread):
             standstill = self._scheduling.came(
                 now_ns, self._timeout_s, len(fields), found_empty=self._grabber.found_empty
             )
+            if info.waits_for_reader or not info.live:
+                standstill = None  # read late, it loses nothing: what it lacks was lost before
             self._pipeline.shedding.saw(0 if standstill is None else standstill.time_ns, now_ns)
             if fields and self._signal is Signal.ABSENT:
                 self._ask_signal()  # what came back may be half a second older than the next question

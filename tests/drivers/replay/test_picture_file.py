@@ -10,7 +10,7 @@ import pytest
 
 from drivers.replay.pictures import luma, png
 from grabberd.errors import PictureError
-from grabberd_replay.png import Header, read_png
+from grabberd_replay.picture_file import Header, read_picture
 
 GREY = luma(1, 12, 20)
 
@@ -22,7 +22,7 @@ def path(tmp_path):
 
 def test_grey_values_come_as_they_are(path):
     path.write_bytes(png(GREY))
-    header, values = read_png(path)
+    header, values = read_picture(path)
     assert header == Header(12, 20, coloured=False)
     np.testing.assert_array_equal(values, GREY)
 
@@ -31,7 +31,7 @@ def test_colours_become_luma_and_that_is_said(path):
     colours = np.zeros((4, 6, 3), np.uint8)
     colours[..., 1] = 200
     path.write_bytes(png(colours))
-    header, values = read_png(path)
+    header, values = read_picture(path)
     assert header.coloured
     assert str(header) == "6x4 coloured"
     assert set(values.ravel()) == {round(0.587 * 200)}
@@ -39,19 +39,19 @@ def test_colours_become_luma_and_that_is_said(path):
 
 def test_grey_stored_as_colours_stays_what_it_was(path):
     path.write_bytes(png(cv2.cvtColor(GREY, cv2.COLOR_GRAY2BGR)))
-    np.testing.assert_array_equal(read_png(path)[1], GREY)
+    np.testing.assert_array_equal(read_picture(path)[1], GREY)
 
 
 def test_a_missing_picture_is_named_with_what_was_expected(path):
     with pytest.raises(PictureError, match=r"a\.png is missing; expected 720x576 grey"):
-        read_png(path, Header(576, 720, coloured=False))
+        read_picture(path, Header(576, 720, coloured=False))
 
 
 @pytest.mark.parametrize("kept", [0, 7, 20, 33, 60, -1, -12, -13])
 def test_a_truncated_picture_is_refused_wherever_it_ends(path, kept):
     path.write_bytes(png(GREY)[:kept])
     with pytest.raises(PictureError, match=r"a\.png.* truncated"):
-        read_png(path)
+        read_picture(path)
 
 
 def test_a_bit_that_flipped_is_found(path):
@@ -59,13 +59,13 @@ def test_a_bit_that_flipped_is_found(path):
     data[60] ^= 4
     path.write_bytes(bytes(data))
     with pytest.raises(PictureError, match="checksum"):
-        read_png(path)
+        read_picture(path)
 
 
 def test_another_kind_of_file_is_refused(path):
     path.write_bytes(b"GIF89a" + bytes(100))
     with pytest.raises(PictureError, match="no PNG"):
-        read_png(path)
+        read_picture(path)
 
 
 def test_content_that_cannot_be_decoded_is_refused(path):
@@ -76,13 +76,13 @@ def test_content_that_cannot_be_decoded_is_refused(path):
     check = struct.pack(">I", zlib.crc32(rubbish))
     path.write_bytes(data[:at] + rubbish + check + data[at + 8 + length :])
     with pytest.raises(PictureError, match="cannot be decoded"):
-        read_png(path)
+        read_picture(path)
 
 
 def test_sixteen_bits_come_as_they_are(path):
     deep = GREY.astype(np.uint16) * 257
     path.write_bytes(png(deep))
-    header, values = read_png(path)
+    header, values = read_picture(path)
     assert str(header) == "20x12 grey of 16 bits"
     np.testing.assert_array_equal(values, deep)
 
@@ -90,7 +90,7 @@ def test_sixteen_bits_come_as_they_are(path):
 @pytest.mark.parametrize("colours", ["grey", "coloured"])
 def test_an_alpha_channel_is_read_if_it_hides_nothing(path, colours):
     path.write_bytes(with_alpha(colours, 255))
-    header, values = read_png(path)
+    header, values = read_picture(path)
     assert header.coloured == (colours == "coloured")
     np.testing.assert_array_equal(values, GREY)
 
@@ -99,7 +99,7 @@ def test_an_alpha_channel_is_read_if_it_hides_nothing(path, colours):
 def test_transparent_pixels_are_refused(path, colours):
     path.write_bytes(with_alpha(colours, 254))
     with pytest.raises(PictureError, match=r"a\.png has an alpha channel with 240 transparent pixels"):
-        read_png(path)
+        read_picture(path)
 
 
 def with_alpha(colours, alpha):
@@ -125,21 +125,21 @@ def _claiming(columns, lines):
 def test_a_size_that_no_grabber_has_is_refused_before_anything_is_decoded(path, size):
     path.write_bytes(_claiming(*size))
     with pytest.raises(PictureError, match=f"has {size[0]}x{size[1]} pixels by its header"):
-        read_png(path)
+        read_picture(path)
 
 
 def test_a_file_that_goes_on_for_ever_is_refused():
     with pytest.raises(PictureError, match="more than 67108864 bytes"):
-        read_png(Path("/dev/zero"))
+        read_picture(Path("/dev/zero"))
 
 
 def test_a_picture_of_another_size_is_refused_with_both_sizes(path):
     path.write_bytes(png(GREY))
     with pytest.raises(PictureError, match="is 20x12 grey, expected 20x14 grey"):
-        read_png(path, Header(14, 20, coloured=False))
+        read_picture(path, Header(14, 20, coloured=False))
 
 
 def test_a_folder_of_that_name_is_refused(path):
     path.mkdir()
     with pytest.raises(PictureError, match="cannot be read"):
-        read_png(path)
+        read_picture(path)

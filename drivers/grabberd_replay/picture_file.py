@@ -1,8 +1,7 @@
-"""Untrusted PNG pictures: each is read whole or refused by name, and scaled to grey values of 8 bits.
+"""Untrusted picture files: PNG, JPEG, TIFF, BMP and PGM. Each is read whole or refused by name.
 
-Cameras of 10, 12 or 14 bits are usually stored in 16, either at the lower end (values up to 1023, 4095 or
-16383) or at the upper one (the lowest bits are all zero). A picture itself shows which; one scale is for the
-whole recording.
+Grey values come as they are stored: a JPEG's luma as it was coded, no gamma, and no turning by an orientation
+mark.
 """
 
 import struct
@@ -12,10 +11,24 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from grabberd.core.field import LARGEST_SIDE_PX
 from grabberd.errors import PictureError
+from grabberd_replay.samples import FROM_COLOURS, Samples, from_colours
+
+SUFFIXES = {
+    ".png": "PNG",
+    **dict.fromkeys((".jpg", ".jpeg"), "JPEG"),
+    **dict.fromkeys((".tif", ".tiff"), "TIFF"),
+    ".bmp": "BMP",
+    **dict.fromkeys((".pgm", ".ppm", ".pnm"), "PGM"),
+}
+_HEADS = {
+    "JPEG": (b"\xff\xd8\xff",),
+    "TIFF": (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"),
+    "BMP": (b"BM",),
+    "PGM": (b"P2", b"P3", b"P5", b"P6"),
+}
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _GREY, _WITH_ALPHA = (0, 4), (4, 6)
@@ -24,13 +37,16 @@ _COLOUR_TYPE = 25
 """Byte of the colour type in a file."""
 _BITS = 8
 """Bits of a sample of most pictures, and of all that are measured."""
+_COLOURS = 3
+_AFTER_JPEG = 1 << 16
+"""Bytes that may follow a JPEG's end: cameras append what they like."""
+_AGAIN = "copy or export it again; what came before it is kept"
 LARGEST_BYTES = 64 << 20
 """Size of a file: all pixels of the largest picture in four uncompressed colours."""
-Samples = NDArray[np.uint8] | NDArray[np.uint16]
 
 
 class Header(NamedTuple):
-    """Header of a PNG.
+    """What pictures of one recording have in common.
 
     Attributes:
         lines, columns: size of the picture.
@@ -43,12 +59,17 @@ class Header(NamedTuple):
     coloured: bool
     bits: int = 8
 
+    @property
+    def details(self) -> dict[str, str]:
+        """Stream detail for pictures whose grey values were computed from colours."""
+        return {"colours": FROM_COLOURS} if self.coloured else {}
+
     def __str__(self) -> str:
         deep = "" if self.bits == _BITS else f" of {self.bits} bits"
         return f"{self.columns}x{self.lines} {'coloured' if self.coloured else 'grey'}{deep}"
 
 
-def read_png(path: Path, expected: Header | None = None) -> tuple[Header, Samples]:
+def read_picture(path: Path, expected: Header | None = None) -> tuple[Header, Samples]:
     """Header and grey values of a picture; colours become luma by Rec. 601, as in a grabber.
 
     Values are as they stand in the file, of 8 or of 16 bits: `Levels` scales the latter.
@@ -58,33 +79,82 @@ def read_png(path: Path, expected: Header | None = None) -> tuple[Header, Sample
         expected: header that the picture should have.
 
     Raises:
-        PictureError: the picture is missing, no PNG, truncated, damaged, has transparent pixels, or differs
-            from `expected`.
+        PictureError: the picture is missing, of another kind than its name says, truncated, damaged, has
+            transparent pixels or several pages, or differs from `expected`.
     """
     data = _bytes(path, expected)
-    header = _header(path, data, expected)
-    _check_chunks(path, data, header)
+    kind = SUFFIXES.get(path.suffix.lower(), "PNG")
+    header, picture = (_png if kind == "PNG" else _other)(path, kind, data, expected)
     if expected is not None and header != expected:
         raise PictureError(
             f"{path} is {header}, expected {expected} like the first picture",
             "leave it out or give it the size, colours and bits of the others; what came before it is kept",
         )
+    return header, from_colours(picture) if picture.ndim > 2 else picture
+
+
+def _png(path: Path, _kind: str, data: bytes, expected: Header | None) -> tuple[Header, Samples]:
+    header = _header(path, data, expected)
+    _check_chunks(path, data, header)
+    if expected is not None and header != expected:
+        return header, np.empty((0, 0), np.uint8)  # refused, and not decoded first
     if data[_COLOUR_TYPE] in _WITH_ALPHA:
         _check_opaque(path, data)
     mode = cv2.IMREAD_COLOR if header.coloured else cv2.IMREAD_GRAYSCALE
-    deep = cv2.IMREAD_ANYDEPTH if header.bits > _BITS else 0
-    picture = cv2.imdecode(np.frombuffer(data, np.uint8), mode | deep)
+    picture = _decoded(data, mode | (cv2.IMREAD_ANYDEPTH if header.bits > _BITS else 0))
     if picture is None or picture.shape[:2] != (header.lines, header.columns):
         raise _damaged(path, header, "its content cannot be decoded")
-    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if header.coloured else picture
-    return header, np.asarray(grey, np.uint16) if header.bits > _BITS else np.asarray(grey, np.uint8)
+    return header, picture
+
+
+def _other(path: Path, kind: str, data: bytes, expected: Header | None) -> tuple[Header, Samples]:
+    what = f"{expected} as " if expected else ""
+    if not data.startswith(_HEADS[kind]):
+        raise PictureError(
+            f"{path} is no {kind} ({len(data)} bytes), expected {what}{kind}", f"export it as {kind} or PNG"
+        )
+    # A decoder silently fills up what is truncated.
+    if kind == "JPEG" and b"\xff\xd9" not in data[-_AFTER_JPEG:]:
+        raise PictureError(f"{path} is truncated after {len(data)} bytes, expected {what}JPEG", _AGAIN)
+    if kind == "BMP" and len(data) < int.from_bytes(data[2:6], "little"):
+        raise PictureError(f"{path} is truncated after {len(data)} bytes, expected {what}BMP", _AGAIN)
+    if kind == "TIFF" and (pages := cv2.imcount(str(path))) > 1:
+        raise PictureError(f"{path} has {pages} pages, expected one picture in a file", "export them singly")
+    # The luma of a JPEG is its own; what other kinds have in place of grey is looked at as it is.
+    picture = _decoded(data, cv2.IMREAD_GRAYSCALE if kind == "JPEG" else cv2.IMREAD_UNCHANGED)
+    if picture is None or not picture.size or max(picture.shape[:2]) > LARGEST_SIDE_PX:
+        raise PictureError(
+            f"{path} cannot be decoded, or has more than {LARGEST_SIDE_PX} pixels each way, expected "
+            f"{what}{kind}",
+            _AGAIN,
+        )
+    if picture.dtype not in (np.uint8, np.uint16):
+        raise PictureError(
+            f"{path} has samples of {picture.dtype}, expected whole numbers of 8 or 16 bits",
+            "export it as PNG",
+        )
+    if picture.ndim > 2 and picture.shape[2] > _COLOURS:
+        _check_alpha(path, picture)
+        picture = picture[..., :_COLOURS]
+    lines, columns = picture.shape[:2]
+    return Header(lines, columns, picture.ndim > 2, 8 * picture.itemsize), picture
+
+
+def _decoded(data: bytes, mode: int) -> Samples | None:
+    try:
+        return cv2.imdecode(np.frombuffer(data, np.uint8), mode | cv2.IMREAD_IGNORE_ORIENTATION)  # type: ignore[return-value]
+    except cv2.error:
+        return None
 
 
 def _check_opaque(path: Path, data: bytes) -> None:
     """Refuses a picture whose alpha channel hides something: what lies beneath is not what was seen."""
-    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    if picture is None or picture.ndim != 3:
-        return
+    picture = _decoded(data, cv2.IMREAD_UNCHANGED)
+    if picture is not None and picture.ndim > 2:
+        _check_alpha(path, picture)
+
+
+def _check_alpha(path: Path, picture: Samples) -> None:
     opaque = (1 << 8 * picture.itemsize) - 1
     if hidden := int((picture[..., -1] < opaque).sum()):
         raise PictureError(
@@ -143,66 +213,3 @@ def _check_chunks(path: Path, data: bytes, header: Header) -> None:
 
 def _damaged(path: Path, header: Header, why: str) -> PictureError:
     return PictureError(f"{path}: {why}; expected a whole picture of {header}", "copy or export it again")
-
-
-KNOWN_BITS = (8, 10, 12, 14, 16)
-_STORED = 16
-_FEWEST_ZERO = 4
-"""Lowest bits that are always zero where 12 bits or fewer stand at the upper end."""
-
-
-class Levels(NamedTuple):
-    """Scale of a recording's samples.
-
-    Attributes:
-        bits: significant bits of a sample, which begin at its lowest one: 16 also where these are all zero.
-        guessed: True if they follow from the first picture's brightest value.
-    """
-
-    bits: int
-    guessed: bool = False
-
-    @classmethod
-    def of(cls, picture: NDArray[np.uint8] | NDArray[np.uint16], bits: int | None = None) -> "Levels":
-        """Those of a recording with this first picture, or with so many bits."""
-        if picture.dtype == np.uint8:
-            return cls(8)
-        if bits is not None:
-            return cls(bits)
-        occurring = int(np.bitwise_or.reduce(picture, axis=None))
-        if occurring and occurring & -occurring >= 1 << _FEWEST_ZERO:
-            return cls(_STORED)
-        found = next(known for known in KNOWN_BITS if occurring < 1 << known)
-        return cls(found, guessed=found < _STORED)
-
-    def grey(self, path: Path, picture: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.uint8]:
-        """The upper 8 bits of a picture.
-
-        Raises:
-            PictureError: it has values that so many bits cannot have.
-        """
-        if picture.dtype == np.uint8:
-            return picture.astype(np.uint8, copy=False)
-        largest, most = int(picture.max()), (1 << self.bits) - 1
-        if largest > most:
-            origin = ", as many as the first picture has" if self.guessed else ""
-            raise PictureError(
-                f"{path} has values up to {largest}, expected at most {most} of {self.bits} bits{origin}",
-                f"give 'bits', one of {', '.join(map(str, KNOWN_BITS))}; what came before it is kept",
-            )
-        return (picture >> (self.bits - 8)).astype(np.uint8)
-
-    @property
-    def details(self) -> dict[str, str]:
-        """Stream detail for pictures that were scaled."""
-        return {} if self.bits == 8 else {"samples": f"the upper 8 of {self.bits} bits"}
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """Remark on a scale that nobody stated."""
-        if not self.guessed:
-            return ()
-        return (
-            f"Its pictures are stored with 16 bits a sample; by the values in the first, {self.bits} of them "
-            "are significant, of which the upper 8 are used. If the camera has others, say so with 'bits'.",
-        )

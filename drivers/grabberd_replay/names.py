@@ -1,0 +1,193 @@
+"""Names of the pictures in a folder: a count, times, or nothing but an order.
+
+They are a count where most of their numbers step alike, and all others by a multiple of that: what is missing
+is lost. Numbers that step unevenly are times, as are dates. Whatever else they are is said.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+from grabberd.errors import DeviceRefused
+from grabberd_replay.picture_file import SUFFIXES
+
+_DATE = re.compile(
+    r"((?:19|20)\d\d)[-_.:]?([01]\d)[-_.:]?([0-3]\d)[T_ -]{0,2}([0-2]\d)[-_.:h]?([0-5]\d)[-_.:m]?([0-5]\d)"
+    r"(?:[.,_s-]?(\d{1,9}))?(?!\d)"
+)
+_SECONDS = re.compile(r"(\d+)[.,](\d+)(?!.*\d)")
+_UNITS_S = (Fraction(1), Fraction(1, 10**3), Fraction(1, 10**6), Fraction(1, 10**9))
+_SINCE_1970 = range(10**9, 4 * 10**9)
+"""Seconds, of the years 2001 to 2096: numbers of that size in any unit are times, however they step."""
+_RATES_HZ = (1, 1000)
+_MOSTLY = 0.5
+_FEWEST_DIGITS = 3
+"""Of a counter that may have begun anew."""
+_NAMED = 3
+
+
+class Names(NamedTuple):
+    """The pictures of a folder in the order in which they were taken.
+
+    Attributes:
+        paths: the pictures.
+        numbers: number of each, from 0 on; None where they have times.
+        times_s: time of each; None where they have numbers.
+        remarks: what the names told, where it is not plain.
+    """
+
+    paths: list[Path]
+    numbers: list[int] | None
+    times_s: list[float] | None
+    remarks: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, directory: Path) -> "Names":
+        """The pictures in a folder; hidden files, as other computers leave them, are none.
+
+        Raises:
+            DeviceRefused: there are none, they are of several kinds, or their numbers are neither a count nor
+                times.
+        """
+        found = [path for path in directory.iterdir() if path.suffix.lower() in SUFFIXES]
+        paths = [path for path in found if not path.name.startswith(".")]
+        _check_kinds(directory, paths)
+        hidden = [f"{len(found) - len(paths)} hidden files are left out."] if len(found) > len(paths) else []
+        names = _by_dates(paths) or _by_seconds(paths) or _by_numbers(directory, paths) or _by_name(paths)
+        return names._replace(remarks=(*hidden, *names.remarks))
+
+
+def _check_kinds(directory: Path, paths: Sequence[Path]) -> None:
+    if not paths:
+        kinds = ", ".join(sorted(set(SUFFIXES.values())))
+        raise DeviceRefused(
+            f"{directory} has no pictures ({kinds})", "give a folder of pictures, a video or a capture file"
+        )
+    kinds_found = Counter(SUFFIXES[path.suffix.lower()] for path in paths)
+    if len(kinds_found) > 1:
+        listed = " and ".join(f"{count} {kind}" for kind, count in kinds_found.most_common())
+        raise DeviceRefused(f"{directory} has {listed} pictures", "keep those of one kind in a folder")
+
+
+def _by_dates(paths: Sequence[Path]) -> Names | None:
+    times: list[Fraction] = []
+    for path in paths:
+        found = _DATE.search(path.stem)
+        if found is None:
+            return None
+        *parts, fraction = found.groups()
+        try:
+            whole = datetime(*map(int, parts), tzinfo=UTC)  # type: ignore[misc, arg-type]
+        except ValueError:
+            return None
+        times.append(int(whole.timestamp()) + Fraction(int(fraction or 0), 10 ** len(fraction or "")))
+    return _timed(paths, times, "dates")
+
+
+def _by_seconds(paths: Sequence[Path]) -> Names | None:
+    found = [_SECONDS.search(path.stem) for path in paths]
+    if any(one is None for one in found):
+        return None
+    return _timed(paths, [Fraction(f"{one[1]}.{one[2]}") for one in found if one], "times in seconds")
+
+
+def _timed(paths: Sequence[Path], times: Sequence[Fraction], what: str) -> Names | None:
+    """By times that differ and follow one another at a rate that a camera may have; None if they do not."""
+    ordered = sorted(zip(times, paths, strict=True))
+    steps = sorted(later - earlier for (earlier, _), (later, _) in pairwise(ordered))
+    if not steps or steps[0] <= 0 or not _RATES_HZ[0] <= 1 / steps[len(steps) // 2] <= _RATES_HZ[1]:
+        return None
+    first = ordered[0][0]
+    since = [float(time - first) for time, _ in ordered]
+    return Names([path for _, path in ordered], None, since, (f"Its names are read as {what}.",))
+
+
+def _by_numbers(directory: Path, paths: Sequence[Path]) -> Names | None:
+    """By the one number that differs from name to name; None if there is none such."""
+    pieces = [re.split(r"(\d+)", path.stem) for path in paths]
+    if len({tuple(one[::2]) for one in pieces}) != 1 or len(paths) < 2:
+        return None
+    varying = [at for at in range(1, len(pieces[0]), 2) if len({int(one[at]) for one in pieces}) > 1]
+    if len(varying) != 1:
+        return None
+    at = varying[0]
+    ordered = sorted((int(one[at]), path) for one, path in zip(pieces, paths, strict=True))
+    for (earlier, first), (later, second) in pairwise(ordered):
+        if earlier == later:
+            raise DeviceRefused(
+                f"{directory}: {first.name} and {second.name} have the same number", "leave one of them out"
+            )
+    remarks: list[str] = []
+    values = _unwrapped([value for value, _ in ordered], remarks)
+    ordered = sorted(zip(values, (path for _, path in ordered), strict=True))
+    return _count(ordered, remarks) or _stamps(directory, ordered)
+
+
+def _unwrapped(values: list[int], remarks: list[str]) -> list[int]:
+    """Numbers, ascending, of a counter that may have gone from 9999 to 0 or 1 among them."""
+    last, digits = values[-1], len(str(values[-1]))
+    gaps = [(later - earlier, at) for at, (earlier, later) in enumerate(pairwise(values), start=1)]
+    widest, at = max(gaps)
+    if digits < _FEWEST_DIGITS or last != 10**digits - 1 or values[0] > 1 or 2 * widest < last:
+        return values
+    remarks.append(f"Its count goes on from {last} with {values[0]:0{digits}d}.")
+    beyond = last + 1 - values[0]
+    return [value + beyond if k < at else value for k, value in enumerate(values)]
+
+
+def _count(ordered: Sequence[tuple[int, Path]], remarks: list[str]) -> Names | None:
+    steps = [later - earlier for (earlier, _), (later, _) in pairwise(ordered)]
+    step = min(steps)
+    is_count = steps.count(step) >= _MOSTLY * len(steps) and all(one % step == 0 for one in steps)
+    if not is_count or any(ordered[0][0] // _per_second(unit) in _SINCE_1970 for unit in _UNITS_S[1:]):
+        return None
+    first = ordered[0][0]
+    missing = list(_missing(ordered, step))
+    if missing:
+        more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
+        listed = ", ".join(missing[:_NAMED])
+        remarks.append(f"By the count in its names {listed}{more}: their fields are lost.")
+    numbers = [(value - first) // step for value, _ in ordered]
+    return Names([path for _, path in ordered], numbers, None, tuple(remarks))
+
+
+def _missing(ordered: Sequence[tuple[int, Path]], step: int) -> Iterator[str]:
+    """What is missing between pictures, each run of it in a few words."""
+    for (earlier, before), (later, _) in pairwise(ordered):
+        if lacking := (later - earlier) // step - 1:
+            what = "1 picture is" if lacking == 1 else f"{lacking} pictures are"
+            yield f"{what} missing after {before.name}"
+
+
+def _stamps(directory: Path, ordered: Sequence[tuple[int, Path]]) -> Names:
+    """By numbers that are times: in the unit that gives a camera's rate."""
+    paths = [path for _, path in ordered]
+    for unit, name in zip(_UNITS_S[1:], ("ms", "us", "ns"), strict=True):
+        if timed := _timed(paths, [value * unit for value, _ in ordered], f"times in {name}"):
+            return timed
+    steps = [later - earlier for (earlier, _), (later, _) in pairwise(ordered)]
+    raise DeviceRefused(
+        f"{directory}: the numbers in its names step by {min(steps)} to {max(steps)}: neither a count nor "
+        "times in ms, us or ns",
+        "name the pictures by the times at which they were taken, such as 12.340.png in seconds",
+    )
+
+
+def _per_second(unit: Fraction) -> int:
+    return int(1 / unit)
+
+
+def _by_name(paths: Sequence[Path]) -> Names:
+    """In the order of their names, numbers among them by their value."""
+    ordered = sorted(paths, key=lambda path: [_piece(piece) for piece in re.split(r"(\d+)", path.name)])
+    said = () if len(paths) == 1 else ("Its names tell an order, but neither a count nor times.",)
+    return Names(ordered, list(range(len(ordered))), None, said)
+
+
+def _piece(text: str) -> tuple[int, str]:
+    return (int(text), text) if text.isdecimal() else (-1, text)
