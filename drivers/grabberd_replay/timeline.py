@@ -40,6 +40,8 @@ _TOO_MANY_OFF, _OF_LATE = 6, 12
 """Pictures off their time, among the latest, that are a change of the rate."""
 _MOST_PICTURES = 1 << 30
 _AS_WELL = 0.98
+_LEAST_THERE = 0.3
+"""Share of the pictures that is there at least: a short period fits any times."""
 _SEARCHED = 0.1
 """Share by which the rate may differ from that of the middle step."""
 
@@ -87,6 +89,7 @@ class Pace(NamedTuple):
         tried = [
             _together(1 / float(step), times) for step in np.quantile(steps[steps > 0], (0.5, 0.25, 0.1))
         ]
+        tried = [one for one in tried if len(times) > _LEAST_THERE * one[0] * times.max()] or tried[:1]
         best = max(abs(found) for _, found in tried)
         rate_hz, found = next(one for one in tried if abs(one[1]) > _AS_WELL * best)
         sigma = float(np.sqrt(-2 * np.log(np.clip(abs(found), 1e-9, 1.0)))) / (2 * np.pi)
@@ -202,7 +205,8 @@ class Timeline(Generic[T]):
             return
         ahead = (since_s - path.phase_s) / path.period_s
         least = self._steps  # no two pictures are of one moment, whatever their times
-        for step in {max(least, round(ahead) + beside) for beside in (-1, 0, 1)}:
+        # It may have been lost, or be late by any amount.
+        for step in {least, *(max(least, round(ahead) + beside) for beside in (-1, 0, 1))}:
             off = ahead - step
             yield self._step(path, step, off)
             if abs(off) > _STEADY and step > least:  # a camera that started again
@@ -238,9 +242,10 @@ class Timeline(Generic[T]):
         """True if more than a single one of the latest pictures is off its time."""
         self._off.append(abs(off) > _STEADY)
         if sum(self._off) >= _TOO_MANY_OFF:
+            period_ms = self._period_s * 1e3
             raise PictureError(
-                f"{self._source}: about {time_s:.3f} s its pictures no longer come {self._period_s * 1e3:.4g} "
-                "ms apart: its rate varies, and a picture's number cannot be known",
+                f"{self._source}: about {time_s:.3f} s its pictures no longer come {period_ms:.4g} ms apart: its "
+                "rate varies, and a picture's number cannot be known",
                 "record at a constant rate; what came before it is kept",
             )
         return self._off[-1] and sum(self._off) > 1
