@@ -227,12 +227,14 @@ def csv_records(text: str, columns: Sequence[str]) -> Iterator[tuple[int, dict[s
 
     Raises:
         KeyError: At once: a column is missing; the message lists all that are.
-        ValueError: While they are read: see `csv_rows` and `check_cells`.
+        ValueError: At once: a column is named twice. While they are read: see `csv_rows` and `check_cells`.
     """
     rows = csv_rows(text)
     names = next(rows, (0, []))[1]
     if missing := [name for name in columns if name not in names]:
         raise KeyError(", ".join(missing))
+    if twice := [name for name in filter(None, names) if names.count(name) > 1]:
+        raise ValueError(f"the first line names the column {twice[0]!r} twice")
     return ((line, dict(zip(names, check_cells(line, row, len(names)), strict=True))) for line, row in rows)
 
 
