@@ -1,4 +1,4 @@
-"""JSON that a sensor sends: the values of the columns, wherever in it they are, and what its keys are.
+"""JSON of sensors: the values of the columns, wherever in it they are, and the keys that it has.
 
 A column is named by its key, one that is further down by the keys that lead there: `BMP280.Pressure`, or
 `sensors.0.p` in a list. No key is found by its last part alone, as a second sensor would change its meaning.

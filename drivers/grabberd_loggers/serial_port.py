@@ -114,7 +114,7 @@ _SPEED_SHARE = 0.02
 
 
 class PortSettings(NamedTuple):
-    """How characters are sent over a port: its speed, and their bits."""
+    """Speed of a port, and the bits of its characters."""
 
     baud: int = 9600
     bits: Bits = 8
@@ -127,7 +127,7 @@ class PortSettings(NamedTuple):
         return _SIZE[self.bits] | _PARITY[self.parity] | _STOP[self.stop_bits]
 
     def refused(self, baud: int, control: int) -> str:
-        """What a port does otherwise than asked, by the speed and control bits it has; empty for nothing."""
+        """Names what a port does otherwise, by the speed and control bits that it has; empty for nothing."""
         other = control ^ self.control
         refused = [
             (other & termios.CSIZE, f"{self.bits} data bits"),

@@ -1,5 +1,6 @@
 """The replay driver, and the recording that needs no decoding: a capture file."""
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
@@ -71,10 +72,12 @@ class ReplayGrabber:
         pace: str = "free",
         clock: Clock | None = None,
     ) -> None:
-        if rate_hz is not None and not rate_hz > 0:
-            raise ValueError(f"rate_hz is the number of fields a second, not {rate_hz}")
+        if not isinstance(path, str | Path):
+            raise ValueError(f"path is the name of a file or folder, not {path!r}")
+        if rate_hz is not None and not _is_rate(rate_hz):
+            raise ValueError(f"rate_hz is the number of fields a second, not {rate_hz!r}")
         if bits is not None and bits not in KNOWN_BITS:
-            raise ValueError(f"bits is one of {', '.join(map(str, KNOWN_BITS))}, not {bits}")
+            raise ValueError(f"bits is one of {', '.join(map(str, KNOWN_BITS))}, not {bits!r}")
         self._path, self._bits = Path(path), bits
         self._pictures = Pictures(pictures)
         self._order = None if field_order is None else FieldOrder(field_order)
@@ -227,6 +230,11 @@ class ReplayGrabber:
         self.found_empty = wait_s > 0
         self._clock.sleep(min(wait_s, timeout_s))
         return wait_s <= timeout_s
+
+
+def _is_rate(value: object) -> bool:
+    """True for a number above 0; in a configuration anything may stand."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < math.inf
 
 
 def _standard(form: Format) -> str:
