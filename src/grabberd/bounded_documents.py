@@ -186,7 +186,7 @@ def parse_yaml(text: str, *, fast: bool = False) -> Any:
 
 
 def as_written(value: Any, read: Callable[[Any], Any]) -> Any:
-    """Reads a document, or a part of one such as the value of a key, without taking a text for something else.
+    """Reads a document, or a part of one such as a value, without taking a text for something else.
 
     Raises:
         ValueError: It has made a number or a truth value of a text, as of yes and 1_000; or as the reader.
