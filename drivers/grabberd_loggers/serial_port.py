@@ -38,7 +38,7 @@ class SerialOptions(LineOptions):
     """
 
     port: Path
-    baud: int = Field(115_200, ge=1, lt=1 << 32)
+    baud: int = Field(115_200, ge=50, lt=1 << 32)
     bits: Bits = 8
     parity: Parity = "none"
     stop_bits: StopBits = 1

@@ -176,7 +176,7 @@ def test_missing_rights_name_the_group(port: Port) -> None:
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"port": "/dev/ttyUSB0", "baud": 0}, "baud: Input should be greater than or equal to 1"),
+        ({"port": "/dev/ttyUSB0", "baud": 3}, "baud: Input should be greater than or equal to 50"),
         ({"port": "/dev/ttyUSB0", "columns": ["p1", "p1"]}, "columns: column p1 is given twice"),
         ({"port": "/dev/ttyUSB0", "rate_hz": 0}, "rate_hz"),
         ({"port": "/dev/ttyUSB0", "parity": "mark"}, "parity"),
@@ -191,4 +191,4 @@ def test_options_that_cannot_be_used_are_named(options: dict, says: str) -> None
 
 def test_all_problems_of_the_options_are_named_at_once() -> None:
     with pytest.raises(ValueError, match=r"(?s)speed.*\n.*baud|baud.*\n.*speed"):
-        SerialLogger(port="/dev/ttyUSB0", speed=9600, baud=0)
+        SerialLogger(port="/dev/ttyUSB0", speed=9600, baud=3)
