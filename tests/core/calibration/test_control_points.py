@@ -47,6 +47,7 @@ def test_a_line_has_no_one_two_or_three_sigmas_or_a_diagonal_covariance(given, s
         "# no, z, y, x\n1,.05,.2,.1",
         "# Y X Z number\n.2,.1,.05,1",
         "# id, X, Y, Z (mm)\n1,100,200,50",
+        "\ufeff# id, X, Y, Z (mm)\n1,100,200,50",
         "# id, X (cm), Y (cm), Z [cm]\n1,10,20,5",
     ],
 )
@@ -101,8 +102,11 @@ def test_a_header_says_which_cell_is_the_sigma(text):
         ("# sigma, id, X, Y, Z\n1,.1,.2,.05", "line 2: 4 cells"),
         ("# id, X, Y, Z, weight\n1,.1,.2,.05,1", "line 1: 'weight' in the header is none of"),
         ("# id, X, Y, Z, X\n1,.1,.2,.05,1", "line 1: the header names 'x' twice"),
-        ("# X, Y, Z\n.1,.2,.05", "line 1: the header names x, y, z"),
-        ("# id, X, Y, Z, sx, sy\n1,.1,.2,.05,0,0", "line 1: the header names id, x, y, z, sx, sy"),
+        ("# X, Y, Z\n.1,.2,.05", "line 1: the header names no id"),
+        (
+            "# id, X, Y, Z, sx, sy\n1,.1,.2,.05,0,0",
+            "line 1: the header names id, x, y, z, sx, sy, of which not every",
+        ),
         ("# id, X, Y, Z\n# id, Y, X, Z\n1,.1,.2,.05", "line 2: this is a second header"),
         ("# id, X (m), Y (m), Z (m), sigma (mm)\n1,.1,.2,.05,1", "line 1: the header states the units m, mm"),
         ("# id, X, Y, Z (ft)\n1,.1,.2,.05", "line 1: the header states the units ft"),

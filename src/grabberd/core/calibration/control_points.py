@@ -32,7 +32,7 @@ class Lines:
     def __init__(self, text: str, what: str) -> None:
         self.what = what
         self.number = 0
-        self._lines = text.splitlines()
+        self._lines = text.removeprefix("\ufeff").splitlines()  # spreadsheets begin a file with a mark
 
     def refusal(self, why: str, hint: str = _KIND) -> InputError:
         """Error for the line read last, or for the text as a whole before the first."""
@@ -254,8 +254,11 @@ def _named(lines: Lines, words: Sequence[str]) -> tuple[str, ...]:
             raise lines.refusal(f"the header names {word!r} twice", _WRITE)
         columns.append(one)
     sigmas = tuple(one for one in columns if one.startswith("s"))
-    if "id" not in columns or (sigmas and sigmas not in _SIGMAS):
-        raise lines.refusal(f"the header names {', '.join(words)}", _WRITE)
+    if "id" not in columns:
+        raise lines.refusal("the header names no id", _WRITE)
+    if sigmas and sigmas not in _SIGMAS:
+        hint = "name sigma; or sigma_xy and sigma_z; or sigma_x, sigma_y and sigma_z"
+        raise lines.refusal(f"the header names {', '.join(words)}, of which not every axis has one σ", hint)
     return tuple(columns)
 
 
