@@ -1,5 +1,8 @@
 """Documents from outside are bounded, whatever they claim and repeat."""
 
+import json
+import pickle
+import re
 import tracemalloc
 from pathlib import Path
 
@@ -7,7 +10,15 @@ import pytest
 import yaml
 
 from grabberd.archive.input_files import read_identifications, read_truth
-from grabberd.bounded_documents import csv_records, csv_rows, parse_yaml, read_bounded, read_text, yaml_text
+from grabberd.bounded_documents import (
+    as_written,
+    csv_records,
+    csv_rows,
+    parse_yaml,
+    read_bounded,
+    read_text,
+    yaml_text,
+)
 from grabberd.config.reading import load_config
 from grabberd.errors import ConfigError, InputError
 from grabberd.files.documents import read_documents, read_yaml
@@ -101,6 +112,57 @@ def test_what_would_take_memory_or_end_the_program_is_an_error_of_the_document(t
 )
 def test_words_mean_what_the_core_schema_of_yaml_1_2_says(words, value, fast):
     assert parse_yaml(f"key: {words}", fast=fast) == {"key": value}
+
+
+@pytest.mark.parametrize("fast", [False, True])
+@pytest.mark.parametrize(
+    ("word", "told"),
+    [
+        *((one, "for a truth value write true") for one in ("yes", "on", "On", "y")),
+        *((one, "for a truth value write false") for one in ("NO", "off", "n")),
+        *((one, "for a number write 240") for one in ("4:00", "2_40", "0b11110000", "0xF_0")),
+        *((one, "for a number write 90.5") for one in ("1:30.5", "9_0.5")),
+    ],
+)
+def test_a_word_that_was_something_else_to_yaml_1_1_says_where_it_stands_and_what_to_write(word, told, fast):
+    found = parse_yaml(f"a: 1\nkey: [{word}]", fast=fast)["key"][0]
+    assert found == word
+    assert repr(found) == f"{word!r} (line 2, column 7: a text in YAML 1.2; {told})"
+    assert repr(parse_yaml(word, fast=fast)) == f"{word!r} (a text in YAML 1.2; {told})"
+
+
+@pytest.mark.parametrize("fast", [False, True])
+def test_other_texts_and_quoted_words_are_nothing_but_texts(fast):
+    words = parse_yaml("[yesterday, 'yes', \"4:00\", 0x_, 1.2.3, 2026-11-28, 'on']", fast=fast)
+    assert {type(word) for word in words} == {str}
+
+
+def test_a_word_is_an_ordinary_text_for_all_other_programs():
+    found = parse_yaml("a: 1\nkey: yes")
+    assert json.dumps(found) == '{"a": 1, "key": "yes"}'
+    assert {type(word) for word in pickle.loads(pickle.dumps(found)).values()} == {int, str}
+    assert parse_yaml(yaml_text(found)) == yaml.safe_load(yaml_text(found)) == found
+
+
+@pytest.mark.parametrize(
+    ("text", "read", "said"),
+    [
+        (
+            "key: yes",
+            lambda document: {"key": True},
+            "key: 'yes' (line 1, column 6: a text in YAML 1.2; for a ",
+        ),
+        (
+            "key: {b: [0, 1_0]}",
+            lambda document: {"key": {"b": (0, 10)}},
+            "key.b[1]: '1_0' (line 1, column 14: a",
+        ),
+    ],
+)
+def test_a_reader_that_takes_a_word_for_a_number_or_truth_value_is_stopped(text, read, said):
+    with pytest.raises(ValueError, match=re.escape(said)):
+        as_written(parse_yaml(text), read)
+    assert as_written(parse_yaml(text), dict) == parse_yaml(text)
 
 
 @pytest.mark.parametrize(

@@ -84,6 +84,36 @@ def test_a_value_in_the_wrong_unit_is_answered_with_the_right_one(tmp_path: Path
 
 
 @pytest.mark.parametrize(
+    ("keys", "at", "says"),
+    [
+        (
+            "threshold: {map: yes}",
+            "threshold.map",
+            "'yes' (line 4, column 22: a text in YAML 1.2; for a truth value",
+        ),
+        ("threshold: {map: NO}", "threshold.map", "value write false) is not true or false"),
+        (
+            "rig: {distance_mm: 4:00}",
+            "rig.distance_mm",
+            "not '4:00' (line 4, column 24: a text in YAML 1.2; for a",
+        ),
+        ("rig: {distance_mm: 1_000}", "rig.distance_mm", "for a number write 1000) is not a number"),
+        ("ring: {slots: 0b100000}", "ring.slots", "for a number write 32)"),
+    ],
+)
+def test_a_word_of_yaml_1_1_is_answered_with_its_place_and_what_to_write(tmp_path, keys, at, says):
+    text = f"devices:\n  one:\n    driver: fake\n    {keys}\n"
+    assert says in problems_of(tmp_path, text)[f"devices.one.{at}"]
+
+
+@pytest.mark.parametrize(("slots", "number"), [("0o44", 36), ("036", 36), ("+36", 36), ("3.6e1", 36)])
+def test_numbers_of_yaml_1_2_are_read(tmp_path: Path, slots: str, number: int) -> None:
+    file = tmp_path / "grabberd.yaml"
+    file.write_text(f"devices: {{one: {{driver: fake, ring: {{slots: {slots}}}}}}}")
+    assert load_config(file).devices["one"].ring.slots == number
+
+
+@pytest.mark.parametrize(
     ("views", "says"),
     [
         ("left: {first_column: 0, end_column: 400}", "overlap"),

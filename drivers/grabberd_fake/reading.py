@@ -53,9 +53,9 @@ class Choice(Rule):
 
     def read(self, key: str, value: Any, problems: list[str]) -> Any:
         """The value itself."""
-        # Compare types too: True == 1 in Python, but not in a configuration.
+        # True == 1 in Python, but not in a configuration.
         for allowed in self.allowed:
-            if type(value) is type(allowed) and value == allowed:
+            if isinstance(value, bool) is isinstance(allowed, bool) and value == allowed:
                 return allowed
         problems.append(f"{key}: {value!r} is not one of {', '.join(map(str, self.allowed))}")
         return None

@@ -1,6 +1,5 @@
 """Readings that somebody publishes to an MQTT topic: a number, a line of text, or JSON."""
 
-import json
 import ssl
 import time
 from collections import deque
@@ -12,8 +11,9 @@ from pydantic import Field, model_validator
 
 from grabberd.clock import Clock
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
+from grabberd_loggers.json_message import Unusable, cells_of
 from grabberd_loggers.line_logger import LineLogger, Opened, Received
-from grabberd_loggers.lines import IGNORED, LONGEST, Column
+from grabberd_loggers.lines import LONGEST, OTHER_CELLS, Column
 from grabberd_loggers.options import LineOptions
 
 try:
@@ -38,7 +38,8 @@ class MqttOptions(LineOptions):
     Attributes:
         host: the broker; `port`: 1883, with TLS 8883.
         topic: the topic, without wildcards.
-        columns: names of the numbers in a message; in a JSON object, its keys.
+        columns: names of the numbers in a message; in a JSON object, its keys, dotted where one is further
+            down: `BMP280.Pressure`.
         user, password_file: credentials; the file holds the password alone.
         tls: true, or the path of a PEM file with the broker's certificate authority.
         qos: 0, 1 or 2.
@@ -71,23 +72,15 @@ class MqttOptions(LineOptions):
 
 
 def line_of(payload: bytes, columns: Sequence[Column]) -> str:
-    """The line of text that a message means.
+    """The line of text that a message means; what is neither a JSON object nor a list is a line already.
 
-    A JSON object gives each column the value of its key; a list, its values in order; a number, itself. Any
-    other text is a line already.
+    Raises:
+        Unusable: It is empty, or see `cells_of`.
     """
     text = payload.decode("utf-8", "replace").strip()
-    if text[:1] not in ("{", "["):
-        return " ".join(text.split("\n"))
-    try:
-        content = json.loads(text)
-    except (ValueError, RecursionError):
-        return text
-    if isinstance(content, dict):
-        if not any(column.name in content for column in columns):
-            return text
-        content = [content.get(column.name) for column in columns]
-    return ";".join(IGNORED if one is None else str(one).replace(";", "?") for one in content)
+    if not text:
+        raise Unusable(OTHER_CELLS, "an empty message")
+    return ";".join(cells_of(text, columns)) if text[0] in "{[" else " ".join(text.split("\n"))
 
 
 class _Topic:
@@ -151,7 +144,10 @@ class _Topic:
             elif len(message.payload) > LONGEST:
                 anomalies.append((OVERLONG, f"{len(message.payload)} bytes"))
             else:
-                lines.append(line_of(bytes(message.payload), self._columns) + "\n")
+                try:
+                    lines.append(line_of(bytes(message.payload), self._columns) + "\n")
+                except Unusable as unusable:
+                    anomalies.append((unusable.reason, unusable.example))
         return Received("".join(lines).encode(), tuple(anomalies))
 
     def _made(self) -> paho.Client:

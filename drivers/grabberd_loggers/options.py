@@ -5,6 +5,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
+from grabberd.bounded_documents import as_written
 from grabberd_loggers.lines import LineFormat
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -14,6 +15,7 @@ class Options(BaseModel):
     """Options that refuse what they do not know."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+    _as_written = field_validator("*", mode="wrap")(as_written)
 
 
 class LineOptions(Options):
@@ -58,4 +60,5 @@ def _in_words(model: type[BaseModel], problem: Any) -> str:
         return f"{key}: unknown option; known are {', '.join(model.model_fields)}"
     if problem["type"] == "missing":
         return f"{key}: missing"
-    return f"{key}: {problem['msg'].removeprefix('Value error, ')}, not {problem['input']!r}"
+    message, given = problem["msg"].removeprefix("Value error, "), repr(problem["input"])
+    return f"{key}: {message}" if given in message else f"{key}: {message}, not {given}"

@@ -5,12 +5,16 @@ from them: a microcontroller, a bench logger or an adapter on a serial port or U
 import errno
 import fcntl
 import os
+import re
 import select
+import stat
+import struct
 import termios
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
-from pydantic import field_validator
+from pydantic import Field
 
 from grabberd.clock import Clock
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
@@ -18,9 +22,9 @@ from grabberd_loggers.line_logger import LineLogger, Opened, Received
 from grabberd_loggers.options import LineOptions
 
 _BYTES = 65_536
-_PARITY = {"none": 0, "even": termios.PARENB, "odd": termios.PARENB | termios.PARODD}
-_SIZE = {7: termios.CS7, 8: termios.CS8}
-_STOP = {1: 0, 2: termios.CSTOPB}
+Bits = Literal[7, 8]
+Parity = Literal["none", "even", "odd"]
+StopBits = Literal[1, 2]
 
 
 class SerialOptions(LineOptions):
@@ -34,19 +38,11 @@ class SerialOptions(LineOptions):
     """
 
     port: Path
-    baud: int = 115_200
-    bits: Literal[7, 8] = 8
-    parity: Literal["none", "even", "odd"] = "none"
-    stop_bits: Literal[1, 2] = 1
+    baud: int = Field(115_200, ge=50, lt=1 << 32)
+    bits: Bits = 8
+    parity: Parity = "none"
+    stop_bits: StopBits = 1
     start: str = ""
-
-    @field_validator("baud")
-    @classmethod
-    def _known_speed(cls, baud: int) -> int:
-        if not hasattr(termios, f"B{baud}") or baud == 0:
-            known = sorted(int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit())
-            raise ValueError(f"the speeds of serial ports are {', '.join(map(str, known[1:]))}")
-        return baud
 
 
 class _Port:
@@ -61,11 +57,14 @@ class _Port:
 
     def open(self) -> Opened:
         options = self._options
-        control = _SIZE[options.bits] | _PARITY[options.parity] | _STOP[options.stop_bits]
-        self._file = open_port(options.port, getattr(termios, f"B{options.baud}"), control)
-        if options.start:
-            os.write(self._file, options.start.encode())
         port = options.port
+        settings = PortSettings(options.baud, options.bits, options.parity, options.stop_bits)
+        self._file = open_port(port, settings)
+        try:
+            os.write(self._file, options.start.encode())
+        except OSError as error:
+            self.close()
+            raise StreamFailed(f"{port} does not take the text to start: {error.strerror}", PLUG) from error
         details = {"port": str(port), "device": str(port.resolve()), "baud": str(options.baud)}
         return Opened(port.name, details)
 
@@ -107,31 +106,66 @@ GONE = frozenset([errno.EIO, errno.ENXIO, errno.ENODEV, errno.EBADF])
 PLUG = "plug it in; 'grabberd devices' lists the serial ports"
 
 
-def open_port(port: Path, speed: int = termios.B9600, control: int = termios.CS8) -> int:
+_SIZE = {7: termios.CS7, 8: termios.CS8}
+_PARITY = {"none": 0, "even": termios.PARENB, "odd": termios.PARENB | termios.PARODD}
+_STOP = {1: 0, 2: termios.CSTOPB}
+_SPEED_SHARE = 0.02
+"""Difference of two speeds at which the middle of a character's last bit is still that bit."""
+
+
+class PortSettings(NamedTuple):
+    """Speed of a port, and the bits of its characters."""
+
+    baud: int = 9600
+    bits: Bits = 8
+    parity: Parity = "none"
+    stop_bits: StopBits = 1
+
+    @property
+    def control(self) -> int:
+        """Size, parity and stop bits, as termios has them."""
+        return _SIZE[self.bits] | _PARITY[self.parity] | _STOP[self.stop_bits]
+
+    def refused(self, baud: int, control: int) -> str:
+        """Names what a port does otherwise, by the speed and control bits that it has; empty for nothing."""
+        other = control ^ self.control
+        refused = [
+            (other & termios.CSIZE, f"{self.bits} data bits"),
+            (other & _PARITY["odd"], "no parity" if self.parity == "none" else f"{self.parity} parity"),
+            (other & termios.CSTOPB, f"{self.stop_bits} stop bit" + "s" * (self.stop_bits > 1)),
+            (abs(baud - self.baud) > _SPEED_SHARE * self.baud, f"{self.baud} baud (it gives {baud})"),
+        ]
+        return " and ".join(words for is_other, words in refused if is_other)
+
+
+def open_port(port: Path, settings: PortSettings) -> int:
     """Descriptor of a port, which no other program can open any more.
 
     Args:
         port: Its path.
-        speed: Its speed, as termios has it.
-        control: Size, parity and stop bits of its characters, as termios has them.
+        settings: How characters are sent over it.
 
     Raises:
         DeviceAbsent: There is no such port.
-        DeviceRefused: It may not be opened, another program has it, or it is no serial port.
+        DeviceRefused: It may not be opened, another program has it, it is no serial port, or does not do what
+            it is set to.
     """
     try:
+        if not stat.S_ISCHR(mode := port.stat().st_mode):
+            raise DeviceRefused(f"{port} is {_KINDS[stat.S_IFMT(mode)]}, not a serial port", _NAME_ONE)
         file = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     except OSError as error:
         raise _not_opened(port, error) from error
     try:
-        _set_up(file, speed, control)
-        _claim(file)
-    except termios.error as error:
+        _claim(file)  # before anything is set: the program that has the port would read nonsense from then on
+        _set_up(file, settings)
+        if refused := settings.refused(_speed(file), termios.tcgetattr(file)[2]):
+            raise DeviceRefused(f"{port} refuses {refused}", _OTHER_SETTINGS)
+    except BaseException as error:
         os.close(file)
-        raise DeviceRefused(f"{port} is no serial port: {error.args[-1]}", PLUG) from error
-    except OSError as error:
-        os.close(file)
-        raise _not_opened(port, error) from error
+        if isinstance(error, OSError | termios.error):
+            raise _not_opened(port, OSError(*error.args)) from error
+        raise
     return file
 
 
@@ -140,13 +174,41 @@ def lost(port: Path) -> DeviceLost:
     return DeviceLost(f"{port} is gone", "plug it in again; grabberd retries automatically")
 
 
-def _set_up(file: int, speed: int, control: int) -> None:
+_TERMIOS2 = struct.Struct("4IB19s2I")
+"""The kernel's own structure: four words of modes, the third for control, line, characters, two speeds."""
+_TCGETS2, _TCSETS2 = 0x802C542A, 0x402C542B
+_CBAUD, _BOTHER = 0o10017, 0o10000
+_NAMED = re.compile(r"B\d+")
+
+
+def _set_up(file: int, settings: PortSettings) -> None:
     """Raw characters; without hardware flow control, which would switch RTS by itself."""
     characters = list(termios.tcgetattr(file)[6])
     characters[termios.VMIN], characters[termios.VTIME] = 0, 0
-    control |= termios.CREAD | termios.CLOCAL
+    control = settings.control | termios.CREAD | termios.CLOCAL
+    named = getattr(termios, f"B{settings.baud}", None)
+    speed = termios.B9600 if named is None else named
     raw: list[Any] = [0, 0, control, 0, speed, speed, characters]
-    termios.tcsetattr(file, termios.TCSANOW, raw)
+    # What is refused is an error, or silently not done: the settings are read back in either case.
+    with suppress(termios.error):
+        termios.tcsetattr(file, termios.TCSANOW, raw)
+    if named is None:
+        with suppress(OSError):
+            words = list(_TERMIOS2.unpack(fcntl.ioctl(file, _TCGETS2, bytes(_TERMIOS2.size))))
+            words[2] = words[2] & ~_CBAUD | _BOTHER
+            words[-2:] = settings.baud, settings.baud
+            fcntl.ioctl(file, _TCSETS2, _TERMIOS2.pack(*words))
+
+
+def _speed(file: int) -> int:
+    """Speed that the port has, which may be another than it was asked for."""
+    try:
+        return int(_TERMIOS2.unpack(fcntl.ioctl(file, _TCGETS2, bytes(_TERMIOS2.size)))[-1])
+    except OSError:  # of the architectures that have no such structure, and named speeds alone
+        speed = termios.tcgetattr(file)[5]
+        names = filter(_NAMED.fullmatch, dir(termios))
+        named = {getattr(termios, name): int(name[1:]) for name in names}
+        return named[speed]
 
 
 def _claim(file: int) -> None:
@@ -155,12 +217,30 @@ def _claim(file: int) -> None:
     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
+_NAME_ONE = "'grabberd devices' lists the serial ports"
+_OTHER_SETTINGS = (
+    "set baud, bits, parity and stop_bits to what port and logger both do, or use another adapter"
+)
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFREG: "a file",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFBLK: "a disk",
+}
+
+
 def _not_opened(port: Path, error: OSError) -> DeviceAbsent | DeviceRefused:
     if error.errno in (errno.EBUSY, errno.EWOULDBLOCK):
         return DeviceRefused(f"another program has {port}", "end it", Cause.DEVICE_BUSY)
-    if error.errno in (errno.EACCES, errno.EPERM):
-        hint = "add grabberd's user to the group that owns it, usually dialout"
+    if error.errno == errno.ENOTTY:
+        return DeviceRefused(f"{port} is a device, but not a serial port", _NAME_ONE)
+    if error.errno == errno.EPERM:
+        hint = "under systemd, install the drop-in loggers.conf, which lets the daemon use serial ports"
+        return DeviceRefused(f"{port} may not be opened: {error.strerror}", hint, Cause.NO_RIGHTS)
+    if error.errno == errno.EACCES:
+        hint = "add grabberd's user to the group that owns it, usually dialout, and log in again"
         return DeviceRefused(f"{port} may not be opened: {error.strerror}", hint, Cause.NO_RIGHTS)
     if error.errno in (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.EIO, errno.ENOTDIR):
         return DeviceAbsent(f"there is no {port}", PLUG)
-    return DeviceRefused(f"{port} cannot be opened: {error.strerror}", PLUG)
+    return DeviceRefused(f"{port} cannot be opened: {error.strerror}", _NAME_ONE)

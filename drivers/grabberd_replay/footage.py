@@ -4,6 +4,7 @@ A folder and a video differ in how they are read, not in what follows: kind, rat
 and which of them repeat another.
 """
 
+import math
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing
 from itertools import islice
@@ -108,10 +109,10 @@ class Options(NamedTuple):
         Raises:
             ValueError: one is not allowed.
         """
-        if self.rate_hz is not None and not self.rate_hz > 0:
-            raise ValueError(f"rate_hz is the number of fields a second, not {self.rate_hz}")
+        if self.rate_hz is not None and not _is_rate(self.rate_hz):
+            raise ValueError(f"rate_hz is the number of fields a second, not {self.rate_hz!r}")
         if self.bits is not None and self.bits not in KNOWN_BITS:
-            raise ValueError(f"bits is one of {', '.join(map(str, KNOWN_BITS))}, not {self.bits}")
+            raise ValueError(f"bits is one of {', '.join(map(str, KNOWN_BITS))}, not {self.bits!r}")
         Pictures(self.pictures or Pictures.AUTO)
         older_parity(FieldOrder(self.field_order or FieldOrder.TOP_FIRST))
         parity_named(self.first_parity or "top")
@@ -125,6 +126,11 @@ class Options(NamedTuple):
         for name in without_effect:
             if getattr(self, name) is not None:
                 raise DeviceRefused(f"{path}: '{name}' has no effect on {what}", f"leave '{name}' out")
+
+
+def _is_rate(value: object) -> bool:
+    """True for a number above 0; in a configuration anything may stand."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < math.inf
 
 
 class _Look(NamedTuple):

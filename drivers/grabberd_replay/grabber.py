@@ -74,6 +74,8 @@ class ReplayGrabber:
         pace: str = "free",
         clock: Clock | None = None,
     ) -> None:
+        if not isinstance(path, str | Path):
+            raise ValueError(f"path is the name of a file or folder, not {path!r}")
         self._path = Path(path)
         self._options = Options(pictures, field_order, first_parity, rate_hz, bits)
         self._options.check()

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
+from grabberd.bounded_documents import as_written
 from grabberd.core.field import PARITIES
 from grabberd_v4l2 import standards
 from grabberd_v4l2.abi import Arrangement
@@ -45,6 +46,7 @@ class V4l2Options(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+    _as_written = field_validator("*", mode="wrap")(as_written)
 
     device: Path | None = None
     usb: Any = None
@@ -131,13 +133,14 @@ class V4l2Options(BaseModel):
         try:
             options = cls(**values)
         except ValidationError as error:
-            problems += [f"{one['loc'][0]}: {_in_words(one['type'], one['msg'])}" for one in error.errors()]
+            problems += [f"{one['loc'][0]}: {_in_words(one)}" for one in error.errors()]
         if problems:
             raise ValueError("\n".join(problems))
         return options
 
 
-def _in_words(kind: str, message: str) -> str:
-    if kind == "extra_forbidden":
+def _in_words(problem: Any) -> str:
+    if problem["type"] == "extra_forbidden":
         return f"unknown option; known are {', '.join(V4l2Options.model_fields)}"
-    return message.removeprefix("Value error, ")
+    message, given = problem["msg"].removeprefix("Value error, "), repr(problem["input"])
+    return message if given in message else f"{message}, not {given}"

@@ -4,12 +4,14 @@ A file of 300 bytes can be a YAML document of a gigabyte, one of 20 kB can be ne
 All readers here raise ValueError, so that a caller reports it as any other fault of the document.
 
 YAML is read by the core schema of version 1.2: 011 is eleven, 0o17 fifteen; 4:00, NO, on and dates are texts.
-PyYAML by itself follows version 1.1, to which they are nine, an error, 240, false, true and dates.
+PyYAML by itself follows version 1.1, to which they are nine, an error, 240, false, true and dates. A text
+that is a number or a truth value to it is an `OldWord`: where one is expected, whoever wrote it meant that.
 """
 
 import csv
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
 from importlib.resources.abc import Traversable
 from io import StringIO
 from pathlib import Path
@@ -72,10 +74,58 @@ def _with_core(family: Any) -> None:
         family.add_implicit_resolver(_TAG + tag, re.compile(f"^(?:{words})$"), first)
 
 
+class OldWord(str):
+    """A text without quotes that was a number or a truth value to YAML 1.1, such as yes or 1_000.
+
+    Its representation, with which messages show it, says where it stands and what to write for that value.
+    """
+
+    __slots__ = ("_told",)
+    _told: str
+
+    def __new__(cls, text: str, meant: bool | float, mark: Any) -> "OldWord":
+        """The word that stood for `meant`, at PyYAML's `mark`; a text of one word needs no place."""
+        self = super().__new__(cls, text)
+        place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark.line or mark.column else ""
+        kind, spelling = (
+            ("truth value", str(meant).lower()) if isinstance(meant, bool) else ("number", f"{meant!r}")
+        )
+        self._told = f"{place}a text in YAML 1.2; for a {kind} write {spelling}"
+        return self
+
+    def __repr__(self) -> str:
+        return f"{super().__repr__()} ({self._told})"
+
+    def __reduce__(self) -> tuple[type[str], tuple[str]]:
+        return str, (str(self),)
+
+
+_OLD_RESOLVER: Any = yaml.resolver.Resolver()
+_OLD_SHORT = {"y": True, "Y": True, "n": False, "N": False}
+"""Truth values of YAML 1.1 that not even PyYAML takes for such."""
+
+
+@lru_cache(1000)
+def _old_meaning(text: str) -> bool | float | None:
+    """The number or truth value that a word without quotes was to YAML 1.1; None for a text."""
+    if text in _OLD_SHORT:
+        return _OLD_SHORT[text]
+    tag = str(_OLD_RESOLVER.resolve(yaml.ScalarNode, text, (True, False)))
+    try:
+        return yaml.safe_load(text) if tag.removeprefix(_TAG) in ("bool", "int", "float") else None
+    except ValueError:  # such as 0x_, of which its pattern says that it is a number
+        return None
+
+
 class _Loader(yaml.SafeLoader):
     """The core schema alone."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 - where PyYAML looks for them
+
+    def construct_yaml_str(self, node: yaml.ScalarNode) -> str:
+        text = str(self.construct_scalar(node))
+        meant = None if node.style else _old_meaning(text)
+        return text if meant is None else OldWord(text, meant, node.start_mark)
 
     def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
         words = str(self.construct_scalar(node))
@@ -86,6 +136,7 @@ class _FastLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignor
     """The same in C, if PyYAML has it: ten times as fast, with shorter words for what is wrong."""
 
     yaml_implicit_resolvers = _Loader.yaml_implicit_resolvers
+    construct_yaml_str = _Loader.construct_yaml_str
     construct_yaml_int = _Loader.construct_yaml_int
 
 
@@ -94,9 +145,11 @@ class _Dumper(yaml.SafeDumper):
 
 
 for _family in (_Loader, _FastLoader):
+    _family.add_constructor(_TAG + "str", _Loader.construct_yaml_str)
     _family.add_constructor(_TAG + "int", _Loader.construct_yaml_int)
 _with_core(_Loader)  # and so the fast one
 _with_core(_Dumper)
+_Dumper.add_representer(OldWord, _Dumper.represent_str)
 
 
 def yaml_text(value: Any, **options: Any) -> str:
@@ -130,6 +183,33 @@ def parse_yaml(text: str, *, fast: bool = False) -> Any:
     except (yaml.YAMLError, RecursionError, OverflowError, TypeError, AttributeError) as error:
         # The last two are what PyYAML raises for tags that do not suit their values.
         raise ValueError(f"not valid YAML: {error}") from error
+
+
+def as_written(value: Any, read: Callable[[Any], Any]) -> Any:
+    """Reads a document, or a part of one such as a value, without taking a text for something else.
+
+    Raises:
+        ValueError: It has made a number or a truth value of a text, as of yes and 1_000; or as the reader.
+    """
+    result = read(value)
+    for key, word, taken in _taken(value, result, ""):
+        kind = "true or false" if isinstance(taken, bool) else "a number"
+        raise ValueError(f"{key}{': ' if key else ''}{word!r} is not {kind}")
+    return result
+
+
+def _taken(value: Any, result: Any, key: str) -> Iterator[tuple[str, OldWord, float]]:
+    """The words that were taken for numbers or truth values: their keys, they themselves, and for which."""
+    if isinstance(value, OldWord):
+        if isinstance(result, int | float):
+            yield key, value, result
+    elif isinstance(value, list) and isinstance(result, list | tuple):
+        for at, (part, taken) in enumerate(zip(value, result, strict=False)):
+            yield from _taken(part, taken, f"{key}[{at}]")
+    elif isinstance(value, dict):
+        for name, part in value.items():
+            taken = result.get(name) if isinstance(result, dict) else getattr(result, str(name), None)
+            yield from _taken(part, taken, f"{key}.{name}" if key else str(name))
 
 
 def _check_parts(events: Iterator[Any]) -> None:
@@ -227,12 +307,14 @@ def csv_records(text: str, columns: Sequence[str]) -> Iterator[tuple[int, dict[s
 
     Raises:
         KeyError: At once: a column is missing; the message lists all that are.
-        ValueError: While they are read: see `csv_rows` and `check_cells`.
+        ValueError: At once: a column is named twice. While they are read: see `csv_rows` and `check_cells`.
     """
     rows = csv_rows(text)
     names = next(rows, (0, []))[1]
     if missing := [name for name in columns if name not in names]:
         raise KeyError(", ".join(missing))
+    if twice := [name for name in filter(None, names) if names.count(name) > 1]:
+        raise ValueError(f"the first line names the column {twice[0]!r} twice")
     return ((line, dict(zip(names, check_cells(line, row, len(names)), strict=True))) for line, row in rows)
 
 

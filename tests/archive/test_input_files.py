@@ -49,6 +49,8 @@ def test_a_spreadsheets_byte_order_mark_does_no_harm(file):
         ("target,x_mm,y_mm,z_mm\n1,2,nan,4\n", "line 2: y_mm nan is not a number"),
         ("target,x_mm,y_mm,z_mm\n6.5,1,2,3\n", "line 2: target 6.5 is not a whole number"),
         ("target,x_mm,y_mm,z_mm\n2147483648,1,2,3\n", "line 2: target 2147483648 is not a whole number"),
+        ("target,x_mm,y_mm,z_mm,visible\n1,2,3,4,2\n", "line 2: visible 2 is neither 1 nor 0"),
+        ("target,x_mm,y_mm,z_mm,x_mm\n1,2,3,4,5\n", "names the column 'x_mm' twice"),
         ("target,x_mm,y_mm,z_mm\n1,2,3,4\n1,5,6,7\n", "2 rows of target 1"),
         ("n,target,x_mm,y_mm,z_mm\n4,1,2,3,4\n4,1,2,3,4\n", "target 1 in field 4"),
     ],

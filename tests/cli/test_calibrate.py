@@ -206,6 +206,30 @@ class TestBadInput:
     def test_a_check_length_that_is_none(self, frame: Path, tmp_path: Path, length: str, said: str) -> None:
         assert said in self.refused(frame, tmp_path, "--check-length", length)
 
+    @pytest.mark.parametrize(
+        ("line", "said"),
+        [
+            (
+                "check_length: {between: [1, 108], length_mm: 1_00}",
+                "length_mm: '1_00' (line 1, column 46: a text",
+            ),
+            (
+                "check_length: {between: [1, yes], length_mm: 1}",
+                "not 'yes' (line 1, column 29: a text in YAML 1.2",
+            ),
+            ("check_length: {between: [1, 108]}", "check_length.length_mm: Field required"),
+            ("temperature_C: warm", "temperature_C: is 'warm', expected a finite number"),
+            ("temperature_C: .nan", "temperature_C: is nan, expected a finite number"),
+        ],
+    )
+    def test_a_certificate_that_cannot_be(self, frame: Path, tmp_path: Path, line: str, said: str) -> None:
+        stand = tmp_path / "stand.yaml"
+        text = "".join(
+            one for one in FRAME.read_text().splitlines(True) if not one.startswith("check_length")
+        )
+        stand.write_text(f"{line}\n{text}")
+        assert said in self.refused(frame, tmp_path, "--calibration-frame", stand)
+
     def test_a_capture_of_something_else(self, tmp_path: Path) -> None:
         capture = taken(tmp_path, "blank", fields=4)
         assert "blob" in self.refused(capture, tmp_path)

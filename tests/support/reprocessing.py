@@ -25,6 +25,7 @@ from grabberd_reprocess.workers import Workers
 
 CALIBRATION = shipped_configs() / "fake.calibration.json"
 OBJECT = shipped_configs() / "objects" / "liner.yaml"
+MANUAL = Path(__file__).parents[2] / "docs" / "howto"
 FIELDS = 6
 
 

@@ -13,7 +13,7 @@ from typing import Any, Literal
 from grabberd.errors import DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.light.switched_light import Found, SwitchedLight
 from grabberd_loggers.options import Options
-from grabberd_loggers.serial_port import GONE, PLUG, lost, open_port
+from grabberd_loggers.serial_port import GONE, PLUG, PortSettings, lost, open_port
 
 _LINES = {"rts": termios.TIOCM_RTS, "dtr": termios.TIOCM_DTR}
 _DELAY_SIGMA_NS = 100_000
@@ -59,7 +59,7 @@ class SerialLine:
             DeviceAbsent, DeviceRefused: See `open_port`; or the port has no such lines.
         """
         options = self._options
-        self._file = open_port(options.port)
+        self._file = open_port(options.port, PortSettings())
         try:
             self.switch(False)
             self.is_on()

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from grabberd.bounded_documents import parse_yaml, read_text
+from grabberd.bounded_documents import as_written, parse_yaml, read_text
 from grabberd.core.field import PARITIES
 from grabberd.instrument.acquisition.discovery import Verdict
 from grabberd_v4l2.abi import Arrangement
@@ -56,6 +56,7 @@ class Profile(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+    _as_written = field_validator("*", mode="wrap")(as_written)
 
     driver: str = Field(min_length=1)
     also: tuple[str, ...] = ()

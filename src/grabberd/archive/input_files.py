@@ -89,6 +89,8 @@ def _numbers(row: _Row, line: int, path: Path) -> dict[str, float]:
         if not math.isfinite(value) or (name in WHOLE and not _is_whole(value)):
             kind = "a whole number" if name in WHOLE else "a number"
             raise InputError(f"{path}, line {line}: {name} {row[name]} is not {kind}", "fix this line")
+    if numbers.get("visible", 1) not in (0, 1):
+        raise InputError(f"{path}, line {line}: visible {row['visible']} is neither 1 nor 0", "fix this line")
     return numbers
 
 

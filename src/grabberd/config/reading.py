@@ -98,7 +98,7 @@ def _explain(details: ErrorDetails) -> str:
     if key == "[key]" and details["type"] == "string_pattern_mismatch":
         return f"{details['input']!r} is no name: small letters, digits, '-' and '_', at most 32 characters"
     message = details["msg"].removeprefix("Value error, ")
-    if isinstance(details["input"], Mapping | list):
+    if isinstance(details["input"], Mapping | list) or repr(details["input"]) in message:
         return message
     return f"{message}, not {details['input']!r}{_unit_advice(key)}"
 

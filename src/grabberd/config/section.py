@@ -5,7 +5,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationInfo
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationInfo, field_validator
+
+from grabberd.bounded_documents import as_written
 
 
 def _existing_file(path: Path, info: ValidationInfo) -> Path:
@@ -26,6 +28,7 @@ class Section(BaseModel):
     """A section of the configuration: refuses unknown keys, immutable once loaded."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+    _as_written = field_validator("*", mode="wrap")(as_written)
 
 
 SECRET = re.compile(r"password|passphrase|secret|token|credential|api_?key", re.IGNORECASE)

@@ -14,7 +14,7 @@ MOST_TEATS = 8
 
 def _quoted(value: object) -> object:
     if isinstance(value, int | float):
-        # YAML takes 0112 for 74, so that the number is not always what was written.
+        # YAML takes 0112 for 112, so that the number is not always what was written.
         raise ValueError(f'it is the number {value}: write the name in quotes, such as "112"')
     return value
 

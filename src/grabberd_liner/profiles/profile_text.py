@@ -11,7 +11,7 @@ from unicodedata import normalize
 
 from pydantic import TypeAdapter, ValidationError
 
-from grabberd.bounded_documents import parse_yaml, yaml_text
+from grabberd.bounded_documents import as_written, parse_yaml, yaml_text
 from grabberd.documents.document import JsonObject
 from grabberd.errors import InputError
 from grabberd.work.process import Processes
@@ -21,7 +21,7 @@ QuantityCheck = Callable[[JsonObject], list[str]]
 """Finds the problems of a profile's quantities, each as a sentence with its key."""
 _HINT = "docs/howto/profiles.md describes every key; configs/profiles has an example of each kind"
 _NAMES = "a name has at most 64 letters, digits, blanks, '.', '_' and '-', and begins with a letter or digit"
-_SHOWN = 60
+_SHOWN = 100
 
 
 def read_profile(text: str) -> JsonObject:
@@ -81,9 +81,11 @@ def _of_form(document: Mapping[str, Any]) -> tuple[list[str], JsonObject | None]
     name = document.get("name")
     document = {**document, "name": plain_name(name)} if isinstance(name, str) else document
     try:
-        profile = _reader().validate_python(document)
+        profile = as_written(document, _reader().validate_python)
     except ValidationError as error:
         return [_in_words(one, document) for one in error.errors()], None
+    except ValueError as error:
+        return [str(error)], None
     content: JsonObject = profile.model_dump(mode="json", exclude_defaults=True)
     # In the sequence in which people read it; both have no default.
     return [], {"kind": content.pop("kind"), **content}

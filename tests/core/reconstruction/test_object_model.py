@@ -1,8 +1,10 @@
 import copy
+import re
 
 import numpy as np
 import pytest
 
+from grabberd.bounded_documents import parse_yaml
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import InputError
 
@@ -185,3 +187,14 @@ def test_a_file_of_nothing_but_problems_tells_the_first_ones():
 def test_the_kind_of_file_is_named():
     with pytest.raises(InputError, match="the calibration frame's file cannot be used"):
         ObjectModel.from_document({}, "the calibration frame's file")
+
+
+def test_a_word_of_yaml_1_1_is_shown_with_its_place_and_what_to_write():
+    with pytest.raises(InputError) as caught:
+        ObjectModel.from_document(parse_yaml("homologous: yes\nsigma_mm: 1_0\n"))
+    for key, line, advice in (
+        ("homologous", 1, "truth value write true"),
+        ("sigma_mm", 2, "number write 10"),
+    ):
+        told = rf"{key}: is '\w+' \(line {line}, column \d+: a text in YAML 1.2; for a {advice}\), expected"
+        assert re.search(told, caught.value.message)

@@ -1,6 +1,8 @@
 """A serial port that a test holds the other end of."""
 
+import fcntl
 import os
+import sys
 import tty
 from pathlib import Path
 
@@ -20,6 +22,10 @@ class Port:
 
     def heard(self) -> bytes:
         return os.read(self._logger, 4096)
+
+    def baud(self) -> int:
+        """The speed that the computer has set, as the kernel has it."""
+        return int.from_bytes(fcntl.ioctl(self._logger, 0x802C542A, bytes(44))[-4:], sys.byteorder)
 
     def unplug(self) -> None:
         for end in (self._logger, self._computer):

@@ -12,6 +12,7 @@ from brokers import Mosquitto, broker, needs_mosquitto
 from paho.mqtt import publish
 
 from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused
+from grabberd_loggers.json_message import OTHER_KEYS, Unusable
 from grabberd_loggers.lines import NOT_A_NUMBER, Line, LineFormat
 from grabberd_loggers.mqtt_topic import OVERLONG, RETAINED, MqttLogger, line_of
 
@@ -37,18 +38,14 @@ def test_a_message_may_be_one_number() -> None:
     assert one.read(line_of(b" 41.93 ", one.columns)) == Line(None, (41.93,))
 
 
-def test_a_key_that_is_missing_is_no_reading_of_that_channel() -> None:
-    line = FORMAT.read(line_of(b'{"time_ms": 1, "p1": 41.9}', FORMAT.columns))
-    assert isinstance(line, Line)
-    assert str(line.values) == "(41.9, nan)"
-
-
-@pytest.mark.parametrize(
-    "payload",
-    [b'{"state": "online"}', b"{", b"[" * 3000, b'{"p1": {"a": [1;2]}}', b"\xff\xfe", b"[true, 1, 2]"],
-)
-def test_nonsense_has_a_reason(payload: bytes) -> None:
+@pytest.mark.parametrize("payload", [b"online", b"\xff\xfe", b"[true, 1, 2]", b"true"])
+def test_what_is_not_a_number_has_a_reason(payload: bytes) -> None:
     assert isinstance(FORMAT.read(line_of(payload, FORMAT.columns)), str)
+
+
+def test_an_empty_message_is_no_reading() -> None:
+    with pytest.raises(Unusable, match="another number of cells"):
+        line_of(b" ", FORMAT.columns)
 
 
 def test_columns_are_required() -> None:
@@ -98,11 +95,11 @@ def opened(one: Mosquitto, **options: object) -> MqttLogger:
 def test_messages_of_a_real_broker_are_read_and_nonsense_is_named(tmp_path: Path) -> None:
     with broker(tmp_path) as one:
         logger = opened(one, columns=["p1 [kPa]"])
-        for payload in ("41.5", '{"p1": 42.5}', "x", "7" * 5000, "43.5"):
+        for payload in ("41.5", '{"p1": 42.5}', "x", "7" * 5000, '{"p2": 1}', "43.5"):
             publish.single("vacuum", payload, hostname="127.0.0.1", port=one.port)
         values, reasons = read_until(logger, 3)
         assert values == [41.5, 42.5, 43.5]
-        assert sorted(reasons) == sorted([NOT_A_NUMBER, OVERLONG])
+        assert sorted(reasons) == sorted([NOT_A_NUMBER, OVERLONG, OTHER_KEYS])
         logger.close()
 
 

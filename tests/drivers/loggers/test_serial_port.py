@@ -1,6 +1,7 @@
 """Loggers on serial ports, which pseudo-terminals stand in for."""
 
 import os
+import termios
 from collections.abc import Iterator
 
 import pytest
@@ -9,7 +10,7 @@ from drivers.loggers.ports import Port
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers import line_logger
 from grabberd_loggers.lines import HEADER_AGAIN
-from grabberd_loggers.serial_port import SerialLogger
+from grabberd_loggers.serial_port import PortSettings, SerialLogger
 
 
 @pytest.fixture
@@ -99,10 +100,54 @@ def test_what_is_not_there_may_come_later(tmp_path) -> None:
         SerialLogger(port=str(tmp_path / "ttyUSB0"), columns=["p1"]).open()
 
 
-def test_what_is_no_serial_port_is_refused(tmp_path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(DeviceRefused, match="no serial port"):
-        SerialLogger(port=str(tmp_path / "file"), columns=["p1"]).open()
+def test_what_is_no_serial_port_is_refused_as_what_it_is(tmp_path) -> None:
+    (tmp_path / "file").touch(0o400)
+    os.mkfifo(tmp_path / "pipe")
+    kinds = {tmp_path: "a folder", tmp_path / "file": "a file", tmp_path / "pipe": "a pipe"}
+    for path, kind in {**kinds, "/dev/null": "a device, but"}.items():
+        with pytest.raises(DeviceRefused, match=f"is {kind},? ?not a serial port") as caught:
+            SerialLogger(port=str(path), columns=["p1"]).open()
+        assert "plug" not in caught.value.hint
+
+
+@pytest.mark.parametrize("baud", [50, 12_345, 74_880, 250_000, 460_800, 3_000_000])
+def test_any_speed_that_the_kernel_takes_is_taken(port: Port, baud: int) -> None:
+    made = logger(port, columns=["p1"], baud=baud)
+    made.open()
+    assert port.baud() == baud
+    made.close()
+
+
+@pytest.mark.parametrize(
+    ("options", "refused"),
+    [
+        ({"bits": 7}, "7 data bits"),
+        ({"parity": "even"}, "even parity"),
+        ({"bits": 7, "parity": "odd", "baud": 12_345}, "7 data bits and odd parity"),
+    ],
+)
+def test_a_port_that_refuses_a_setting_is_told_by_name(port: Port, options: dict, refused: str) -> None:
+    with pytest.raises(DeviceRefused) as caught:
+        logger(port, columns=["p1"], **options).open()
+    assert caught.value.message == f"{port.path} refuses {refused}"
+    logger(port, columns=["p1"]).open()  # and can be opened with settings that it takes
+
+
+def test_settings_are_compared_with_what_the_port_has_set() -> None:
+    settings = PortSettings(250_000, 8, "none", 2)
+    assert not settings.refused(250_000, settings.control | termios.CREAD | termios.CLOCAL)
+    assert not settings.refused(249_600, settings.control)  # the nearest that its clock gives
+    assert settings.refused(9600, settings.control) == "250000 baud (it gives 9600)"
+    assert settings.refused(250_000, PortSettings().control) == "2 stop bits"
+    assert settings.refused(250_000, PortSettings(parity="odd", stop_bits=2).control) == "no parity"
+    assert PortSettings(parity="odd").refused(9600, PortSettings(parity="even").control) == "odd parity"
+
+
+def test_a_port_that_another_program_has_keeps_its_settings(port: Port) -> None:
+    logger(port, columns=["p1"], baud=19_200).open()
+    with pytest.raises(DeviceRefused, match="another program has"):
+        logger(port, columns=["p1"], baud=9600).open()
+    assert port.baud() == 19_200
 
 
 def test_two_programs_do_not_share_a_port(port: Port) -> None:
@@ -116,18 +161,22 @@ def test_two_programs_do_not_share_a_port(port: Port) -> None:
     second.close()
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may open everything")
 def test_missing_rights_name_the_group(port: Port) -> None:
     port.path.chmod(0)
-    with pytest.raises(DeviceRefused, match="may not be opened") as caught:
-        logger(port, columns=["p1"]).open()
-    assert "dialout" in caught.value.hint
+    user = os.geteuid()
+    os.seteuid(user or 65_534)  # root may open everything
+    try:
+        with pytest.raises(DeviceRefused, match="may not be opened") as caught:
+            logger(port, columns=["p1"]).open()
+    finally:
+        os.seteuid(user)
+    assert (caught.value.cause, "dialout" in caught.value.hint) == (Cause.NO_RIGHTS, True)
 
 
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"port": "/dev/ttyUSB0", "baud": 12345}, "baud: the speeds of serial ports are"),
+        ({"port": "/dev/ttyUSB0", "baud": 3}, "baud: Input should be greater than or equal to 50"),
         ({"port": "/dev/ttyUSB0", "columns": ["p1", "p1"]}, "columns: column p1 is given twice"),
         ({"port": "/dev/ttyUSB0", "rate_hz": 0}, "rate_hz"),
         ({"port": "/dev/ttyUSB0", "parity": "mark"}, "parity"),

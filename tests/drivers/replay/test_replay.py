@@ -381,3 +381,18 @@ def test_it_knows_of_no_signal(tmp_path):
     grabber = ReplayGrabber(frames(tmp_path, 1))
     assert not grabber.open().tells_signal
     assert grabber.signal() is Signal.UNKNOWN
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"path": 12}, "path is the name of a file or folder, not 12"),
+        ({"rate_hz": "yes"}, "rate_hz is the number of fields a second, not 'yes'"),
+        ({"rate_hz": [50]}, "rate_hz is the number of fields a second"),
+        ({"rate_hz": float("inf")}, "rate_hz is the number of fields a second"),
+        ({"bits": "10"}, "bits is one of 8, 10, 12, 14, 16, not '10'"),
+    ],
+)
+def test_options_of_another_kind_are_refused_by_name(tmp_path, options, said):
+    with pytest.raises(ValueError, match=said):
+        ReplayGrabber(**{"path": tmp_path, **options})

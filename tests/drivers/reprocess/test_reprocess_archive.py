@@ -3,10 +3,13 @@
 import hashlib
 import json
 import os
+import re
 import shutil
 import sqlite3
 from contextlib import closing
 from pathlib import Path
+from textwrap import dedent
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -109,6 +112,29 @@ def test_pandas_reads_it_as_it_is(out: Path) -> None:
     assert sorted(frame.barn.unique()) == ["Stall 3/Nord", "Ås"]
     assert str(frame.time_utc.dtype).endswith("UTC]")
     assert dict(frame.labels[0]) == {"cow": "1807", "teat": "front left"}
+
+
+def test_the_lines_of_the_manual_read_captures_with_and_without_the_label(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import duckdb  # noqa: PLC0415
+
+    (tmp_path / "captures").mkdir()
+    for name, labels in (("labelled", {"cow": "1807"}), ("other", {"teat": "front"}), ("bare", {})):
+        day = {"site": {"barn": "Ås"}, "created_utc": "2026-03-02T09:30:00.000Z"}
+        add_capture(tmp_path / "captures", name, labels=labels, **day)
+    measured(tmp_path / "captures", tmp_path / "points")
+    monkeypatch.chdir(tmp_path)
+    page = (made.MANUAL / "archive.md").read_text(encoding="utf-8")
+    names: dict[str, Any] = {}
+    for reader in ("pandas", "pyarrow"):
+        lines = re.search(rf"^With {reader}, .*\n\n((?:(?:    .*)?\n)+)", page, re.MULTILINE)
+        exec(dedent(lines[1]), names)
+    cows = names["frame"].drop_duplicates("capture").set_index("capture").cow
+    assert cows["labelled"] == "1807"
+    assert cows[["other", "bare"]].isna().all()
+    query = re.search(r"^With DuckDB:\n\n((?:    \w.*\n)+)", page, re.MULTILINE)
+    assert {cow for _, _, cow, *_ in duckdb.sql(query[1]).fetchall()} == {"1807", None}
 
 
 def test_a_fields_time_is_the_time_of_day(out: Path) -> None:

@@ -39,6 +39,11 @@ def test_its_kind_and_name_come_first() -> None:
     assert write_profile(checked(dict(reversed(LINER.items())))).startswith("kind: liner\nname: A\n")
 
 
+def test_a_word_of_yaml_1_1_is_not_taken_for_a_number() -> None:
+    said = refusal(read_profile("kind: cow\nname: A\nlactation: 1_0\n"))
+    assert "lactation: '1_0' (line 3, column 12: a text in YAML 1.2; for a number write 10)" in said
+
+
 @pytest.mark.parametrize(
     "file", sorted((shipped_configs() / "profiles").glob("*.yaml")), ids=lambda file: file.stem
 )

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from grabberd.config import shipped_configs
+from grabberd.core.geometry import Reading
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.core.reconstruction.object_model import FileKey
 from grabberd.documents.calibrations import CalibrationFrameRow
@@ -87,5 +88,10 @@ def calibration_frame_model(document: JsonObject) -> ObjectModel:
     Raises:
         InputError: The document is invalid.
     """
+    what = "the calibration frame's file"
+    reading = Reading(what)
+    if document.get("temperature_C") is not None:
+        reading.number(document, "temperature_C")
+    reading.finish("give the temperature at which the positions were measured in °C, or leave the key out")
     own = {key: document[key] for key in document if key not in CALIBRATION_FRAME_KEYS}
-    return ObjectModel.from_document(own, "the calibration frame's file")
+    return ObjectModel.from_document(own, what)

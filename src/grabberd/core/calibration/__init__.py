@@ -6,7 +6,7 @@ parameters are free, held, shared or tied; `adjust` estimates them, for any numb
 `residuals`, `significance` and `validation` judge the adjustment, `calibration_frame` and `rig_quantities`
 what it was made from and what came out, and `volume_sigma` predicts the σ of points; `local_field_trial`
 describes what the model leaves, `glass_transfer` adds a glass plate. `exchange` reads other programs'
-networks.
+networks, `control_points` their lists of known points.
 """
 
 from grabberd.core.calibration.adjustment.adjustment import (
@@ -37,7 +37,8 @@ from grabberd.core.calibration.calibration_frame import (
     target_to_add,
     undecided,
 )
-from grabberd.core.calibration.exchange import ControlPoint, read_control_points, read_photomodeler
+from grabberd.core.calibration.control_points import ControlPoint, read_control_points
+from grabberd.core.calibration.exchange import read_photomodeler
 from grabberd.core.calibration.glass_transfer import with_glass
 from grabberd.core.calibration.identification.frame_identification import (
     Identification,

@@ -8,13 +8,14 @@ not to measure with. PhotoModeler's bundle projects are read as DBAT reads them,
 lengths are in m there and in mm here; pixels keep their origin, so principal points are in that of the file.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.calibration.adjustment.network import Network
+from grabberd.core.calibration.control_points import ControlPoint, Lines
 from grabberd.core.geometry import View
 from grabberd.core.geometry.view import Polynomial, rotation_matrix
 from grabberd.errors import InputError
@@ -50,70 +51,10 @@ def pixels_from_sensor(xy_mm: Array, columns: int, lines: int, pixel_mm: tuple[f
     return np.asarray(middle + xy_mm * (1.0, -1.0) / np.asarray(pixel_mm), np.float64)
 
 
-class Lines:
-    """Lines of a text, read one by one.
-
-    Attributes:
-        what: Description of the text for messages.
-        number: Number of the line read last, from 1.
-    """
-
-    def __init__(self, text: str, what: str) -> None:
-        self.what = what
-        self.number = 0
-        self._lines = text.splitlines()
-
-    def next(self) -> str:
-        """Read a line.
-
-        Raises:
-            InputError: There is none left.
-        """
-        if self.number >= len(self._lines):
-            raise InputError(f"{self.what} ends after line {self.number}", "check that the file is complete")
-        self.number += 1
-        return self._lines[self.number - 1].strip()
-
-    def numbers(self, least: int) -> list[float]:
-        """Read the numbers of a line.
-
-        Raises:
-            InputError: There are fewer than `least`, or something else.
-        """
-        return self.as_numbers(self.next().split(), least)
-
-    def as_numbers(self, words: Sequence[str], least: int) -> list[float]:
-        """Convert the words of the line read last.
-
-        Raises:
-            InputError: There are fewer than `least`, or one is no number.
-        """
-        try:
-            values = [float(word) for word in words]
-        except ValueError:
-            values = []
-        if len(values) < least:
-            raise InputError(
-                f"{self.what}, line {self.number}: expected {least} numbers, found {' '.join(words)[:60]!r}",
-                "check that the file is of the kind that is read",
-            )
-        return values
-
-    def rest(self) -> Iterator[str]:
-        """Read the other lines; those that are empty or begin with # are skipped."""
-        while self.number < len(self._lines):
-            line = self.next()
-            if line and not line.startswith("#"):
-                yield line
-
-    def block(self, least: int) -> Iterator[list[float]]:
-        """Read lines of numbers up to an empty line or the end."""
-        while self.number < len(self._lines) and (line := self.next()):
-            yield self.as_numbers(line.split(), least)
-
-
 _TARGET_COLUMNS = 8
 _ORTHOGONAL = 1e-4
+_SAME_ROTATION = 1e-3
+"""Difference of two rotations by which angles and matrix, rounded to some digits, still state the same."""
 _HINT = "check that the file is an orientation that OpenPTV has written (NAME.ori)"
 
 
@@ -142,13 +83,17 @@ def read_orientation(name: str, text: str, added: str, sensor: Sensor) -> View:
         sensor: The picture.
 
     Raises:
-        InputError: A file is not of this kind, or its matrix is no rotation.
+        InputError: A file is not of this kind, or its matrix is no rotation, or not that of its angles.
     """
-    words = text.split()
-    values = Lines(text, f"orientation {name}").as_numbers(words, 18)
+    values = Lines(text, f"orientation {name}").as_numbers(text.split(), 18, 21)
     rotation = np.array(values[6:15]).reshape(3, 3)
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > _ORTHOGONAL or np.linalg.det(rotation) < 0:
         raise InputError(f"the matrix of orientation {name} is no rotation", _HINT)
+    if np.abs(rotation_matrix(*values[3:6]).T - rotation).max() > _SAME_ROTATION:
+        raise InputError(
+            f"orientation {name} states one rotation by its angles and another by its matrix",
+            "correct the one that is wrong: the matrix follows from the angles omega, phi and kappa in rad",
+        )
     left, _, right = np.linalg.svd(rotation)
     xh, yh, distance = values[15:18]
     if distance <= 0:
@@ -195,77 +140,36 @@ def read_targets(text: str) -> tuple[NDArray[np.int32], Array]:
         pixels.
 
     Raises:
-        InputError: The text is no such file.
+        InputError: The text is no such file, or an image point or calibration point stands in two lines.
     """
     lines = Lines(text, "the file of targets")
-    count = int(lines.numbers(1)[0])
-    rows = np.array([values[:_TARGET_COLUMNS] for values in lines.block(_TARGET_COLUMNS)])
+    count = lines.whole(lines.numbers(1)[0], "the number of targets")
+    seen, assigned, rows = dict[int, int](), dict[int, int](), []
+    for number, x, y, _pixels, _width, _height, _sum, point, *_ in lines.block(_TARGET_COLUMNS):
+        lines.new(number, "target", seen)
+        at = lines.new(point, "calibration point", assigned) if point >= 0 else lines.whole(point, "point")
+        rows.append((at, x, y))
     if len(rows) != count:
         raise InputError(
             f"the file of targets holds {len(rows)} lines and states {count}", "check that it is complete"
         )
-    rows = rows.reshape(-1, _TARGET_COLUMNS)
-    return rows[:, 7].astype(np.int32), pixels_from_corner(rows[:, 1:3])
-
-
-def read_calibration_points(text: str) -> tuple[NDArray[np.int32], Array]:
-    """Read the known points of a calibration body: ids (N,) and positions (N, 3) in mm.
-
-    Raises:
-        InputError: A line is something else; the message says which.
-    """
-    lines = Lines(text, "the file of calibration points")
-    rows = np.array([lines.as_numbers(line.split(), 4)[:4] for line in lines.rest()]).reshape(-1, 4)
-    return rows[:, 0].astype(np.int32), rows[:, 1:]
+    found = np.array(rows, np.float64).reshape(-1, 3)
+    return found[:, 0].astype(np.int32), pixels_from_corner(found[:, 1:])
 
 
 def _distortion(added: str, name: str) -> tuple[float, ...]:
     """b1…b9 of the added parameters, to first order in shear and scale."""
     if not added.strip():
         return (0.0,) * 9
-    values: Sequence[float] = Lines(added, f"added parameters {name}").as_numbers(added.split(), 7)
-    k1, k2, k3, p1, p2, scale, shear = values[:7]
+    lines = Lines(added, f"added parameters {name}")
+    k1, k2, k3, p1, p2, scale, shear = lines.as_numbers(added.split(), 7, 7)
+    if scale <= 0:
+        raise lines.refusal(f"the scale in x is {scale:g}", "without added parameters it is 1")
     # x' = scale (x − shear y): half of the scale as b1, the rest is f; half of the shear as b2, the rest κ.
     return (-0.5 * (scale - 1.0), -0.5 * shear, k1, k2, k3, p1, p2, 0.0, 0.0)
 
 
 _MM = 1000.0
-_SEPARATOR = ","
-
-
-@dataclass(frozen=True, slots=True)
-class ControlPoint:
-    """A point of known position.
-
-    Attributes:
-        xyz_mm: Position.
-        sigma_mm: Standard deviation of each coordinate, 0 if held.
-    """
-
-    xyz_mm: tuple[float, float, float]
-    sigma_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-
-def read_control_points(text: str) -> dict[int, ControlPoint]:
-    """Read control points as DBAT keeps them: id, name, X, Y, Z in m, and none, one, two or three σ.
-
-    Raises:
-        InputError: A line is something else; the message says which.
-    """
-    lines, points = Lines(text, "the list of control points"), {}
-    for line in lines.rest():
-        words = [word.strip() for word in line.split(_SEPARATOR)]
-        number, *values = lines.as_numbers([words[0], *words[2:]], 4)
-        x, y, z = (_MM * value for value in values[:3])
-        given = [_MM * value for value in values[3:]]
-        sigma = {0: (0.0,) * 3, 1: (*given,) * 3, 2: (*given[:1], *given), 3: tuple(given)}.get(len(given))
-        if sigma is None:
-            raise InputError(
-                f"control point {words[0]} has {len(given)} values after its position",
-                "give none (held), one, two (XY and Z) or three standard deviations",
-            )
-        points[int(number)] = ControlPoint((x, y, z), (sigma[0], sigma[1], sigma[2]))
-    return points
 
 
 def read_photomodeler(
@@ -275,7 +179,8 @@ def read_photomodeler(
     f_mm: float | None = None,
     polynomial: Polynomial = "correction",
 ) -> Network:
-    """Read a bundle project as a network; everything but control points and image points is a starting value.
+    """Read a bundle project as a network; everything but control points and image points is a starting value,
+    the origin for an object point without a position.
 
     Views start without distortion, with square pixels and the principal point in the middle.
 
@@ -286,37 +191,117 @@ def read_photomodeler(
         polynomial: Meaning of the views' polynomial; PhotoModeler's is a correction.
 
     Raises:
-        InputError: The text is no such export, or a control point is not among its object points.
+        InputError: The text is no such export, a control point is on none of its images, or the control
+            points are in another unit than its object points.
     """
     lines = Lines(text, "the bundle project")
     lines.next()
-    _, _, columns, image_lines = lines.numbers(4)[:4]
-    sigma_px = lines.numbers(2)[1]
+    sizes = lines.numbers(4)
+    columns, image_lines = (_positive(lines, lines.whole(one, "the picture's size")) for one in sizes[2:4])
+    sigma_px = _positive(lines, lines.numbers(2)[1])
     camera = lines.numbers(5)
+    camera_mm = _positive(lines, camera[0]), _positive(lines, camera[4])
     lines.next()
-    sensor = Sensor(int(columns), int(image_lines), (camera[4] / image_lines,) * 2)
+    sensor = Sensor(int(columns), int(image_lines), (camera_mm[1] / image_lines,) * 2)
     middle_px = 0.5 * sensor.columns, 0.5 * sensor.lines
-    views = []
+    views: list[View] = []
     while line := lines.next():
+        _check_place(lines, line.split(maxsplit=1)[0], len(views))
         name = line.split(maxsplit=1)[-1].replace("\\", "/").rpartition("/")[2].rpartition(".")[0]
-        _, x, y, z, kappa, phi, omega, *_ = lines.numbers(7)
+        number, x, y, z, kappa, phi, omega, *_ = lines.numbers(7)
+        _check_place(lines, f"{number:g}", len(views))
         for _ in range(4):
             lines.next()
         center_mm, axes = (_MM * x, _MM * y, _MM * z), axes_from_omega_phi_kappa(omega, phi, kappa)
-        view = _view(name, sensor, f_mm or camera[0], middle_px, center_mm, axes)
+        view = _view(name, sensor, f_mm or camera_mm[0], middle_px, center_mm, axes)
         views.append(replace(view, polynomial=polynomial))
-    stated = {
-        int(number): ControlPoint((_MM * x, _MM * y, _MM * z), (_MM * sx, _MM * sy, _MM * sz))
-        for number, x, y, z, sx, sy, sz, *_ in lines.block(7)
-    }
-    objects = np.array([values[:4] for values in lines.block(4)]).reshape(-1, 4)
-    marks = np.array([values[:4] for values in lines.block(4)]).reshape(-1, 4)
+    stated = _stated(lines, control)
+    objects = _objects(lines)
+    marks = _marks(lines, len(views))
+    _check_unit(control, objects)
     return _network(tuple(views), objects, marks, sigma_px, {**stated, **control})
+
+
+def _positive(lines: Lines, value: float) -> float:
+    """A number of the line read last that has to be above 0: a size, a length, a σ."""
+    if value <= 0:
+        raise lines.refusal(f"{value:g} is not above 0", "check that the file is an export of PhotoModeler")
+    return value
+
+
+def _check_place(lines: Lines, number: str, place: int) -> None:
+    """Check that the images are numbered from 0 in their order, as the image points count them."""
+    if number != str(place):
+        raise lines.refusal(
+            f"expected image {place}, found {number[:20]!r}", "export all images, in their order"
+        )
+
+
+def _stated(lines: Lines, control: Mapping[int, ControlPoint]) -> dict[int, ControlPoint]:
+    """The control points of the project that no given ones replace; of these it need not know any σ."""
+    seen: dict[int, int] = {}
+    points = {}
+    for number, x, y, z, *sigmas in (values[:7] for values in lines.block(7)):
+        one = lines.new(number, "control point", seen)
+        if one not in control:
+            sx, sy, sz = (_MM * sigma for sigma in lines.sigma(sigmas))
+            points[one] = ControlPoint((_MM * x, _MM * y, _MM * z), (sx, sy, sz))
+    return points
+
+
+def _objects(lines: Lines) -> dict[int, list[float]]:
+    """The positions in mm of the object points."""
+    seen: dict[int, int] = {}
+    places = []
+    for number, x, y, z, *_ in lines.block(4):
+        lines.new(number, "object point", seen)
+        places.append([_MM * x, _MM * y, _MM * z])
+    return dict(zip(seen, places, strict=True))
+
+
+def _marks(lines: Lines, images: int) -> Array:
+    """(M, 4) image, point and pixels of the image points."""
+    seen: dict[tuple[int, int], int] = {}
+    marks = []
+    for values in lines.block(4):
+        image, point = (lines.whole(one, "the number") for one in values[:2])
+        if not 0 <= image < images:
+            raise lines.refusal(f"there is no image {image}", "check that the export is complete")
+        if (image, point) in seen:
+            before = seen[image, point]
+            raise lines.refusal(
+                f"image {image} shows object point {point} in line {before} already", "keep one"
+            )
+        seen[image, point] = lines.number
+        marks.append(values[:4])
+    return np.array(marks).reshape(-1, 4)
+
+
+_UNITS_APART = (1000.0, 100.0, 0.01, 0.001)
+_UNIT_SHARE = 0.05
+
+
+def _check_unit(control: Mapping[int, ControlPoint], objects: Mapping[int, Sequence[float]]) -> None:
+    """Check that control points do not lie as far apart as the same object points in another unit."""
+    both = sorted(control.keys() & objects.keys())
+    if len(both) < 2:
+        return
+    extents = (
+        np.ptp([control[one].xyz_mm for one in both], axis=0),
+        np.ptp([objects[one] for one in both], axis=0),
+    )
+    listed, own = (float(np.linalg.norm(one)) for one in extents)
+    for times in _UNITS_APART:
+        if abs(listed - times * own) < _UNIT_SHARE * listed:
+            raise InputError(
+                f"the control points are {times:g} times as far apart as these points of the bundle project",
+                "state the unit of their list in its header, '# id, name, X, Y, Z (mm)'; it is m without",
+            )
 
 
 def _network(
     views: tuple[View, ...],
-    objects: Array,
+    objects: Mapping[int, Sequence[float]],
     marks: Array,
     sigma_px: float,
     control: Mapping[int, ControlPoint],
@@ -324,17 +309,16 @@ def _network(
     """Network of the object points that some image shows, in the order of their ids."""
     ids = np.unique(marks[:, 1]).astype(np.int32)
     xyz_mm, sigma_mm = np.zeros((len(ids), 3)), np.full((len(ids), 3), np.inf)
-    at = np.searchsorted(ids, objects[:, 0])
-    listed = (at < len(ids)) & (ids[np.minimum(at, len(ids) - 1)] == objects[:, 0])
-    xyz_mm[at[listed]] = _MM * objects[listed, 1:]
+    for place, number in enumerate(ids.tolist()):
+        xyz_mm[place] = objects.get(number, xyz_mm[place])
     for number, point in control.items():
-        place = np.flatnonzero(ids == number)
-        if not len(place):
+        at = np.flatnonzero(ids == number)
+        if not len(at):
             raise InputError(
                 f"control point {number} is on no image of the bundle project",
                 "check that list of control points and project belong together",
             )
-        xyz_mm[place], sigma_mm[place] = point.xyz_mm, point.sigma_mm
+        xyz_mm[at], sigma_mm[at] = point.xyz_mm, point.sigma_mm
     return Network(
         views=views,
         view=marks[:, 0].astype(np.intp),

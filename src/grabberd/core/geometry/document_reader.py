@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from grabberd.errors import InputError
 
-_SHOWN = 60
+_SHOWN = 100
 _MOST_TOLD = 20
 """Problems in a message: whoever has more corrects these first."""
 _NAMED = 5

@@ -13,6 +13,7 @@ from grabberd import __version__
 from grabberd.archive.calibrations.calibration_frames import CALIBRATION_FRAME_KEYS, calibration_frame_model
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.measure_setups import location_settings, misfit, nominal_rig, settings_of_capture
+from grabberd.bounded_documents import as_written
 from grabberd.clock import SystemClock, iso_utc
 from grabberd.config import RigConfig
 from grabberd.core.calibration import LENS, CheckLength, Mark
@@ -173,6 +174,9 @@ def _settings(options: CalibrationOptions, location: LocationSettings) -> Calibr
     )
 
 
+_WRITE_LENGTH = "write check_length: {between: [1, 108], length_mm: …, sigma_mm: …}"
+
+
 def _check_length(
     options: CalibrationOptions, calibration_frame: JsonObject, model: ObjectModel
 ) -> CheckLength | None:
@@ -183,17 +187,19 @@ def _check_length(
     """
     try:
         given = options.check_length or (
-            CertifiedLength.model_validate(document)
+            as_written(document, CertifiedLength.model_validate)
             if (document := calibration_frame.get("check_length")) is not None
             else None
         )
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(map(str, ("check_length", *first["loc"])))
+        given_as = "" if isinstance(first["input"], dict) else f", not {first['input']!r}"
         raise InputError(
-            f"the calibration frame's {where}: {first['msg']}",
-            "write check_length: {between: [1, 108], length_mm: …, sigma_mm: …}",
+            f"the calibration frame's {where}: {first['msg']}{given_as}", _WRITE_LENGTH
         ) from error
+    except ValueError as error:
+        raise InputError(f"the calibration frame's check_length: {error}", _WRITE_LENGTH) from error
     if given is None:
         return None
     first_id, second_id = given.between

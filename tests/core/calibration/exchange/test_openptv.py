@@ -7,12 +7,8 @@ import numpy as np
 import pytest
 
 from grabberd.core.calibration.adjustment.network import matched
-from grabberd.core.calibration.exchange import (
-    Sensor,
-    read_calibration_points,
-    read_orientation,
-    read_targets,
-)
+from grabberd.core.calibration.control_points import read_calibration_points
+from grabberd.core.calibration.exchange import Sensor, read_orientation, read_targets
 from grabberd.core.geometry import project, rotation_matrix
 from grabberd.errors import InputError
 
@@ -60,14 +56,48 @@ def test_without_added_parameters_there_is_no_distortion():
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("1 2 3", "orientation cam1, line 0: expected 18 numbers"),
+        ("1 2 3", "orientation cam1: expected 18 numbers"),
         (orientation().replace("70.0", "-70.0"), "principal distance of orientation cam1 is -70.0"),
         ("0 0 0 0 0 0  2 0 0 0 1 0 0 0 1  0 0 70 0 0 1", "is no rotation"),
+        ("0 0 0 0 .1 0  1 0 0 0 1 0 0 0 1  0 0 70 0 0 1", "one rotation by its angles and another by its"),
+        ("0 0 0 0 0 0  1 0 0 0 1 0 0 0 1  nan 0 70 0 0 1", "orientation cam1: nan is not a finite number"),
+        (orientation() + "7", "orientation cam1: expected 18 numbers"),
     ],
 )
 def test_what_is_no_orientation_is_refused(text, said):
     with pytest.raises(InputError, match=said):
         read_orientation("cam1", text, "", SENSOR)
+
+
+@pytest.mark.parametrize(
+    ("added", "said"),
+    [
+        ("0 0 0 0 0 0 0", "the scale in x is 0"),
+        ("0 0 0 0 0 1", "expected 7"),
+        ("0 0 inf 0 0 1 0", "inf is not"),
+    ],
+)
+def test_what_are_no_added_parameters_is_refused(added, said):
+    with pytest.raises(InputError, match=f"added parameters cam1: {said}"):
+        read_orientation("cam1", orientation(), added, SENSOR)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("1.5\n 0 1 1 5 2 3 168 1\n", "line 1: the number of targets 1.5 is not a whole number"),
+        ("1\n 0 nan 1 5 2 3 168 1\n", "line 2: nan is not a finite number"),
+        ("1\n 0 1 1 5 2 3 168 1.5\n", "line 2: calibration point 1.5 is not a whole number"),
+        ("2\n 0 1 1 5 2 3 168 1\n 0 9 9 5 2 3 168 2\n", "line 3: target 0 is given in line 2 already"),
+        (
+            "2\n 0 1 1 5 2 3 168 4\n 1 9 9 5 2 3 168 4\n",
+            "line 3: calibration point 4 is given in line 2 already",
+        ),
+    ],
+)
+def test_what_targets_cannot_mean_is_refused_by_line(text, said):
+    with pytest.raises(InputError, match=f"file of targets, {said}"):
+        read_targets(text)
 
 
 def test_targets_and_calibration_points_are_read():

@@ -85,16 +85,36 @@ def test_unknown_control_points_and_incomplete_files_are_refused():
         read_photomodeler("a title\nno numbers\n", CONTROL)
 
 
+MARK = "   0        3 1217"
+UNSTATED, STATED = "\n\n\n       2", "\n\n7 0 1 0 .1 -.5 .1\n\n       2"
+
+
 @pytest.mark.parametrize(
-    ("given", "sigma_mm"),
-    [("", (0, 0, 0)), (",1e-3", (1, 1, 1)), (", 1e-3, 2e-3", (1, 1, 2)), (",1e-3,2e-3,3e-3", (1, 2, 3))],
+    ("old", "new", "said"),
+    [
+        ("2272 1704", "2272.5 1704", "line 2: the picture's size 2272.5 is not a whole number"),
+        ("2272 1704", "2272 -1704", "line 2: -1704 is not above 0"),
+        (" 0.10000 10.0", " 0 10.0", "line 3: 0 is not above 0"),
+        (" 7.4653 ", " nan ", "line 4: nan is not a finite number"),
+        ("   1 data", "   7 data", "line 12: expected image 1, found '7'"),
+        ("   1    0.470", "   2    0.470", "line 13: expected image 1, found '2'"),
+        (UNSTATED, STATED, "line 133: the standard deviation -0.5 is negative"),
+        ("       3    0.42863", "       2    0.42863", "object point 2 is given in line 134 already"),
+        (MARK, "  21        3 1217", "line 236: there is no image 21"),
+        (MARK, "  -1        3 1217", "line 236: there is no image -1"),
+        (MARK, "   0      3.5 1217", "line 236: the number 3.5 is not a whole number"),
+        (MARK, "   0        2 1217", "line 236: image 0 shows object point 2 in line 235 already"),
+    ],
 )
-def test_control_points_have_none_one_two_or_three_sigmas(given, sigma_mm):
-    (point,) = read_control_points(f"# id, name, X, Y, Z\n\n7,CP7,0,1,-.5{given}\n").values()
-    assert point.xyz_mm == (0.0, 1000.0, -500.0)
-    assert point.sigma_mm == pytest.approx(sigma_mm)
+def test_what_a_project_cannot_mean_is_refused_by_line(old, new, said):
+    assert old in EXPORT
+    with pytest.raises(InputError, match=said):
+        read_photomodeler(EXPORT.replace(old, new, 1), CONTROL)
 
 
-def test_a_covariance_of_a_control_point_is_refused():
-    with pytest.raises(InputError, match="control point 7 has 9 values"):
-        read_control_points("7,CP7,0,1,0" + ",1e-6" * 9)
+def test_control_points_in_another_unit_than_the_project_are_refused():
+    millimetres = {
+        number: replace(one, xyz_mm=tuple(1000 * x for x in one.xyz_mm)) for number, one in CONTROL.items()
+    }
+    with pytest.raises(InputError, match="control points are 1000 times as far apart"):
+        read_photomodeler(EXPORT, millimetres)
