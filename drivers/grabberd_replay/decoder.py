@@ -52,7 +52,9 @@ LAYOUTS = {
     "UYVY": Layout(2, first=1, step=2),
     "YUY2": Layout(2, first=0, step=2),
 }
-_COLOURS = frozenset({"RGB.", "BGR.", "RGBA", "BGRA", "ARGB", "ABGR", "PAL.", "RV24", "RV32", "BGR0"})
+_COLOURS = frozenset(
+    {"RGB", "RGB.", "BGR", "BGR.", "RGBA", "BGRA", "ARGB", "ABGR", "PAL.", "RV24", "RV32", "BGR0"}
+)
 """Pixel formats without a luma of their own, of 8 bits a colour."""
 
 

@@ -244,8 +244,8 @@ class Timeline(Generic[T]):
         if sum(self._off) >= _TOO_MANY_OFF:
             period_ms = self._period_s * 1e3
             raise PictureError(
-                f"{self._source}: about {time_s:.3f} s its pictures no longer come {period_ms:.4g} ms apart: its "
-                "rate varies, and a picture's number cannot be known",
+                f"{self._source}: about {time_s:.3f} s its pictures no longer come {period_ms:.4g} ms apart: "
+                "its rate varies, and a picture's number cannot be known",
                 "record at a constant rate; what came before it is kept",
             )
         return self._off[-1] and sum(self._off) > 1

@@ -121,6 +121,19 @@ def test_blunders_do_not_stay_in_the_weights(scene):
     assert {one["target"] for one in report_of(result)["blunders"]} == {28, 57}
 
 
+@pytest.mark.parametrize(("bits", "lines"), [(8, "field"), (1, "doubled")])
+def test_repeated_fields_add_nothing_to_a_mean_and_are_said(scene, bits, lines):
+    distinct = list(scene.packed(bits, lines))
+    frames = [distinct[n : n + 2] for n in range(0, len(distinct), 2)]
+    twice = [field for frame in frames for field in (*frame, *frame)]
+    once, again = (calibrate([fields], NOMINAL, FRAME) for fields in (distinct, twice))
+    assert (once.repeated, again.repeated) == (0, len(distinct))
+    for one, other in zip(once.images, again.images, strict=True):
+        np.testing.assert_array_equal(one.sigma_px, other.sigma_px)
+    said = [one for one in judge(again).reasons if one.code == "repeated"]
+    assert "32 of 64 fields repeat the one before" in said[0].message
+
+
 def test_a_model_that_leaves_pixels_is_no_result(scene):
     with pytest.raises(MeasurementError, match="off by 3"):
         calibrate([scene.packed(8, "field")], NOMINAL, FRAME, CalibrateSettings(free=("b3",)))

@@ -147,6 +147,7 @@ def _result(
         pointing_px=pointing_px,
         unvalidated=unvalidated,
         stillness=(still_left, still_right),
+        repeated=first.repeated,
         disc_share=first.disc_share(adjustment.views, frame),
         view_sigma_px=first.view_sigma_px,
         poses=frame_poses(final),

@@ -86,6 +86,7 @@ class CalibrateResult:
         pointing_px: σ of one field's image coordinates in x and y.
         unvalidated: why there is no cross-validation; empty if there is one.
         stillness: movement of the picture during the capture, left then right.
+        repeated: number of fields that repeat another, and are left out.
         disc_share: median area of a target in each view, over that of its geometric image.
         view_sigma_px: median pointing σ of one field in each view.
         poses: poses of the calibration frame after the first, in the frame of the first.
@@ -111,6 +112,7 @@ class CalibrateResult:
     pointing_px: tuple[float, float]
     unvalidated: str
     stillness: tuple[Stillness, Stillness]
+    repeated: int
     disc_share: tuple[float, float]
     view_sigma_px: tuple[float, float]
     poses: tuple[FramePose, ...] = ()

@@ -22,7 +22,8 @@ from grabberd.core.calibration import (
 )
 from grabberd.core.chain.calibration.calibration_result import CalibrateSettings
 from grabberd.core.chain.locating import OtherSizes, px_per_mm, sized, whole
-from grabberd.core.field import NumberedField
+from grabberd.core.chain.repeats import RepeatJudge
+from grabberd.core.field import NumberedField, unpack
 from grabberd.core.geometry import NominalRig, View
 from grabberd.core.measurement import LocationSettings, measure
 from grabberd.core.reconstruction import ObjectModel
@@ -35,10 +36,12 @@ class LocatedFrame(NamedTuple):
     Attributes:
         views: Whole blobs of every field, of the left and of the right view.
         sizes: Of the last field, for a failure to be told with the sizes found.
+        repeated: Number of fields that repeat another: they are left out, since they add nothing to a mean.
     """
 
     views: tuple[list[FieldImages], list[FieldImages]]
     sizes: OtherSizes
+    repeated: int
 
     @property
     def images(self) -> tuple[MeanImages, MeanImages]:
@@ -62,16 +65,19 @@ def locate(
     views: tuple[list[FieldImages], list[FieldImages]] = ([], [])
     scale, halves = px_per_mm(nominal), (nominal.left, nominal.right)
     location = sized(location, scale, frame.target_diameter_mm)
-    packed = None
+    packed, judge, repeated = None, RepeatJudge(of_any_parity=True), 0
     for numbered in fields:
         packed = numbered.packed
+        if judge.take(unpack(packed)):
+            repeated += 1
+            continue
         blobs = measure(packed, None, location)
         for view, half in zip(views, halves, strict=True):
             own = blobs.select(whole(blobs, *half))
             view.append(FieldImages(own.xy_px, own.sigma_px, packed.parity, own.common_px, own.area_px))
     if packed is None:
         raise MeasurementError("the capture has no field to calibrate from", "take the capture again")
-    return LocatedFrame(views, OtherSizes(packed, halves, location, scale))
+    return LocatedFrame(views, OtherSizes(packed, halves, location, scale), repeated)
 
 
 Array = NDArray[np.float64]
@@ -88,6 +94,7 @@ class FrameCapture:
         images: Mean images of each view, left then right.
         identification: Their targets.
         network: The identified images of both views, to be adjusted.
+        repeated: Number of fields that repeat another, and are left out.
     """
 
     seen: tuple[list[FieldImages], list[FieldImages]]
@@ -96,6 +103,7 @@ class FrameCapture:
     images: tuple[MeanImages, MeanImages]
     identification: Identification
     network: Network
+    repeated: int
 
     @classmethod
     def of(
@@ -117,7 +125,9 @@ class FrameCapture:
         with located.sizes.told():
             identification = _identify(nominal, frame, images, settings, by_hand)
         network = network_of(images, identification, frame, settings)
-        return cls(located.views, packed.bits, packed.y_step, images, identification, network)
+        return cls(
+            located.views, packed.bits, packed.y_step, images, identification, network, located.repeated
+        )
 
     @property
     def pointing_px(self) -> tuple[float, float]:

@@ -209,7 +209,16 @@ def _movement(result: CalibrateResult) -> Iterator[Reason]:
         "fasten the calibration frame's stand, touch nothing, and repeat the capture",
         {"px": moved},
     )
-    if (count := result.images[0].of_fields) < ENOUGH_FIELDS:
+    count = result.images[0].of_fields
+    if result.repeated:
+        yield Reason(
+            "repeated",
+            REMARK,
+            f"{result.repeated} of {count + result.repeated} fields repeat the one before, and are left out",
+            "record without repetitions: 'grabberd inspect' says which pictures repeat",
+            {"n": result.repeated, "of": count + result.repeated},
+        )
+    if count < ENOUGH_FIELDS:
         yield Reason(
             "short",
             REMARK,
