@@ -39,7 +39,7 @@ _LONGEST_S = 60.0
 _PASSTHROUGH_SINCE = (5, 1)
 _ENTRIES = (
     "stream=codec_name,width,height,pix_fmt,field_order,r_frame_rate,avg_frame_rate,nb_frames,duration"
-    ":stream_side_data=rotation:frame=interlaced_frame,top_field_first:format=duration"
+    ":stream_side_data=rotation:frame=interlaced_frame,top_field_first:format=duration,format_name"
 )
 _ORDERS = {"progressive": FieldOrder.PROGRESSIVE, "t": FieldOrder.TOP_FIRST, "b": FieldOrder.BOTTOM_FIRST}
 _BITS = 8
@@ -142,12 +142,18 @@ def _rate(stream: dict[str, Any]) -> float | None:
 
 
 def _count(stream: dict[str, Any], told: dict[str, Any], rate: float | None) -> int:
-    """Number of pictures by the container, or about as many as its length has room for."""
-    try:
-        return max(0, int(stream["nb_frames"]))
-    except (KeyError, ValueError):
-        pass
+    """Number of pictures by the container, or about as many as its length has room for.
+
+    An MP4 that was cut without coding it anew counts pictures before the cut that are not shown.
+    """
     length = stream.get("duration") or told.get("format", {}).get("duration")
+    try:
+        count = int(stream["nb_frames"])
+        if length and "mov" in told["format"]["format_name"]:
+            count = min(count, round(float(length) * float(Fraction(stream["r_frame_rate"]))))
+        return max(0, count)
+    except (KeyError, ValueError, ZeroDivisionError):
+        pass
     try:
         return max(0, round(float(length or 0) * (rate or 0)))
     except ValueError:

@@ -19,6 +19,7 @@ from grabberd.errors import (
     StreamFailed,
 )
 from grabberd.instrument.acquisition.device import Grabber, Signal, StreamInfo
+from grabberd.instrument.acquisition.standstill import Standstill
 from grabberd.instrument.device.field_pipeline import FieldPipeline
 from grabberd.instrument.device.recovery import Failure, FaultLog, Ladder, Step, reason_of, trouble_of
 from grabberd.instrument.device.scheduling import Scheduling, ThreadAccount
@@ -252,11 +253,7 @@ class CaptureThread(threading.Thread):
         asked_ns = self._scheduling.asks()
         with self._grabber.dequeue(self._timeout_s) as fields:
             now_ns = self._clock.now_ns()
-            standstill = self._scheduling.came(
-                now_ns, self._timeout_s, len(fields), found_empty=self._grabber.found_empty
-            )
-            if info.waits_for_reader or not info.live:
-                standstill = None  # read late, it loses nothing: what it lacks was lost before
+            standstill = self._stood_still(info, now_ns, len(fields))
             self._pipeline.shedding.saw(0 if standstill is None else standstill.time_ns, now_ns)
             if fields and self._signal is Signal.ABSENT:
                 self._ask_signal()  # what came back may be half a second older than the next question
@@ -277,6 +274,14 @@ class CaptureThread(threading.Thread):
             self._leave_room()
         elif info.live or info.waits_for_reader:  # a recording at its own pace may pause
             self._nothing_came(asked_ns, now_ns)
+
+    def _stood_still(self, info: StreamInfo, now_ns: int, fields: int) -> Standstill | None:
+        """What kept the program from taking these fields in time, if others may be lost by that."""
+        standstill = self._scheduling.came(
+            now_ns, self._timeout_s, fields, found_empty=self._grabber.found_empty
+        )
+        # What a recording lacks was lost before, however late it is read.
+        return standstill if info.live and not info.waits_for_reader else None
 
     def _came(self, now_ns: int) -> None:
         self._flow.came(now_ns)
