@@ -58,8 +58,15 @@ check-page: npm  ## the page's modules against the types of the API
 types: npm  ## the page's types, from docs/reference/openapi.json
 	@! command -v npm >/dev/null || { $(MAKE) --no-print-directory $(NODE) && npm run --silent types; }
 
+# Installs a Debian package where root may, or says what is not tested without it: command, package, consequence.
+define installed
+	@PATH=$$PATH:/usr/sbin command -v $(1) >/dev/null || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
+	  && { apt-get install --yes --no-install-recommends $(2) || { apt-get update && apt-get install --yes --no-install-recommends $(2); }; } ; } \
+	  || echo "*** $(2) is missing, so $(3): sudo apt-get install $(2) ***"
+endef
+
 # Where the environment forbids bytecode, each of the many daemons in the tests would compile all modules anew.
-pytest: $(READY) mosquitto ffmpeg promtool  ## the tests alone, on all processors
+pytest: $(READY) mosquitto ffmpeg mkvtoolnix promtool  ## the tests alone, on all processors
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 test-browser: $(READY) browser  ## the operator's page in a real browser, before a real daemon
@@ -69,22 +76,19 @@ screenshots: $(READY) browser  ## pictures of every panel of the page, into docs
 	PYTHONPATH=tests:tests/support $(BIN)/python -m browser.screenshots docs/images/page $(NAMES)
 
 browser:
-	@command -v chromium >/dev/null || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
-	  && { apt-get install --yes --no-install-recommends chromium || { apt-get update && apt-get install --yes --no-install-recommends chromium; }; } ; } \
-	  || echo "*** Chromium is missing, so the page is NOT tested: sudo apt-get install chromium ***"
+	$(call installed,chromium,chromium,the page is NOT tested)
 
 test-affected: $(READY)  ## the tests nearest to what this branch changes, in half a minute (BASE=commit, TEST_SECONDS=60)
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m tests.affected $(if $(BASE),--base $(BASE)) $(if $(TEST_SECONDS),--seconds $(TEST_SECONDS))
 
 mosquitto:
-	@command -v mosquitto >/dev/null || test -x /usr/sbin/mosquitto || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
-	  && { apt-get install --yes --no-install-recommends mosquitto || { apt-get update && apt-get install --yes --no-install-recommends mosquitto; }; } ; } \
-	  || echo "*** mosquitto is missing, so the MQTT publisher is NOT tested: sudo apt-get install mosquitto ***"
+	$(call installed,mosquitto,mosquitto,the MQTT publisher is NOT tested)
 
 ffmpeg:
-	@{ command -v ffmpeg && command -v ffprobe; } >/dev/null || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
-	  && { apt-get install --yes --no-install-recommends ffmpeg || { apt-get update && apt-get install --yes --no-install-recommends ffmpeg; }; } ; } \
-	  || echo "*** FFmpeg is missing, so interlaced videos are NOT tested: sudo apt-get install ffmpeg ***"
+	$(call installed,ffprobe,ffmpeg,interlaced videos are NOT tested)
+
+mkvtoolnix:
+	$(call installed,mkvpropedit,mkvtoolnix,the marks of Matroska files are NOT tested)
 
 # Unpacked, not installed: Debian's package would start a Prometheus of its own.
 promtool:
@@ -94,9 +98,7 @@ promtool:
 	  || echo "*** promtool is missing, so alert rules and dashboard are NOT tested: sudo apt-get install prometheus ***"
 
 npm:
-	@command -v npm >/dev/null || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
-	  && { apt-get install --yes --no-install-recommends npm || { apt-get update && apt-get install --yes --no-install-recommends npm; }; } ; } \
-	  || echo "*** npm is missing, so the page's types are NOT checked: sudo apt-get install npm ***"
+	$(call installed,npm,npm,the page's types are NOT checked)
 
 test-vm: $(READY)  ## driver and service under a real kernel and systemd, in a virtual machine (WRITE=1: results into docs/)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/proofs/vm $(addprefix --ignore=tests/proofs/vm/,$(OF_PACKAGE)) $(if $(WRITE),--write-tables)

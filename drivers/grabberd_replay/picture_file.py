@@ -15,6 +15,7 @@ import numpy as np
 from grabberd.core.field import LARGEST_SIDE_PX
 from grabberd.errors import PictureError
 from grabberd_replay.samples import FROM_COLOURS, Samples, from_colours
+from grabberd_replay.tiff import TiffFault, pages
 
 SUFFIXES = {
     ".png": "PNG",
@@ -118,8 +119,8 @@ def _other(path: Path, kind: str, data: bytes, expected: Header | None) -> tuple
         raise PictureError(f"{path} is truncated after {len(data)} bytes, expected {what}JPEG", _AGAIN)
     if kind == "BMP" and len(data) < int.from_bytes(data[2:6], "little"):
         raise PictureError(f"{path} is truncated after {len(data)} bytes, expected {what}BMP", _AGAIN)
-    if kind == "TIFF" and (pages := cv2.imcount(str(path))) > 1:
-        raise PictureError(f"{path} has {pages} pages, expected one picture in a file", "export them singly")
+    if kind == "TIFF":
+        _check_pages(path, data, what)
     # The luma of a JPEG is its own; what other kinds have in place of grey is looked at as it is.
     picture = _decoded(data, cv2.IMREAD_GRAYSCALE if kind == "JPEG" else cv2.IMREAD_UNCHANGED)
     if picture is None or not picture.size or max(picture.shape[:2]) > LARGEST_SIDE_PX:
@@ -138,6 +139,17 @@ def _other(path: Path, kind: str, data: bytes, expected: Header | None) -> tuple
         picture = picture[..., :_COLOURS]
     lines, columns = picture.shape[:2]
     return Header(lines, columns, picture.ndim > 2, 8 * picture.itemsize), picture
+
+
+def _check_pages(path: Path, data: bytes, what: str) -> None:
+    try:
+        count = pages(data)
+    except TiffFault as error:
+        raise PictureError(
+            f"{path} is truncated or damaged ({len(data)} bytes), expected {what}TIFF", _AGAIN
+        ) from error
+    if count > 1:
+        raise PictureError(f"{path} has {count} pages, expected one picture in a file", "export them singly")
 
 
 def _decoded(data: bytes, mode: int) -> Samples | None:

@@ -1,5 +1,7 @@
 """Coded videos are read by the program `ffmpeg`: interlaced ones in the order that they are marked with."""
 
+import shutil
+import subprocess
 from contextlib import suppress
 from pathlib import Path
 
@@ -66,6 +68,96 @@ def test_a_codec_without_loss_comes_back_bit_for_bit(tmp_path):
     info, played, _ = play(interlaced(tmp_path / "ffv1.mkv", PICTURES))
     assert worst(played, PICTURES, "tff") == 0.0
     assert (info.details["luma"], info.remarks) == ("as it was coded", ())
+
+
+@pytest.mark.skipif(shutil.which("mkvpropedit") is None, reason="sudo apt-get install mkvtoolnix")
+@pytest.mark.parametrize(
+    ("field_order", "read"), [("1", FieldOrder.TOP_FIRST), ("6", FieldOrder.BOTTOM_FIRST)]
+)
+def test_the_mark_of_a_matroska_file_can_be_put_right(tmp_path, field_order, read):
+    path = by_ffmpeg(tmp_path / "a.mkv", PICTURES, "-c:v", "ffv1")
+    marks = ["--set", "interlaced=1", "--set", f"field-order={field_order}"]
+    subprocess.run(["mkvpropedit", "--quiet", str(path), "--edit", "track:v1", *marks], check=True)
+    info, played, _ = play(path)
+    assert (info.details["marked"], info.field_order) == (str(read), read)
+    assert not any("Nothing tells" in one for one in info.remarks)
+    assert worst(played, PICTURES, "tff" if read is FieldOrder.TOP_FIRST else "bff") == 0.0
+
+
+@pytest.mark.parametrize("codec", [("huffyuv", "yuv422p"), ("utvideo", "yuv422p"), ("rawvideo", "gray")])
+def test_an_order_that_nothing_tells_is_said(tmp_path, codec):
+    path = by_ffmpeg(tmp_path / "a.avi", PICTURES, "-c:v", codec[0], "-pix_fmt", codec[1])
+    info, _, _ = play(path)
+    assert any("Nothing tells which field of a frame is the older" in one for one in info.remarks)
+    info, _, _ = play(path, field_order="bottom_first")
+    assert not any("Nothing tells" in one for one in info.remarks)
+
+
+# --- samples: as stored, whatever reads them ---
+
+
+RAW_DEEP = {
+    "gray10.y4m": ("gray10le", 10), "gray12.y4m": ("gray12le", 12), "gray16.y4m": ("gray16le", 16),
+    "gray10.nut": ("gray10le", 10), "gray14.nut": ("gray14le", 14), "gray16.nut": ("gray16le", 16),
+    "big.nut": ("gray16be", 16), "colour.y4m": ("yuv420p10le", 10), "colour.nut": ("yuv422p12le", 12),
+}  # fmt: skip
+
+
+def raw_deep(path: Path, pixels: str, bits: int) -> np.ndarray:
+    """A raw video of one picture with every value that so many bits have, written without any filter."""
+    values = (np.arange(64 * 1024).reshape(64, 1024) % (1 << bits)).astype(np.uint16)
+    content = values.astype(">u2" if pixels.endswith("be") else "<u2").tobytes()
+    chroma = {"yuv420": values.size // 2, "yuv422": values.size}.get(pixels[:6], 0)
+    content += np.full(chroma, 1 << (bits - 1), "<u2").tobytes()
+    form = ["-f", "rawvideo", "-pix_fmt", pixels, "-s", "1024x64", "-r", "25"]
+    out = ["-c:v", "wrapped_avframe" if path.suffix == ".y4m" else "rawvideo", "-strict", "-1", str(path)]
+    subprocess.run(["ffmpeg", "-v", "error", *form, "-i", "-", *out], input=content * 3, check=True)
+    return values
+
+
+@pytest.mark.parametrize("name", RAW_DEEP)
+def test_uncompressed_video_of_more_than_8_bits_is_read_as_stored(tmp_path, monkeypatch, name):
+    pixels, bits = RAW_DEEP[name]
+    values = raw_deep(tmp_path / name, pixels, bits)
+    info, played, _ = play(tmp_path / name, pictures="progressive")
+    assert info.details["samples"] == f"the upper 8 of {bits} bits"
+    np.testing.assert_array_equal(played[0].field.luma, values >> (bits - 8))
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(DeviceRefused, match="only converted, not as they are stored") as caught:
+        play(tmp_path / name, pictures="progressive")
+    assert "apt-get install ffmpeg" in caught.value.hint
+
+
+SAME = {
+    "limited.mp4": ("-c:v", "libx264", "-qp", "0", "-pix_fmt", "yuv420p", "-color_range", "tv"),
+    "full.mp4": ("-c:v", "libx264", "-qp", "0", "-pix_fmt", "yuv420p", "-color_range", "pc"),
+    "full.avi": ("-c:v", "mjpeg", "-q:v", "2", "-pix_fmt", "yuvj420p"),
+    "colours.mov": ("-c:v", "qtrle", "-pix_fmt", "rgb24"),
+    "colours.mkv": ("-c:v", "ffv1", "-pix_fmt", "bgr0"),
+}
+
+
+def same_by_both(path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Remarks, after OpenCV alone has given the same pixels as `ffmpeg`."""
+    info, by_ffmpeg_, _ = play(path, pictures="progressive")
+    monkeypatch.setenv("PATH", "")
+    _, by_opencv, _ = play(path, pictures="progressive")
+    assert len(by_ffmpeg_) == len(by_opencv) == len(SMALL[:3])
+    for one, other in zip(by_ffmpeg_, by_opencv, strict=True):
+        np.testing.assert_array_equal(one.field.luma, other.field.luma)
+    return list(info.remarks)
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_the_same_pixels_come_whatever_reads_them(tmp_path, monkeypatch, name):
+    same_by_both(by_ffmpeg(tmp_path / name, SMALL[:3], *SAME[name]), monkeypatch)
+
+
+def test_a_mark_that_pictures_be_turned_is_not_followed_but_said(tmp_path, monkeypatch):
+    path = by_ffmpeg(tmp_path / "a.mp4", SMALL[:3], *SAME["limited.mp4"])
+    turned = ["-i", str(path), "-map", "1:v", "-c", "copy", "-metadata:s:v:0", "rotate=90"]
+    turned = by_ffmpeg(tmp_path / "b.mp4", [luma(0, 16, 16)], *turned)
+    assert any("be turned by" in one for one in same_by_both(turned, monkeypatch))
 
 
 def test_an_order_that_is_given_is_taken_and_the_contradiction_told(tmp_path):

@@ -143,3 +143,70 @@ def test_a_folder_of_that_name_is_refused(path):
     path.mkdir()
     with pytest.raises(PictureError, match="cannot be read"):
         read_picture(path)
+
+
+# --- other kinds ---
+
+SMOOTH = cv2.GaussianBlur(GREY, (0, 0), 3)
+
+
+def written(path, picture, *options):
+    path.write_bytes(cv2.imencode(path.suffix, picture, options)[1].tobytes())
+    return path
+
+
+@pytest.mark.parametrize("name", ["a.tif", "a.tiff", "a.TIF", "a.bmp", "a.pgm", "a.pnm"])
+def test_kinds_without_loss_are_read_like_png(tmp_path, name):
+    path = written(tmp_path / name.lower(), GREY).rename(tmp_path / name)
+    header, values = read_picture(path)
+    assert header == Header(*GREY.shape, coloured=False)
+    np.testing.assert_array_equal(values, GREY)
+
+
+@pytest.mark.parametrize("name", ["a.tif", "a.pgm"])
+def test_samples_of_sixteen_bits_come_as_they_are_in_other_kinds_too(tmp_path, name):
+    deep = GREY.astype(np.uint16) * 257
+    header, values = read_picture(written(tmp_path / name, deep))
+    assert header.bits == 16
+    np.testing.assert_array_equal(values, deep)
+
+
+def test_of_a_jpeg_the_luma_is_read_and_no_mark_turns_it(tmp_path):
+    path = written(tmp_path / "a.jpg", SMOOTH, cv2.IMWRITE_JPEG_QUALITY, 95)
+    plain = read_picture(path)[1]
+    exif = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"
+    data = path.read_bytes()
+    path.write_bytes(data[:2] + b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif + data[2:])
+    assert cv2.imread(str(path), 0).shape != GREY.shape, "the mark is there, and others follow it"
+    np.testing.assert_array_equal(read_picture(path)[1], plain)
+    assert np.abs(plain.astype(int) - SMOOTH).max() < 8
+
+
+@pytest.mark.parametrize("name", ["a.jpg", "a.tif", "a.bmp", "a.pgm"])
+def test_other_kinds_are_refused_wherever_they_end(tmp_path, name):
+    path = written(tmp_path / name, SMOOTH)
+    whole = path.read_bytes()
+    for kept in (0, 1, 20, len(whole) // 2, len(whole) - 3):
+        path.write_bytes(whole[:kept])
+        with pytest.raises(PictureError, match=f"{name} (is no|is truncated|cannot be decoded)"):
+            read_picture(path)
+
+
+@pytest.mark.parametrize("name", ["a.jpg", "a.tif", "a.bmp", "a.pgm"])
+def test_a_picture_of_another_kind_than_its_name_says_is_refused(tmp_path, name):
+    path = written(tmp_path / "a.png", GREY).rename(tmp_path / name)
+    with pytest.raises(PictureError, match=f"{name} is no"):
+        read_picture(path)
+
+
+def test_a_file_of_several_pages_is_refused(tmp_path):
+    path = tmp_path / "a.tif"
+    assert cv2.imwritemulti(str(path), [GREY, GREY])
+    with pytest.raises(PictureError, match="has 2 pages"):
+        read_picture(path)
+
+
+def test_samples_that_are_no_whole_numbers_are_refused(tmp_path):
+    path = written(tmp_path / "a.tif", GREY.astype(np.float32))
+    with pytest.raises(PictureError, match="samples of float32"):
+        read_picture(path)
