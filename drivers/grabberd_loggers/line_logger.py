@@ -152,8 +152,9 @@ class LineLogger:
                 lines.take([text], self._clock.now_ns())
                 seen = text[:60]
                 if lines.format is not None:
-                    # Lines that came with the header are the first readings.
-                    rest = "".join(f"{one}\n" for one in texts[index + 1 :]).encode()
+                    # Lines that came with the header are its units and the first readings.
+                    first = index + 1 + (texts[index + 1 :] != [] and lines.take_units(texts[index + 1]))
+                    rest = "".join(f"{one}\n" for one in texts[first:]).encode()
                     self._buffer.push_back(rest)
                     break
 

@@ -12,8 +12,9 @@ from pydantic import Field, model_validator
 
 from grabberd.clock import Clock
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
+from grabberd.tables import Column
 from grabberd_loggers.line_logger import LineLogger, Opened, Received
-from grabberd_loggers.lines import IGNORED, LONGEST, Column
+from grabberd_loggers.lines import IGNORED, LONGEST
 from grabberd_loggers.options import LineOptions
 
 try:

@@ -38,17 +38,17 @@ def test_a_spreadsheets_byte_order_mark_does_no_harm(file):
     ("text", "message"),
     [
         ("target,x_mm,y_mm\n1,2,3\n", "has no column z_mm"),
-        ("", "has no column target, x_mm, y_mm, z_mm"),
+        ("", "has no column target, x_mm, y_mm, z_mm: it is empty"),
         ("target,x_mm,y_mm,z_mm\n", "has no rows"),
         ("target,x_mm,y_mm,z_mm\n1,2,3,4\n1,2,three,4\n", "line 3: .*three"),
-        ("target,x_mm,y_mm,z_mm\n1,2\n", "line 2 has 2 cells, the first line 4"),
+        ("target,x_mm,y_mm,z_mm\n1,2\n", "line 2 has 2 cells, the header 4"),
         (
             "target,x_mm,y_mm,z_mm\n1,10,25,20,5,3,75\n",
-            "line 2 has 7 cells, .*: are there decimal commas",
+            "line 2 has 7 cells, the header 4: decimal commas between commas",
         ),
-        ("target,x_mm,y_mm,z_mm\n1,2,nan,4\n", "line 2: y_mm nan is not a number"),
+        ("target,x_mm,y_mm,z_mm\n1,2,nan,4\n", "line 2: y_mm is 'nan', not a number"),
         ("target,x_mm,y_mm,z_mm\n6.5,1,2,3\n", "line 2: target 6.5 is not a whole number"),
-        ("target,x_mm,y_mm,z_mm\n2147483648,1,2,3\n", "line 2: target 2147483648 is not a whole number"),
+        ("target,x_mm,y_mm,z_mm\n2147483648,1,2,3\n", "line 2: target 2.14748e\\+09 is not a whole number"),
         ("target,x_mm,y_mm,z_mm\n1,2,3,4\n1,5,6,7\n", "2 rows of target 1"),
         ("n,target,x_mm,y_mm,z_mm\n4,1,2,3,4\n4,1,2,3,4\n", "target 1 in field 4"),
     ],
@@ -65,5 +65,5 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
 
 @pytest.mark.parametrize("row", ["left,1,nan,2", "left,1,2,inf", "left,4294967296,1,2"])
 def test_a_mark_that_is_nowhere_is_refused_by_its_line(file, row):
-    with pytest.raises(InputError, match=r"truth\.csv, line 2: "):
+    with pytest.raises(InputError, match=r"truth\.csv.*line 2: "):
         read_identifications(file(f"view,target,x_px,y_px\n{row}\n"))
