@@ -165,6 +165,7 @@ HEAD = "time_ms;pulsation_vacuum_kpa\n"
         (f"{HEAD}1000;NA\n", "line 2: pulsation_vacuum_kpa is 'NA', not a number", "line"),
         (f"{HEAD}1000;kPa\n", "line 2: pulsation_vacuum_kpa is 'kPa', not a number", "line"),
         (f"{HEAD}1000;\n", "line 2: pulsation_vacuum_kpa is '', not a number", "line"),
+        (f"{HEAD}min;kPa\n10;42\n", "time_ms is in ms, by the line below in min", "true one"),
         (f"{HEAD}ms;furlong\n", "line 2: time_ms is 'ms', not a number", "line"),
         (
             f"{HEAD}ms;mbar\n1000;420\n",

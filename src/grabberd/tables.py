@@ -35,7 +35,7 @@ _MOST_PREAMBLE = 200
 _MOST_HEAD_LINES = 5
 """Lines of a header whose quoted names have line breaks."""
 _SUFFIXES = {unit.lower(): unit for unit in UNITS}
-_KNOWN_UNITS = _SUFFIXES | {unit: unit for unit in TIME_UNITS_NS}
+_KNOWN_UNITS = _SUFFIXES | {unit: unit for unit in (*TIME_UNITS_NS, "min", "h", "sec", "cm", "m", "µm")}
 _CAMPBELL, _CAMPBELL_TIME = "TOA5", "TS"
 """Beginning of Campbell's files, whose header has a third line, of aggregations; their unit of moments."""
 _NO_UNITS = ("", "-", "RN", _CAMPBELL_TIME)

@@ -43,7 +43,9 @@ def test_a_table_for_decimal_commas_has_the_same_numbers(measured: tuple[TestCli
     client, url = measured
     text = client.get(f"{url}/points.csv?separator=semicolon").content.decode("utf-8-sig")
     rows = list(csv.DictReader(io.StringIO(text), delimiter=";"))
-    assert [{name: cell.replace(",", ".") for name, cell in row.items()} for row in rows] == table(client, url)
+    assert [{name: cell.replace(",", ".") for name, cell in row.items()} for row in rows] == table(
+        client, url
+    )
     assert client.get(f"{url}/channels.csv?separator=semicolon").text.startswith("\ufeffchannel;")
     assert client.get(f"{url}/points.csv?separator=tab").status_code == 422
 
