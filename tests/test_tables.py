@@ -83,6 +83,7 @@ PROGRAMS = {
     "R, write.table": '"time_ms" "pulsation_vacuum_kpa"\n' + rows('"{n}" {ms} {kpa}'),
     "R, write.table(sep = ',')": '"time_ms","pulsation_vacuum_kpa"\n' + rows('"{n}",{ms},{kpa}'),
     "R, write.table(quote = FALSE)": "time_ms pulsation_vacuum_kpa\n" + rows("{n} {ms} {kpa}"),
+    "R, write.table(sep = ',', quote = FALSE)": "time_ms,pulsation_vacuum_kpa\n" + rows("{n},{ms},{kpa}"),
     "R, write.table(row.names = FALSE)": '"time_ms" "pulsation_vacuum_kpa"\n' + rows("{ms} {kpa}"),
     "R, write.table(col.names = NA)": '"" "time_ms" "pulsation_vacuum_kpa"\n' + rows('"{n}" {ms} {kpa}'),
     "pandas, to_csv": ",time_ms,pulsation_vacuum_kpa\n" + rows("{n},{ms},{kpa}"),
@@ -142,6 +143,16 @@ HEAD = "time_ms;pulsation_vacuum_kpa\n"
             "time_ms,pulsation_vacuum_kpa,liner_vacuum_kpa\n1000,42,01\n",
             "'01': decimal commas between commas",
             "semicolons",
+        ),
+        (
+            "time_ms,pulsation_vacuum_kpa,\n1000,42,01\n",
+            "line 2 has 3 cells, the header 2: decimal",
+            "semicolons",
+        ),
+        (
+            "time_ms,pulsation_vacuum_kpa\n7,1000,42.01\n",
+            "line 2 has 3 cells, the header 2: which",
+            "name every",
         ),
         (f"{HEAD}1000\n", "line 2 has 1 cell, the header 2", "as many cells"),
         (

@@ -35,6 +35,7 @@ from grabberd.tables import (
     Column,
     TableError,
     cells_of,
+    fitted,
     header_cells,
     number_of,
     separator_of,
@@ -189,7 +190,7 @@ class LineFormat:
         columns = with_units(self.columns, self._cells(text), lambda column: column.name != IGNORED)
         return None if columns is None else replace(self, columns=_checked(columns))
 
-    def _cells(self, text: str) -> list[str]:
+    def _cells(self, text: str) -> Sequence[str]:
         """Cells of a line, without a row's name in quotes that has no head, or empty cells at the end."""
         try:
             cells = cells_of(text, self.separator or separator_of(text))
@@ -197,7 +198,7 @@ class LineFormat:
             return []
         if len(cells) == len(self.columns) + 1 and text.startswith('"'):
             return cells[1:]
-        return cells if any(cells[len(self.columns) :]) else cells[: len(self.columns)]
+        return fitted(cells, len(self.columns))
 
 
 def _checked(columns: tuple[Column, ...]) -> tuple[Column, ...]:

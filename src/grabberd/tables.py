@@ -8,8 +8,6 @@
 The header is the line that names the columns sought. Cells are separated as the header separates them, by
 one of `SEPARATORS` or by what a line `sep=;` before it says, and quoted as in RFC 4180. All numbers of a
 table have the same decimal sign. What could be read in two ways is refused: wrong ones look like right ones.
-
-Everything here raises ValueError, so that a caller reports it with the file's name; `TableError` has a hint.
 """
 
 import csv
@@ -30,7 +28,7 @@ TIME_UNITS_NS = {"s": 1e9, "ms": 1e6, "us": 1e3, "µs": 1e3, "ns": 1.0}
 UNITS = ("kPa", "mbar", "hPa", "Pa", "bar", "mmHg", "Torr", "inHg", "psi", "mV", "V", "mm", "px")
 """Units that a column's name may end with; in brackets any unit may stand."""
 
-_MOST_PREAMBLE = 200
+_MOST_PREAMBLE = 500
 """Lines among which the header is looked for."""
 _MOST_HEAD_LINES = 5
 """Lines of a header whose quoted names have line breaks."""
@@ -53,7 +51,7 @@ _ONE_SIGN = "write all numbers with the same decimal sign, and none for thousand
 
 
 class TableError(ValueError):
-    """A table cannot be read; `hint` says what to do about it."""
+    """A table cannot be read; a caller adds the file's name, and `hint` says what to do about it."""
 
     def __init__(self, message: str, hint: str = "correct or remove the line") -> None:
         super().__init__(message)
@@ -129,6 +127,11 @@ def header_cells(line: str, separator: str) -> list[str]:
     return cells_of(_BEFORE_UNIT.sub("", line) if separator == " " else line, separator, is_strict=False)
 
 
+def fitted(cells: Sequence[str], count: int) -> Sequence[str]:
+    """Cells without the empty ones after so many, as spreadsheets write them at the end of lines."""
+    return cells if any(cell.strip() for cell in cells[count:]) else cells[:count]
+
+
 def number_of(cell: str) -> float | None:
     """The number of a cell, with a decimal point or comma; None if it is none, or not finite."""
     value = float(cell.replace(",", ".")) if _NUMBER.fullmatch(cell) else math.inf
@@ -168,7 +171,7 @@ def with_units(
     Raises:
         TableError: The line and the header state different units.
     """
-    if len(cells) != len(columns):
+    if len(cells := fitted(cells, len(columns))) != len(columns):
         return None
     found, is_any = [], False
     for column, cell in zip(columns, cells, strict=True):
@@ -218,14 +221,15 @@ class Cells:
         return {key: self._numbers(key, cells) for key, cells in texts.items()}
 
     def _numbers(self, key: str, cells: list[str]) -> list[float]:
-        numbers = []
+        numbers, name = [], self.names[key]
         for line, cell in zip(self.lines, cells, strict=True):
             value = number_of(cell)
             if value is None:
-                raise TableError(f"line {line}: {self.names[key]} is {cell!r}, not a number")
+                raise TableError(f"line {line}: {name} is {cell!r}, not a number")
             if self.separator == "," and cell[0] == "0" and len(cell) > 1 and cell.isdigit():
-                what = f"line {line}: {self.names[key]} is {cell!r}: decimal commas between commas?"
-                raise TableError(what, _SEMICOLONS)
+                raise TableError(
+                    f"line {line}: {name} is {cell!r}: decimal commas between commas?", _SEMICOLONS
+                )
             numbers.append(value)
         return numbers
 
@@ -246,9 +250,8 @@ def _check_decimal_sign(texts: Mapping[str, list[str]]) -> None:
 
 
 def _is_ambiguous(texts: Mapping[str, list[str]]) -> bool:
-    """True if `1,000` may be a thousand, as where it stands beside `42`: a fixed number of decimals would
-    stand in every cell, and without signs for thousands there would be numbers of four digits.
-    """
+    """True if `1,000` may be a thousand, as beside `42`: no other number shows what a comma means."""
+    # A fixed number of decimals stands in every cell; without signs for thousands, there are four digits.
     cells = [cell for column in texts.values() for cell in column]
     with_sign = [cell for cell in cells if "," in cell]
     if len(with_sign) == len(cells) or not all(map(_LIKE_THOUSANDS.fullmatch, with_sign)):
@@ -315,8 +318,7 @@ class Table:
         """The rows, with the numbers of their lines, each with as many cells as there are columns.
 
         Raises:
-            TableError: While they are read: a line is not CSV, has another number of cells, or there are too
-                many rows or columns.
+            TableError: While they are read: a line is not CSV, or there are too many rows, columns or cells.
         """
         fit = _Fit(self.columns, self.separator, may_count=self._may_count)
         for number, (line, row) in enumerate(self._raw_rows(fit), 1):
@@ -381,11 +383,8 @@ class _Fit:
     """
 
     def __init__(self, columns: Sequence[Column], separator: str, *, may_count: bool) -> None:
-        self.count = len(columns)
-        self.line = ""
-        self.has_names = False
-        self._separator, self._may_count = separator, may_count and separator != ","
-        self._named = next((n for n in range(self.count, 0, -1) if columns[n - 1].name), 0)
+        self.count, self.line, self.has_names = len(columns), "", False
+        self._separator, self._may_count = separator, may_count
 
     def cells(self, number: int, line: int, row: list[str]) -> list[str]:
         """The cells of the columns.
@@ -398,30 +397,29 @@ class _Fit:
         Raises:
             TableError: It has more or fewer, as where numbers with decimal commas stand between commas.
         """
-        is_blank_after = not any(cell.strip() for cell in row[self.count :])
+        cells = fitted(row, self.count)
         if number == 1:
-            self.has_names = self._is_named(row, is_blank_after)
+            self.has_names = len(row) == self.count + 1 and self._is_named(row, is_fitting=cells != row)
         if self.has_names and len(row) == self.count + 1:
             if self._may_count and not self.line.startswith('"') and row[0] != str(number):
                 raise TableError(f"line {line} begins with {row[0]!r}, its number would be {number}")
             return row[1:]
-        if is_blank_after and len(row) >= self._named and not self.has_names:
-            return (row + [""] * (self.count - len(row)))[: self.count]
+        if len(cells) == self.count and not self.has_names:
+            return list(cells)
         advice, hint = "", "give every row as many cells as the header"
-        if len(row) > self._named and self._separator == ",":
+        if len(row) > self.count and self._separator == "," and "." not in "".join(row):
             advice, hint = ": decimal commas between commas?", _SEMICOLONS
-        elif len(row) == self._named + 1:
+        elif len(row) == self.count + 1:
             advice, hint = ": which of them has no name?", "name every column in the header"
-        cells = "1 cell" if len(row) == 1 else f"{len(row)} cells"
-        raise TableError(f"line {line} has {cells}, the header {self._named}{advice}", hint)
+        has = "1 cell" if len(row) == 1 else f"{len(row)} cells"
+        raise TableError(f"line {line} has {has}, the header {self.count}{advice}", hint)
 
-    def _is_named(self, row: list[str], is_blank_after: bool) -> bool:
-        if len(row) != self.count + 1 or self._named < self.count:
-            return False
+    def _is_named(self, row: list[str], *, is_fitting: bool) -> bool:
         is_first = row[0].strip() == "1"
         if self.line.startswith('"'):
-            return is_first or not is_blank_after
-        return is_first and self._may_count and not is_blank_after
+            return is_first or not is_fitting
+        is_plain = self._separator != "," or "." in "".join(row)  # no decimal commas between commas
+        return is_first and is_plain and self._may_count and not is_fitting
 
 
 class _Header(NamedTuple):
@@ -455,10 +453,11 @@ def _find_header(text: str, sought: Sequence[Sequence[str]]) -> _Header:
     for end, number, line in islice(_lines(text), _MOST_PREAMBLE):
         if number == 1 and (stated := _SEPARATOR_LINE.match(line.strip(" "))):
             separators = (stated["separator"],)
-            if separators[0] not in SEPARATORS:
-                hint = "separate cells by semicolons, commas or tabs"
-                raise TableError(f"line 1 names the separator {separators[0]!r}", hint)
-            continue
+            if separators[0] in SEPARATORS:
+                continue
+            raise TableError(
+                f"line 1 names the separator {separators[0]!r}", "use semicolons, commas or tabs"
+            )
         for header in _possible_headers(text, end, number, line, separators):
             quantities = {column.quantity for column in header.columns}
             rank = sum(not quantities.isdisjoint(one) for one in sought), _has_rows(text, header)
@@ -496,5 +495,6 @@ def _possible_headers(
             cells = header_cells(line, separator)
         except TableError:
             continue
-        if len(cells) <= MOST_COLUMNS:
-            yield _Header(tuple(map(Column.of, cells)), separator, number, end, last + 1)
+        named = next((n for n in range(len(cells), 0, -1) if cells[n - 1]), 0)
+        if named <= MOST_COLUMNS:
+            yield _Header(tuple(map(Column.of, cells[:named])), separator, number, end, last + 1)
