@@ -28,7 +28,7 @@ DEEPEST = 40
 """Levels of nesting; a configuration has six."""
 MARKS = {"utf-8": codecs.BOM_UTF8, "utf-16-le": codecs.BOM_UTF16_LE, "utf-16-be": codecs.BOM_UTF16_BE}
 """Byte order marks of the encodings that are read."""
-_SAVE = 'save it as UTF-8 (in Excel as "CSV UTF-8")'
+_SAVE = "save it as UTF-8"
 
 
 def read_bounded(path: Path | Traversable, most: int = LARGEST_DOCUMENT) -> bytes:

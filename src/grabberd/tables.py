@@ -169,25 +169,27 @@ def with_units(
         sought: Tells whether a column is read; the cells of others may be anything.
 
     Raises:
-        TableError: The line and the header state different units.
+        TableError: The line states unknown units, or others than the header.
     """
     if len(cells := fitted(cells, len(columns))) != len(columns):
         return None
-    found, is_any = [], False
+    found, problem, is_any = [], "", _CAMPBELL_TIME in cells
     for column, cell in zip(columns, cells, strict=True):
         in_brackets = _ONLY_BRACKETS.fullmatch(cell)
         unit = Column.of(f"x{cell}").unit if in_brackets else _KNOWN_UNITS.get(cell.lower())
         if not sought(column):
-            found.append(column)
-        elif unit is None and cell not in _NO_UNITS:
+            unit = None
+        elif number_of(cell) is not None:
             return None
+        elif unit is None and cell not in _NO_UNITS:
+            problem = problem or f"the unit {cell!r} below the column {column.name} is not known"
         elif unit and column.unit and unit.lower() != column.unit.lower():
-            what = f"the column {column.name} is in {column.unit}, by the line below in {unit}"
-            raise TableError(what, "keep the true one of the two units")
-        else:
-            found.append(column._replace(unit=column.unit or unit))
-            is_any |= unit is not None
-    return tuple(found) if is_any or _CAMPBELL_TIME in cells else None
+            problem = problem or f"the column {column.name} is in {column.unit}, by the line below in {unit}"
+        found.append(column._replace(unit=column.unit or unit))
+        is_any |= unit is not None
+    if is_any and problem:
+        raise TableError(problem, "correct the line of units below the header, or remove it")
+    return tuple(found) if is_any else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -324,8 +326,7 @@ class Table:
         for number, (line, row) in enumerate(self._raw_rows(fit), 1):
             if number > MOST_ROWS:
                 raise TableError(f"it has more than {MOST_ROWS} rows", "cut it to the time of the capture")
-            is_plain = len(row) == fit.count and not fit.has_names
-            yield line, row if is_plain else fit.cells(number, line, row)
+            yield line, fit.cells(number, line, row) if fit.has_names or len(row) != fit.count else row
 
     def cells(self, places: Mapping[str, int]) -> Cells:
         """Some columns, by keys of the caller's.
@@ -488,8 +489,7 @@ def _possible_headers(
         if line.count('"') % 2 == 0:
             break
         line, end, last = f"{line}\n{more}", more_end, more_number
-    # A header may be written as a comment; "#" in quotes is a name.
-    line = line.lstrip("#").lstrip(" ")
+    line = line.lstrip("#").lstrip(" ")  # a header as a comment; "#" in quotes is a name
     for separator in [one for one in separators if one in line] or separators[:1]:
         try:
             cells = header_cells(line, separator)

@@ -54,7 +54,8 @@ def read_vacuum_log(path: Path) -> str:
     try:
         return read_text(path, LARGEST_TABLE)
     except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read: {error}", "give the logger's file") from error
+        hint = "give the logger's file as text; Excel saves it as 'CSV UTF-8'"
+        raise InputError(f"{path} cannot be read: {error}", hint) from error
 
 
 def read_identifications(path: Path) -> list[Mark]:

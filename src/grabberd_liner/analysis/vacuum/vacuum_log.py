@@ -148,15 +148,16 @@ def _scale(column: Column, units: Mapping[str, float] | None) -> float | None:
 def _seconds(moments: Sequence[str], lines: Sequence[int], name: str) -> Array:
     """(K,) seconds since the first of K dates with times of day, as ISO 8601 writes them."""
     seconds = np.empty(len(moments))
+    wrong = "not a date with a time of day as in ISO 8601"
     for row, (moment, line) in enumerate(zip(moments, lines, strict=True)):
         try:
-            seconds[row] = (_moment(moment) - _moment(moments[0])).total_seconds()
-        except (ValueError, TypeError):  # the latter where only one of the two states its time zone
-            what = (
-                f"line {line}: {name} is {moment!r}, not a date with a time of day like that of the first row"
-            )
+            now, first = _moment(moment), _moment(moments[0])
+            if (now.tzinfo is None) != (first.tzinfo is None):
+                wrong = f"and only one of it and the first, {moments[0]!r}, states its time zone"
+            seconds[row] = (now - first).total_seconds()
+        except (ValueError, TypeError):
             hint = "write 2026-03-01T10:00:00.010, or seconds in a column time_s, or milliseconds in time_ms"
-            raise TableError(what, hint) from None
+            raise TableError(f"line {line}: {name} is {moment!r}, {wrong}", hint) from None
     return seconds
 
 
