@@ -90,7 +90,9 @@ class _GrowingFile:
         file.seek(start)
         place = start + self._text.last_end(file.read())
         file.seek(place)
-        if not place:  # the byte order mark is still to come
+        if place:
+            self._text.begin_letter()
+        else:  # the byte order mark is still to come
             self._text = _Text()
 
     def _look(self, file: BufferedReader) -> Received:
@@ -142,7 +144,8 @@ class _Text:
     def __init__(self) -> None:
         self._first: bytes | None = b""
         self._encoding = "utf-8"
-        self._decoder: codecs.IncrementalDecoder = codecs.getincrementaldecoder("utf-8")("replace")
+        self._decoder: codecs.IncrementalDecoder
+        self.begin_letter()
 
     def feed(self, data: bytes) -> bytes:
         """The text of the next bytes; that of half a letter comes with its other half."""
@@ -153,8 +156,12 @@ class _Text:
                 return b""
             self._encoding, mark = encoding_of(data)
             self._first, data = None, data[len(mark) :]
-            self._decoder = codecs.getincrementaldecoder(self._encoding)("replace")
+            self.begin_letter()
         return data if self._encoding == "utf-8" else self._decoder.decode(data).encode()
+
+    def begin_letter(self) -> None:
+        """Forget half a letter: the next bytes begin a whole one."""
+        self._decoder = codecs.getincrementaldecoder(self._encoding)("replace")
 
     def last_end(self, data: bytes) -> int:
         """Place after the last end of a line, among bytes that begin with a whole letter."""

@@ -153,9 +153,10 @@ class LineLogger:
                 seen = text[:60]
                 if lines.format is not None:
                     # Lines that came with the header are its units and the first readings.
-                    first = index + 1 + (texts[index + 1 :] != [] and lines.take_units(texts[index + 1]))
-                    rest = "".join(f"{one}\n" for one in texts[first:]).encode()
-                    self._buffer.push_back(rest)
+                    below = texts[index + 1 :]
+                    if below and lines.take_units(below[0]):
+                        below = below[1:]
+                    self._buffer.push_back("".join(f"{one}\n" for one in below).encode())
                     break
 
     def _info(self, opened: Opened, lines: LineReadings) -> LoggerInfo:

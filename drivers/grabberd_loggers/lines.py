@@ -127,10 +127,10 @@ class LineFormat:
             columns = tuple(map(Column.of, header_cells(text, separator)))
         except TableError:
             return None
-        has_row_names = len(columns) > 1 and not columns[0].name
-        announces = columns[has_row_names].is_time or (has_mark and any(column.unit for column in columns))
-        if has_row_names:
-            columns = (Column(IGNORED, None), *columns[1:])
+        first = columns[0]
+        if len(columns) > 1 and not first.name:
+            first, columns = columns[1], (Column(IGNORED, None), *columns[1:])
+        announces = first.is_time or (has_mark and any(column.unit for column in columns))
         while columns and not columns[-1].name:
             columns = columns[:-1]
         return cls(_checked(columns), separator) if announces else None

@@ -75,14 +75,15 @@ def test_heads_rows_and_encodings_are_those_of_any_table(
     )
     path = tmp_path / "log.csv"
     mark = codecs.BOM_UTF16_BE if encoding == "utf-16-be" else b""
-    path.write_bytes(mark + (HEADS[head] + form.format("0,00", "40,5") * rows_before).encode(encoding))
+    before = mark + (HEADS[head] + form.format("0,00", "40,5") * rows_before).encode(encoding)
+    codec = {"utf-16": "utf-16-le", "utf-8-sig": "utf-8"}.get(encoding, encoding)
+    line = form.format("0,01", "41,5").encode(codec)
+    path.write_bytes(before + line[:3])  # half a letter of UTF-16
     logger = CsvLogger(path=str(path))
     info = logger.open()
     assert (info.channels, info.units) == (("p1",), ("kPa",))
     with path.open("ab") as end:
-        codec = {"utf-16": "utf-16-le", "utf-8-sig": "utf-8"}.get(encoding, encoding)
-        line = form.format("0,01", "41,5").encode(codec)
-        end.write(line[:5])
+        end.write(line[3:5])
         end.flush()
         assert len(logger.read(0.0).time_ns) == 0
         end.write(line[5:] + form.format("0,02", "42,5").encode(codec))
