@@ -11,7 +11,8 @@ from datetime import UTC, datetime
 from typing import Any
 
 from grabberd.bounded_documents import DEEPEST
-from grabberd_loggers.lines import IGNORED, OTHER_CELLS, Column
+from grabberd.tables import Column
+from grabberd_loggers.lines import IGNORED, OTHER_CELLS
 
 NOT_JSON, OTHER_KEYS = "a message is not valid JSON", "a message has other keys than the columns"
 _SHOWN = 300

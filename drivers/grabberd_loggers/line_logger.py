@@ -152,9 +152,11 @@ class LineLogger:
                 lines.take([text], self._clock.now_ns())
                 seen = text[:60]
                 if lines.format is not None:
-                    # Lines that came with the header are the first readings.
-                    rest = "".join(f"{one}\n" for one in texts[index + 1 :]).encode()
-                    self._buffer.push_back(rest)
+                    # Lines that came with the header are its units and the first readings.
+                    below = texts[index + 1 :]
+                    if below and lines.take_units(below[0]):
+                        below = below[1:]
+                    self._buffer.push_back("".join(f"{one}\n" for one in below).encode())
                     break
 
     def _info(self, opened: Opened, lines: LineReadings) -> LoggerInfo:

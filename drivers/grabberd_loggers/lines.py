@@ -3,16 +3,18 @@
     time_ms,p1 [kPa],p2 [kPa]            # time_s; p1_mbar; p2_mbar
     12005,41.93,0.02                     12,005; 419,3; 0,2
 
-Cells are separated by commas, semicolons, tabs or blanks; where it is not commas, decimal commas are read as
-well. A header begins with `time` or `#`; any other line that begins with `#` is a comment. An empty cell, `-`
-and `nan` say that a column has no reading. Times are the logger's own, or by its rate, or by arrival.
+Cells are separated and quoted as in any table (`grabberd.tables`), and decimal commas are read as well. A
+header begins with `time` or `#`, after a nameless column of row names if there is one; any other line that
+begins with `#` is a comment. An empty cell, `-` and `nan` say that a column has no reading. Times are the
+logger's own, or by its rate, or by arrival.
 """
 
 import math
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -28,10 +30,22 @@ from grabberd.core.channels import (
 )
 from grabberd.core.channels.dating import MISSING
 from grabberd.errors import StreamFailed
+from grabberd.tables import (
+    TIME_UNITS_NS,
+    Column,
+    TableError,
+    cells_of,
+    fitted,
+    header_cells,
+    number_of,
+    separator_of,
+    with_units,
+)
 
 LONGEST = 4096
 """Bytes of the longest line."""
 _END = re.compile(rb"[\r\n]+")
+_ENDS = re.compile(r"[\r\n]+")
 
 
 class LineBuffer:
@@ -64,49 +78,13 @@ class LineBuffer:
         return [line for line in lines if line], overlong
 
 
-TIME_UNITS_NS = {"s": 1e9, "ms": 1e6, "us": 1e3, "µs": 1e3, "ns": 1.0}
-UNITS = ("kPa", "mbar", "hPa", "Pa", "bar", "mmHg", "Torr", "inHg", "psi", "mV", "V")
-"""Units that a column's name may end with; in brackets any unit may stand."""
 MOST_COLUMNS = 64
 IGNORED = "-"
 """Column whose numbers are not read."""
 NOT_A_NUMBER, OTHER_CELLS, NO_TIME = "not a number", "another number of cells", "no time"
 
-_BRACKETS = re.compile(r"^(?P<name>[^\[\]()]+?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]$")
-_BEFORE_UNIT = re.compile(r"\s+(?=[\[(])")
 _NAME = re.compile(r"^[^\W\d][\w .%/+-]*$")
 _ABSENT = frozenset(["", "-", "nan", "NaN", "NAN"])
-_SUFFIXES = {unit.lower(): unit for unit in UNITS}
-
-
-class Column(NamedTuple):
-    """A column of a header.
-
-    Attributes:
-        name: Its name, without a unit in brackets.
-        unit: Its unit, or None if the header states none.
-    """
-
-    name: str
-    unit: str | None
-
-    @property
-    def is_time(self) -> bool:
-        """True for the logger's own time."""
-        return self.name.lower() == "time" or self.name.lower().removeprefix("time_") in TIME_UNITS_NS
-
-    @classmethod
-    def of(cls, cell: str) -> "Column":
-        """The column that a cell of a header names."""
-        cell = cell.strip()
-        in_brackets = _BRACKETS.match(cell)
-        if in_brackets:
-            return cls(in_brackets["name"], in_brackets["unit"].strip() or None)
-        suffix = cell.rpartition("_")[2]
-        is_time = cell.lower().startswith("time_") and suffix.lower() in TIME_UNITS_NS
-        return cls(
-            cell, suffix.lower() if is_time else _SUFFIXES.get(suffix.lower()) if "_" in cell else None
-        )
 
 
 class Line(NamedTuple):
@@ -141,12 +119,20 @@ class LineFormat:
             ValueError: It is one, but cannot be used.
         """
         has_mark = text.lstrip().startswith("#")
-        text = _BEFORE_UNIT.sub("", text.strip().lstrip("#").strip())
+        text = text.strip().lstrip("#").strip()
         if not text:
             return None
         separator = separator_of(text)
-        columns = tuple(Column.of(cell) for cell in _cells(text, separator))
-        announces = columns[0].is_time or (has_mark and any(column.unit for column in columns))
+        try:
+            columns = tuple(map(Column.of, header_cells(text, separator)))
+        except TableError:
+            return None
+        first = columns[0]
+        if len(columns) > 1 and not first.name:
+            first, columns = columns[1], (Column(IGNORED, None), *columns[1:])
+        announces = first.is_time or (has_mark and any(column.unit for column in columns))
+        while columns and not columns[-1].name:
+            columns = columns[:-1]
         return cls(_checked(columns), separator) if announces else None
 
     @classmethod
@@ -171,15 +157,14 @@ class LineFormat:
 
     def read(self, text: str) -> Line | str:
         """The numbers of a line, or the reason why it has none."""
-        separator = self.separator or separator_of(text)
-        cells = _cells(text, separator)
+        cells = self._cells(text)
         if len(cells) != len(self.columns):
             return OTHER_CELLS
         time_ns, values = None, []
         for column, cell in zip(self.columns, cells, strict=True):
             if column.name == IGNORED:
                 continue
-            value = _number(cell if separator == "," else cell.replace(",", "."))
+            value = math.nan if cell in _ABSENT else number_of(cell)
             if value is None:
                 return NOT_A_NUMBER
             if not column.is_time:
@@ -192,30 +177,28 @@ class LineFormat:
 
     def time_step_ns(self, text: str) -> float:
         """Step of the logger's own time, by the decimals that a line writes it with."""
-        separator = self.separator or separator_of(text)
-        cell = _cells(text, separator)[next(i for i, column in enumerate(self.columns) if column.is_time)]
+        cell = self._cells(text)[next(i for i, column in enumerate(self.columns) if column.is_time)]
         decimals = len(cell.replace(",", ".").partition(".")[2])
         return (self.time_unit_ns or 1e9) * 10.0**-decimals
 
+    def with_units(self, text: str) -> "LineFormat | None":
+        """The format with the units of the line below the header; None if it is no line of units.
 
-def separator_of(text: str) -> str:
-    """Separator of a line's cells: the first of ; tab , that it has, else blanks."""
-    return next((separator for separator in (";", "\t", ",") if separator in text), " ")
+        Raises:
+            ValueError: It states other units than the header.
+        """
+        columns = with_units(self.columns, self._cells(text), lambda column: column.name != IGNORED)
+        return None if columns is None else replace(self, columns=_checked(columns))
 
-
-def _cells(text: str, separator: str) -> list[str]:
-    return text.split() if separator == " " else [cell.strip() for cell in text.split(separator)]
-
-
-def _number(cell: str) -> float | None:
-    if cell in _ABSENT:
-        return math.nan
-    try:
-        value = float(cell)
-    except ValueError:
-        return None
-    # Python reads 1_000 and inf as well: neither is a logger's number.
-    return value if math.isfinite(value) and "_" not in cell else None
+    def _cells(self, text: str) -> Sequence[str]:
+        """Cells of a line, without a row's name in quotes that has no head, or empty cells at the end."""
+        try:
+            cells = cells_of(text, self.separator or separator_of(text))
+        except TableError:
+            return []
+        if len(cells) == len(self.columns) + 1 and text.startswith('"'):
+            return cells[1:]
+        return fitted(cells, len(self.columns))
 
 
 def _checked(columns: tuple[Column, ...]) -> tuple[Column, ...]:
@@ -238,6 +221,31 @@ def _checked(columns: tuple[Column, ...]) -> tuple[Column, ...]:
     if found:
         raise ValueError("; ".join(found))
     return columns
+
+
+def head_of(text: str) -> str:
+    """The header of a file and the units below it, out of its first lines; else its first complete line.
+
+    A header with a time is preferred to a comment that could be one; what stands before it is passed over.
+    """
+    lines = [line for line in _ENDS.split(text)[:-1] if line.strip()]
+    for is_comment in (False, True):
+        for line, below in pairwise([*lines, ""]):
+            if line.startswith("#") is is_comment and (head := _head(line, below)):
+                return head
+    return f"{lines[0]}\n" if lines else ""
+
+
+def _head(line: str, below: str) -> str:
+    try:
+        header = LineFormat.of_header(line)
+        has_units = header is not None and header.with_units(below) is not None
+    except ValueError:
+        has_units = True  # whoever takes the lines says why they cannot be used
+    else:
+        if header is None:
+            return ""
+    return f"{line}\n{below}\n" if has_units else f"{line}\n"
 
 
 REPEATED, HEADER_AGAIN = "a line was repeated", "the header came again"
@@ -300,6 +308,7 @@ class LineReadings:
             or text.startswith("#")
             or skips
             or self.format is None
+            or (not self._counted and self._with_units(text) == self.format)
         ):
             return None
         line = self.format.read(text)
@@ -317,8 +326,24 @@ class LineReadings:
             self._relation = ClockRelation(resolution_ns=step_ns)
         return line
 
+    def take_units(self, text: str) -> bool:
+        """Takes the units of the line below a header; False if it is no such line.
+
+        Raises:
+            StreamFailed: It states other units than the header.
+        """
+        found = self._with_units(text)
+        self.format = found or self.format
+        return found is not None
+
+    def _with_units(self, text: str) -> LineFormat | None:
+        try:
+            return None if self.format is None else self.format.with_units(text)
+        except ValueError as error:
+            raise StreamFailed(f"the units {_shown(text)!r} cannot be used: {error}", _ADVICE) from error
+
     def _is_header(self, text: str, arrival_ns: int, anomalies: list[Anomaly]) -> bool:
-        if not text.startswith(("#", "time", "Time", "TIME")):
+        if not text.lstrip(_BEFORE_TIME).startswith(("time", "Time", "TIME")) and not text.startswith("#"):
             return False
         try:
             announced = LineFormat.of_header(text)
@@ -370,6 +395,8 @@ class LineReadings:
         return jump._replace(reason=MISSING, example=f"{count} at once", lost=max(count, 0))
 
 
+_BEFORE_TIME = "\"'# ;,|\t"
+"""Characters of a header before its time: quotes, and the nameless head of row names."""
 _ADVICE = "write it like 'time_ms,p1 [kPa],p2 [kPa]', or name the columns in the options"
 
 

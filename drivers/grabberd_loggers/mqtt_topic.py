@@ -11,9 +11,10 @@ from pydantic import Field, model_validator
 
 from grabberd.clock import Clock
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
+from grabberd.tables import Column
 from grabberd_loggers.json_message import Unusable, cells_of
 from grabberd_loggers.line_logger import LineLogger, Opened, Received
-from grabberd_loggers.lines import LONGEST, OTHER_CELLS, Column
+from grabberd_loggers.lines import LONGEST, OTHER_CELLS
 from grabberd_loggers.options import LineOptions
 
 try:

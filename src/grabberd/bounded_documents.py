@@ -8,28 +8,29 @@ PyYAML by itself follows version 1.1, to which they are nine, an error, 240, fal
 that is a number or a truth value to it is an `OldWord`: where one is expected, whoever wrote it meant that.
 """
 
-import csv
+import codecs
 import re
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from importlib.resources.abc import Traversable
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from grabberd.tables import Column, Table
+
 LARGEST_DOCUMENT = 16 << 20
 """Bytes of a document; an object model of 5000 targets has half a million."""
 LARGEST_TABLE = 64 << 20
 """Bytes of a CSV file."""
-MOST_ROWS = 1_000_000
-"""Rows of a CSV file: true places of a hundred targets for three minutes."""
-MOST_COLUMNS = 1000
 MOST_PARTS = 1_000_000
 """Keys, values and lists of a YAML document, each counted as often as the document repeats it."""
 DEEPEST = 40
 """Levels of nesting; a configuration has six."""
+MARKS = {"utf-8": codecs.BOM_UTF8, "utf-16-le": codecs.BOM_UTF16_LE, "utf-16-be": codecs.BOM_UTF16_BE}
+"""Byte order marks of the encodings that are read."""
+_SAVE = "save it as UTF-8"
 
 
 def read_bounded(path: Path | Traversable, most: int = LARGEST_DOCUMENT) -> bytes:
@@ -47,13 +48,40 @@ def read_bounded(path: Path | Traversable, most: int = LARGEST_DOCUMENT) -> byte
 
 
 def read_text(path: Path | Traversable, most: int = LARGEST_DOCUMENT) -> str:
-    """The text of a file in UTF-8; a byte order mark, as spreadsheets write it, is left out.
+    """The text of a file; see `decoded`.
 
     Raises:
-        ValueError: It is too large, or not in UTF-8.
+        ValueError: It is too large, or in another encoding.
         OSError: It cannot be read.
     """
-    return read_bounded(path, most).decode("utf-8-sig")
+    return decoded(read_bounded(path, most))
+
+
+def encoding_of(content: bytes) -> tuple[str, bytes]:
+    """Encoding of a text by its byte order mark, and the mark; UTF-8 and no bytes without one."""
+    return next((found for found in MARKS.items() if content.startswith(found[1])), ("utf-8", b""))
+
+
+def decoded(content: bytes) -> str:
+    """A text in UTF-8, or in UTF-16 with a byte order mark; the mark is left out.
+
+    Other encodings have no mark, and all of them can be read as one another: they are refused.
+
+    Raises:
+        ValueError: It is in another encoding.
+    """
+    encoding, mark = encoding_of(content)
+    try:
+        text = content[len(mark) :].decode(encoding)
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, len(mark) + error.start) + 1
+        wrong = content[len(mark) + error.start]
+        raise ValueError(
+            f"line {line} has the byte 0x{wrong:02X}, which is not {encoding.upper()}: {_SAVE}"
+        ) from error
+    if "\0" in text[:2]:
+        raise ValueError(f"it has zero characters, as UTF-16 has without its byte order mark: {_SAVE}")
+    return text
 
 
 _TAG = "tag:yaml.org,2002:"
@@ -280,54 +308,22 @@ def _add(counts: list[int], parts: int, anchor: str | None, known: dict[str, int
         raise ValueError(f"it has more than {MOST_PARTS} parts, repeated ones included")
 
 
-def csv_rows(text: str, delimiter: str = ",") -> Iterator[tuple[int, list[str]]]:
-    """The rows of a CSV text that are not empty, with the numbers of their lines.
-
-    Raises:
-        ValueError: While they are read: there are too many, one has too many columns, or it is no CSV.
-    """
-    reader = csv.reader(StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True)
-    try:
-        for number, row in enumerate(filter(None, reader)):
-            if number > MOST_ROWS:
-                raise ValueError(f"it has more than {MOST_ROWS} rows")
-            if len(row) > MOST_COLUMNS:
-                raise ValueError(f"line {reader.line_num} has more than {MOST_COLUMNS} columns")
-            yield reader.line_num, row
-    except csv.Error as error:
-        raise ValueError(f"line {reader.line_num} is not CSV: {error}") from error
-
-
 def csv_records(text: str, columns: Sequence[str]) -> Iterator[tuple[int, dict[str, str]]]:
-    """The rows of a CSV text by the columns that its first line names, with the numbers of their lines.
+    """The rows of a table by the columns' keys, with the numbers of their lines.
 
     Args:
         text: The text.
-        columns: Columns that have to be there.
+        columns: Keys of the columns that have to be there.
 
     Raises:
         KeyError: At once: a column is missing; the message lists all that are.
-        ValueError: At once: a column is named twice. While they are read: see `csv_rows` and `check_cells`.
+        ValueError: While they are read: see `Table`.
     """
-    rows = csv_rows(text)
-    names = next(rows, (0, []))[1]
-    if missing := [name for name in columns if name not in names]:
+    table = Table(text, [(Column.of(key).quantity,) for key in columns])
+    places = {key: table.place(key) for key in columns}
+    if missing := [key for key, place in places.items() if place is None]:
         raise KeyError(", ".join(missing))
-    if twice := [name for name in filter(None, names) if names.count(name) > 1]:
-        raise ValueError(f"the first line names the column {twice[0]!r} twice")
-    return ((line, dict(zip(names, check_cells(line, row, len(names)), strict=True))) for line, row in rows)
-
-
-def check_cells(line: int, row: Sequence[str], count: int) -> Sequence[str]:
-    """The cells of a row, of which there are as many as in the first; empty ones at its end do not count.
-
-    Raises:
-        ValueError: There are more or fewer, as where numbers with decimal commas stand between commas.
-    """
-    if len(row) == count:
-        return row
-    if len(row) > count and not any(cell.strip() for cell in row[count:]):
-        return row[:count]
-    advice = ": are there decimal commas between commas?" if len(row) > count else ""
-    cells = "1 cell" if len(row) == 1 else f"{len(row)} cells"
-    raise ValueError(f"line {line} has {cells}, the first line {count}{advice}")
+    return (
+        (line, {key: row[place].strip() for key, place in places.items() if place is not None})
+        for line, row in table.rows()
+    )

@@ -95,6 +95,35 @@ def test_no_length_is_no_order(daemon: Daemon, open_page: Open) -> None:
     expect(page.locator("#start-why")).to_have_text("Check the length below.")
 
 
+def test_a_comma_is_a_decimal_sign_and_what_cannot_be_used_is_refused_beside_the_field(
+    daemon: Daemon, open_page: Open
+) -> None:
+    page = open_page(daemon.url).page
+    length(page, "Seconds")
+    field, problem = page.get_by_label("How many"), page.locator("#length-value-problem")
+    field.fill("")
+    field.press_sequentially("2,5")
+    expect(page.locator("#length-is")).to_have_text("= 2.50 s, 125 fields")
+    expect(problem).to_be_hidden()
+    for typed, said in (
+        ("-3", "-3 is less than 0.02, the least that is possible."),
+        ("1.000,5", "“1.000,5” is not a number."),
+        ("1e9", "1e9 is more than 200,000, the most that is possible."),
+    ):
+        field.fill(typed)
+        expect(problem).to_have_text(said)
+        expect(page.get_by_role("button", name="Start")).to_be_disabled()
+        field.blur()
+        expect(field).to_have_value(typed)
+    length(page, "Fields")
+    field.fill("2,5")
+    expect(problem).to_have_text("“2,5” is not a whole number.")
+    length(page, "Pulsations")
+    page.get_by_label("Pulsations a minute").fill("62,5")
+    field.focus()
+    expect(page.get_by_label("Pulsations a minute")).to_have_value("62.5")
+
+
 def test_while_a_capture_runs_the_screen_is_that_capture(daemon: Daemon, open_page: Open) -> None:
     page = open_page(daemon.url).page
     length(page, "Seconds")

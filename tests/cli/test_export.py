@@ -26,6 +26,7 @@ def run(*words: object) -> Result:
     ("format", "file"),
     [
         ("csv", "points.csv"),
+        ("csv-semicolon", "points.csv"),
         ("ply", "points.ply"),
         ("parquet", "points.parquet"),
         ("mat", "points.mat"),

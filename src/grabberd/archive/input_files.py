@@ -1,27 +1,26 @@
-"""CSV files that people give: true positions of targets, identifications made by hand, vacuum logs."""
+"""Tables that people give: true positions of targets, identifications made by hand, vacuum logs."""
 
-import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 
-from grabberd.bounded_documents import LARGEST_TABLE, csv_records, read_text
+from grabberd.bounded_documents import LARGEST_TABLE, read_text
 from grabberd.core.calibration import Mark
 from grabberd.core.reconstruction.accuracy import Truth
 from grabberd.errors import InputError
+from grabberd.tables import Cells, Column, Table, TableError
 
 POSITION = ("x_mm", "y_mm", "z_mm")
 TRUTH_COLUMNS = ("target", *POSITION)
-WHOLE = ("n", "target")
+OPTIONAL = ("n", "visible")
+WHOLE = ("n", "target", "visible")
+VIEWS = ("left", "right")
 MARK_COLUMNS = ("view", "target", "x_px", "y_px")
-_TRUTH_HINT = f"it needs {', '.join(TRUTH_COLUMNS)}; n is optional"
+_TRUTH_HINT = f"it needs {', '.join(TRUTH_COLUMNS)}; n and visible are optional"
 _MARK_HINT = "a header view,target,x_px,y_px, then lines such as left,17,123.5,240"
-
-_Row = dict[str, str]
 
 
 def read_truth(path: Path) -> Truth:
@@ -33,16 +32,16 @@ def read_truth(path: Path) -> Truth:
     Raises:
         InputError: A column is missing or a value is not a number; the message names the line.
     """
-    with _rows(path, TRUTH_COLUMNS, _TRUTH_HINT) as lines:
-        rows = [_numbers(row, line, path) for line, row in lines]
-    if not rows:
+    cells = _cells(path, TRUTH_COLUMNS, _TRUTH_HINT, OPTIONAL)
+    columns = _numbers(path, cells, cells.columns)
+    if not cells.lines:
         raise InputError(f"{path} has no rows", "give a row for each target")
-    _check_unique(rows, path)
+    _check_unique(columns, path)
     return Truth(
-        n=np.array([row["n"] for row in rows], np.int64) if "n" in rows[0] else None,
-        target=np.array([row["target"] for row in rows], np.int32),
-        xyz_mm=np.array([[row[name] for name in POSITION] for row in rows]),
-        expected=np.array([row.get("visible", 1) != 0 for row in rows]),
+        n=np.array(columns["n"], np.int64) if "n" in columns else None,
+        target=np.array(columns["target"], np.int32),
+        xyz_mm=np.column_stack([columns[name] for name in POSITION]),
+        expected=np.array(columns.get("visible", np.ones(len(cells.lines)))) != 0,
     )
 
 
@@ -55,7 +54,8 @@ def read_vacuum_log(path: Path) -> str:
     try:
         return read_text(path, LARGEST_TABLE)
     except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read: {error}", "give the logger's CSV file") from error
+        hint = "give the logger's file as text; Excel saves it as 'CSV UTF-8'"
+        raise InputError(f"{path} cannot be read: {error}", hint) from error
 
 
 def read_identifications(path: Path) -> list[Mark]:
@@ -64,33 +64,45 @@ def read_identifications(path: Path) -> list[Mark]:
     Raises:
         InputError: The file cannot be read, or a line is invalid; the message names the first such line.
     """
-    with _rows(path, MARK_COLUMNS, _MARK_HINT) as lines:
-        return [_mark(row, line, path) for line, row in lines]
+    cells = _cells(path, MARK_COLUMNS, _MARK_HINT)
+    for line, view in zip(cells.lines, cells.columns["view"], strict=True):
+        if view not in VIEWS:
+            raise InputError(f"{path}, line {line}: view {view!r} is neither left nor right", _MARK_HINT)
+    views = cast("list[Literal['left', 'right']]", cells.columns["view"])
+    numbers = _numbers(path, cells, MARK_COLUMNS[1:])
+    return [
+        Mark(view, int(target), x_px, y_px)
+        for view, target, x_px, y_px in zip(views, *(numbers[name] for name in MARK_COLUMNS[1:]), strict=True)
+    ]
 
 
-@contextmanager
-def _rows(path: Path, columns: Sequence[str], hint: str) -> Iterator[Iterator[tuple[int, _Row]]]:
-    """The rows of a file with the numbers of their lines."""
+def _cells(path: Path, columns: Sequence[str], hint: str, optional: Sequence[str] = ()) -> Cells:
     try:
-        yield csv_records(read_text(path, LARGEST_TABLE), columns)
-    except KeyError as error:
-        raise InputError(f"{path} has no column {error.args[0]}", hint) from None
+        table = Table(
+            read_text(path, LARGEST_TABLE), [(Column.of(name).quantity,) for name in columns], optional
+        )
+        places = {name: table.place(name) for name in (*columns, *optional)}
+        if missing := [name for name in columns if places[name] is None]:
+            raise InputError(f"{path} {table.missing(*missing)}", hint)
+        return table.cells({name: place for name, place in places.items() if place is not None})
     except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read: {error}", hint) from error
+        raise InputError(f"{path} cannot be read: {error}", getattr(error, "hint", hint)) from error
 
 
-def _numbers(row: _Row, line: int, path: Path) -> dict[str, float]:
-    wanted = [name for name in ("n", *TRUTH_COLUMNS, "visible") if name in row]
+def _numbers(path: Path, cells: Cells, names: Iterable[str]) -> dict[str, list[float]]:
     try:
-        numbers = {name: float(row[name]) for name in wanted}
-    except ValueError as error:
-        raise InputError(f"{path}, line {line}: {error}", "every value has to be a number") from error
-    for name, value in numbers.items():
-        if not math.isfinite(value) or (name in WHOLE and not _is_whole(value)):
-            kind = "a whole number" if name in WHOLE else "a number"
-            raise InputError(f"{path}, line {line}: {name} {row[name]} is not {kind}", "fix this line")
-    if numbers.get("visible", 1) not in (0, 1):
-        raise InputError(f"{path}, line {line}: visible {row['visible']} is neither 1 nor 0", "fix this line")
+        numbers = cells.numbers(names, WHOLE)
+    except TableError as error:
+        raise InputError(f"{path} cannot be read: {error}", error.hint) from error
+    for name in WHOLE:
+        for line, value in zip(cells.lines, numbers.get(name, ()), strict=False):
+            if not _is_whole(value):
+                raise InputError(
+                    f"{path}, line {line}: {name} {value:g} is not a whole number", "fix this line"
+                )
+    for line, visible in zip(cells.lines, numbers.get("visible", ()), strict=False):
+        if visible not in (0, 1):
+            raise InputError(f"{path}, line {line}: visible {visible:g} is neither 1 nor 0", "fix this line")
     return numbers
 
 
@@ -99,22 +111,10 @@ def _is_whole(value: float) -> bool:
     return value == int(value) and abs(value) < 1 << 31
 
 
-def _check_unique(rows: list[dict[str, float]], path: Path) -> None:
-    count = Counter((row.get("n"), row["target"]) for row in rows)
+def _check_unique(columns: dict[str, list[float]], path: Path) -> None:
+    fields = columns.get("n", [None] * len(columns["target"]))
+    count = Counter(zip(fields, columns["target"], strict=True))
     (n, target), most = count.most_common(1)[0]
     if most > 1:
         where = f"target {target:.0f}" + ("" if n is None else f" in field {n:.0f}")
         raise InputError(f"{path} has {most} rows of {where}", "keep one of them")
-
-
-def _mark(row: _Row, line: int, path: Path) -> Mark:
-    view: Literal["left", "right"] = "left" if row["view"] == "left" else "right"
-    if row["view"] != view:
-        raise InputError(f"{path}, line {line}: view {row['view']!r} is neither left nor right", _MARK_HINT)
-    try:
-        mark = Mark(view, int(row["target"]), float(row["x_px"]), float(row["y_px"]))
-    except ValueError as error:
-        raise InputError(f"{path}, line {line}: {error}", _MARK_HINT) from None
-    if not (math.isfinite(mark.x_px) and math.isfinite(mark.y_px) and _is_whole(mark.target)):
-        raise InputError(f"{path}, line {line}: {', '.join(row.values())} is out of range", _MARK_HINT)
-    return mark

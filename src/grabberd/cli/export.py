@@ -13,10 +13,10 @@ def export(
     capture: Annotated[Path, typer.Argument(help="Capture file, NAME.grab.", callback=follow_link)],
     out: Annotated[Path, out_folder("the results")],
     format: Annotated[
-        Literal["csv", "ply", "parquet", "hdf5", "mat", "c3d", "png"],
+        Literal["csv", "csv-semicolon", "ply", "parquet", "hdf5", "mat", "c3d", "png"],
         typer.Option(
-            help="csv, parquet, hdf5, mat (MATLAB), c3d (motion analysis): points and channels; "
-            "ply: point cloud; png: fields as pictures."
+            help="csv, csv-semicolon (for spreadsheets with decimal commas), parquet, hdf5, mat (MATLAB), "
+            "c3d (motion analysis): points and channels; ply: point cloud; png: fields as pictures."
         ),
     ] = "csv",
     run: Annotated[int | None, typer.Option(min=1, help="Run to export; default: the latest.")] = None,
@@ -47,7 +47,8 @@ def export(
     else:
         write = partial(export_ply, field=field) if format == "ply" else POINT_EXPORTS[format]
         points = write(capture, out, run, left_out if field is None else None)
-        words = f"{out}/points.{'h5' if format == 'hdf5' else format}: {points} points"
+        suffix = {"hdf5": "h5", "csv-semicolon": "csv"}.get(format, format)
+        words = f"{out}/points.{suffix}: {points} points"
     typer.echo(words)
     warn(left_out_in_words(left_out))
     if left_out:

@@ -194,7 +194,7 @@ class Capture:
         """Writes the points of a run, or the pictures, into a new folder.
 
         Args:
-            file_format: One of csv, parquet, hdf5, mat, c3d, ply, png.
+            file_format: One of csv, csv-semicolon, parquet, hdf5, mat, c3d, ply, png.
             folder: The folder.
             run: Number of the run; None for the newest.
 

@@ -14,8 +14,11 @@ from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.export.channels_export import CHANNEL_COLUMNS, channels_csv
 from grabberd.archive.export.page_documents import channels_json
 from grabberd.archive.export.points_export import export_csv, export_parquet
+from grabberd.archive.export.table_files import SEMICOLONS
+from grabberd.bounded_documents import read_text
 from grabberd.core.channels.account import AnomalyCount
 from grabberd.errors import CaptureFileError
+from grabberd.tables import Table, number_of
 
 FIELDS = 60
 READINGS = FIELDS * PERIOD_NS // STEP_NS
@@ -69,6 +72,25 @@ def test_an_export_has_the_channels_beside_the_points(capture, tmp_path):
     assert table["value"].to_pylist() == [float(one["value"]) for one in text]
     about = json.loads(table.schema.metadata[b"grabberd"])
     assert about["calibrations"]["pulsation"]["calibrated"] == "2026-02-03"
+
+
+def test_an_export_for_decimal_commas_is_read_back_as_the_same_numbers(capture, tmp_path):
+    """All files of the folder have the same signs: a spreadsheet program opens each of them, or none."""
+    export_csv(capture, tmp_path / "points")
+    export_csv(capture, tmp_path / "semicolons", dialect=SEMICOLONS)
+    for name in ("points.csv", "channels.csv", "ledger.csv"):
+        plain, other = (tmp_path / folder / name for folder in ("points", "semicolons"))
+        assert other.read_bytes().startswith(b"\xef\xbb\xbf")
+        columns, expected = _table(plain)
+        assert _table(other) == (columns, expected)
+        assert len(expected) > 1 or name == "ledger.csv"
+
+
+def _table(path):
+    """Columns of a file, and its rows; numbers as such, whatever their decimal sign."""
+    table = Table(read_text(path), [("n", "channel", "first_n")])
+    rows = [[(number_of(cell), cell) for cell in row] for _, row in table.rows()]
+    return table.columns, [[cell if number is None else number for number, cell in row] for row in rows]
 
 
 def test_an_export_without_channels_has_no_file_for_them(tmp_path):

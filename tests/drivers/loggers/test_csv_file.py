@@ -1,5 +1,6 @@
 """A CSV file that another program appends to."""
 
+import codecs
 import os
 from pathlib import Path
 
@@ -50,6 +51,77 @@ def test_a_file_without_a_header_is_read_by_the_columns_of_the_options(tmp_path:
     append(path, "419,2;3\n")
     assert logger.read(1.0).values.tolist() == [[419.2, 3.0]]
     logger.close()
+
+
+HEADS = {
+    "quoted": '"time_s";"p1 [kPa]"\n',
+    "row names with an empty head": '"";"time_s";"p1 [kPa]"\n',
+    "row names without a head": '"time_s";"p1 [kPa]"\n',
+    "units below": "time;p1\ns;kPa\n",
+    "comments and words before": "# logger 7 [kPa]\nBarn 2; left\n\ntime_s;p1 [kPa]\n",
+    "separator before": "sep=;\ntime_s;p1 [kPa]\n",
+    "separators at the end": "time_s;p1 [kPa];\n",
+}
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be"])
+@pytest.mark.parametrize("head", HEADS)
+@pytest.mark.parametrize("rows_before", [0, 1, 9000])
+def test_heads_rows_and_encodings_are_those_of_any_table(
+    tmp_path: Path, head: str, encoding: str, rows_before: int
+) -> None:
+    form = {"row names": '"7";{};{}\r\n', "separators at the end": "{};{};\r\n"}.get(
+        "row names" if head.startswith("row names") else head, "{};{}\r\n"
+    )
+    path = tmp_path / "log.csv"
+    mark = codecs.BOM_UTF16_BE if encoding == "utf-16-be" else b""
+    before = mark + (HEADS[head] + form.format("0,00", "40,5") * rows_before).encode(encoding)
+    codec = {"utf-16": "utf-16-le", "utf-8-sig": "utf-8"}.get(encoding, encoding)
+    line = form.format("0,01", "41,5").encode(codec)
+    path.write_bytes(before + line[:3])  # half a letter of UTF-16
+    logger = CsvLogger(path=str(path))
+    info = logger.open()
+    assert (info.channels, info.units) == (("p1",), ("kPa",))
+    with path.open("ab") as end:
+        end.write(line[3:5])
+        end.flush()
+        assert len(logger.read(0.0).time_ns) == 0
+        end.write(line[5:] + form.format("0,02", "42,5").encode(codec))
+    readings = logger.read(1.0)
+    assert (readings.values.tolist(), readings.anomalies) == ([[41.5], [42.5]], ())
+    logger.close()
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_header_that_comes_after_the_byte_order_mark_is_waited_for(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "log.csv"
+    content = "time_s;p1 [kPa]\n0,00;41,5\n".encode(encoding)
+    path.write_bytes(content[:2])
+    logger = CsvLogger(path=str(path), clock=_Writing(path, content[2:]))
+    assert logger.open().channels == ("p1",)
+    assert logger.read(0.0).values.tolist() == [[41.5]]
+    logger.close()
+
+
+class _Writing(ManualClock):
+    """A clock in whose first wait the rest of the file is written, in two pieces."""
+
+    def __init__(self, path: Path, rest: bytes) -> None:
+        super().__init__()
+        self._path, self._pieces = path, [rest[:10], rest[10:]]
+
+    def sleep(self, seconds: float) -> None:
+        super().sleep(seconds)
+        if self._pieces:
+            with self._path.open("ab") as end:
+                end.write(self._pieces.pop(0))
+
+
+def test_units_that_contradict_the_header_end_the_stream(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("time_s;p1_kpa\ns;mbar\n")
+    with pytest.raises(StreamFailed, match="p1_kpa is in kPa, by the line below in mbar"):
+        CsvLogger(path=str(path)).open()
 
 
 def test_a_new_file_in_the_place_of_the_old_one_is_followed(file: Path) -> None:

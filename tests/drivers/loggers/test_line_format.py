@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grabberd_loggers.lines import NO_TIME, NOT_A_NUMBER, OTHER_CELLS, Column, Line, LineFormat
+from grabberd.tables import Column
+from grabberd_loggers.lines import NO_TIME, NOT_A_NUMBER, OTHER_CELLS, Line, LineFormat
 
 TWO = LineFormat.of_columns(["time_ms", "p1 [kPa]", "p2 [kPa]"])
 

@@ -17,7 +17,7 @@ from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.reading_groups import RecordedChannel, RecordedReadings
 from grabberd.archive.export.points_columns import moments
 from grabberd.archive.export.read_back import csv_check, parquet_check
-from grabberd.archive.export.table_files import csv_text, write_csv, write_parquet
+from grabberd.archive.export.table_files import COMMAS, CsvDialect, csv_text, write_csv, write_parquet
 from grabberd.core.chain.columns import ROWS_AT_ONCE, Column, Rows, regrouped
 from grabberd.files.checked_file import checked_file
 
@@ -78,7 +78,7 @@ def _rows(channel: RecordedChannel, readings: RecordedReadings, reader: CaptureR
     }
 
 
-def channels_csv(path: Path) -> Generator[str, None, None]:
+def channels_csv(path: Path, dialect: CsvDialect = COMMAS) -> Generator[str, None, None]:
     """Text of a CSV file; only a header for a capture without channels.
 
     Raises:
@@ -88,15 +88,21 @@ def channels_csv(path: Path) -> Generator[str, None, None]:
         for channel in reader.channels.all:
             for _ in reader.channels.groups(channel):
                 pass  # whoever sends them could not take back what was sent before the damage
-    return _csv(path)
+    return _csv(path, dialect)
 
 
-def _csv(path: Path) -> Generator[str, None, None]:
+def _csv(path: Path, dialect: CsvDialect) -> Generator[str, None, None]:
     with CaptureReader(path) as reader:
-        yield from csv_text(CHANNEL_COLUMNS, channel_rows(reader))
+        yield from csv_text(CHANNEL_COLUMNS, channel_rows(reader), dialect)
 
 
-def export_channels(path: Path, directory: Path, suffix: str, left_out: list[Damage] | None = None) -> int:
+def export_channels(
+    path: Path,
+    directory: Path,
+    suffix: str,
+    left_out: list[Damage] | None = None,
+    dialect: CsvDialect = COMMAS,
+) -> int:
     """Writes `channels.csv` or `channels.parquet` into a folder, if the capture has channels.
 
     Args:
@@ -104,6 +110,7 @@ def export_channels(path: Path, directory: Path, suffix: str, left_out: list[Dam
         directory: An existing folder.
         suffix: "csv" or "parquet".
         left_out: Takes up damaged readings, which are left out; None: they are an error.
+        dialect: Signs of a CSV file.
 
     Returns:
         Number of readings.
@@ -117,10 +124,11 @@ def export_channels(path: Path, directory: Path, suffix: str, left_out: list[Dam
         if not reader.channels.all:
             return 0
         rows = 0
-        check = (csv_check if suffix == "csv" else parquet_check)(_NAMES, lambda: rows)
+        is_csv = suffix == "csv"
+        check = (csv_check if is_csv else parquet_check)(_NAMES, lambda: rows, *[dialect.separator] * is_csv)
         with checked_file(directory / f"channels.{suffix}", check) as file:
-            if suffix == "csv":
-                rows = write_csv(file, csv_text(CHANNEL_COLUMNS, channel_rows(reader)))
+            if is_csv:
+                rows = write_csv(file, csv_text(CHANNEL_COLUMNS, channel_rows(reader), dialect))
             else:
                 rows = _write_parquet(reader, file)
         return rows

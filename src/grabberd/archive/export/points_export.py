@@ -3,7 +3,6 @@
 `ledger.csv` stands beside whatever is exported, and `left_out.csv` where the disk has damaged something.
 """
 
-import csv
 import json
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
@@ -18,8 +17,11 @@ from grabberd.archive.export.channels_export import export_channels
 from grabberd.archive.export.points_columns import CLOUD_COLUMNS, POINT_COLUMNS, rows_by_group
 from grabberd.archive.export.read_back import csv_check, parquet_check, ply_check
 from grabberd.archive.export.table_files import (
+    COMMAS,
+    CsvDialect,
     cells,
     check_parquet,
+    csv_lines,
     csv_text,
     ply_head,
     ply_vertex,
@@ -30,7 +32,7 @@ from grabberd.archive.export.table_files import (
 from grabberd.core.chain.columns import regrouped
 from grabberd.core.ledger import Ledger, cause_of_loss
 from grabberd.errors import NotFound
-from grabberd.files.checked_file import Check, checked_file, checked_path
+from grabberd.files.checked_file import Check, checked_file, write_checked
 from grabberd.files.disk import new_folder, storage_errors
 
 POINTS_A_GROUP = 40_000
@@ -44,7 +46,10 @@ REBASE = "rebase"
 
 
 def points_csv(
-    path: Path, run: int | None = None, left_out: list[Damage] | None = None
+    path: Path,
+    run: int | None = None,
+    left_out: list[Damage] | None = None,
+    dialect: CsvDialect = COMMAS,
 ) -> Generator[str, None, None]:
     """Text of a CSV file; errors are raised at once, before the first text.
 
@@ -52,7 +57,7 @@ def points_csv(
         CaptureFileError, NotFound: No such file or run.
     """
     reader, number = open_run(path, run, left_out)
-    return _csv(reader, number)
+    return _csv(reader, number, dialect)
 
 
 def points_ply(
@@ -136,7 +141,11 @@ def _missing_points(path: Path, run: int, first_n: int, end_n: int) -> list[Dama
 
 
 def export_csv(
-    path: Path, directory: Path, run: int | None = None, left_out: list[Damage] | None = None
+    path: Path,
+    directory: Path,
+    run: int | None = None,
+    left_out: list[Damage] | None = None,
+    dialect: CsvDialect = COMMAS,
 ) -> int:
     """Writes `points.csv`, `ledger.csv` and, if there are channels, `channels.csv` into a folder; returns the
     number of points.
@@ -147,17 +156,18 @@ def export_csv(
         run: Number of the run; None: the latest.
         left_out: Takes up damaged points, which are left out and listed in `left_out.csv`; None: they are an
             error.
+        dialect: Signs of all these files.
 
     Raises:
         CaptureFileError, NotFound: No such file or run.
         StorageError: The folder cannot be written, or is not empty.
     """
-    text = points_csv(path, run, left_out)
+    text = points_csv(path, run, left_out, dialect)
     rows = 0
-    check = csv_check([column.name for column in POINT_COLUMNS], lambda: rows)
-    with points_file(path, directory, "points.csv", check, left_out) as file:
+    check = csv_check([column.name for column in POINT_COLUMNS], lambda: rows, dialect.separator)
+    with points_file(path, directory, "points.csv", check, left_out, dialect) as file:
         rows = write_csv(file, text)
-        export_channels(path, directory, "csv", left_out)
+        export_channels(path, directory, "csv", left_out, dialect)
     return rows
 
 
@@ -200,9 +210,9 @@ def export_parquet(
     return points
 
 
-def _csv(reader: CaptureReader, run: int) -> Generator[str, None, None]:
+def _csv(reader: CaptureReader, run: int, dialect: CsvDialect) -> Generator[str, None, None]:
     with reader:
-        yield from csv_text(POINT_COLUMNS, rows_by_group(reader, run))
+        yield from csv_text(POINT_COLUMNS, rows_by_group(reader, run), dialect)
 
 
 def _ply(
@@ -237,45 +247,49 @@ def points_about(reader: CaptureReader, run: int) -> dict[str, Any]:
 
 @contextmanager
 def points_file(
-    capture: Path, directory: Path, name: str, check: Check, left_out: list[Damage] | None
+    capture: Path,
+    directory: Path,
+    name: str,
+    check: Check,
+    left_out: list[Damage] | None,
+    dialect: CsvDialect = COMMAS,
 ) -> Iterator[IO[bytes]]:
     """A file in a new folder, beside the capture's ledger; it is read back by `check`."""
     new_folder(directory)
     with storage_errors(directory), CaptureReader(capture) as reader:
-        write_ledger_file(reader, directory)
+        write_ledger_file(reader, directory, dialect)
         with checked_file(directory / name, check) as file:
             yield file
-        write_left_out_file(left_out, directory)
+        write_left_out_file(left_out, directory, dialect)
 
 
-def write_ledger_file(reader: CaptureReader, directory: Path) -> None:
+def write_ledger_file(reader: CaptureReader, directory: Path, dialect: CsvDialect = COMMAS) -> None:
     """Writes `ledger.csv`: a row for each entry and each rebase, in order; only a header for a good capture.
 
     Raises:
         CaptureFileError: The capture is damaged.
         StorageError: The file cannot be written, or is there already.
     """
-    _write(directory / LEDGER, LEDGER_COLUMNS, ledger_rows(reader.ledger))
+    _write(directory / LEDGER, LEDGER_COLUMNS, ledger_rows(reader.ledger), dialect)
 
 
-def write_left_out_file(left_out: Sequence[Damage] | None, directory: Path) -> None:
+def write_left_out_file(
+    left_out: Sequence[Damage] | None, directory: Path, dialect: CsvDialect = COMMAS
+) -> None:
     """Writes `left_out.csv`, what the disk has damaged and is not among the results; none if all was sound.
 
     Raises:
         StorageError: The file cannot be written.
     """
     if left_out:
-        _write(directory / LEFT_OUT, LEFT_OUT_COLUMNS, left_out)
+        _write(directory / LEFT_OUT, LEFT_OUT_COLUMNS, left_out, dialect)
 
 
-def _write(path: Path, columns: Sequence[str], rows: Sequence[tuple[object, ...]]) -> None:
-    with (
-        checked_path(path, csv_check(columns, rows.__len__)) as part,
-        part.open("w", newline="", encoding="utf-8") as file,
-    ):
-        table = csv.writer(file)
-        table.writerow(columns)
-        table.writerows(map(cells, rows))
+def _write(
+    path: Path, columns: Sequence[str], rows: Sequence[tuple[object, ...]], dialect: CsvDialect
+) -> None:
+    text = dialect.mark + csv_lines([columns, *map(cells, rows)], dialect)
+    write_checked(path, [text.encode()], csv_check(columns, rows.__len__, dialect.separator))
 
 
 def ledger_rows(ledger: Ledger) -> list[tuple[int, int, str, str, str]]:

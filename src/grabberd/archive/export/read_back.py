@@ -1,6 +1,5 @@
 """Checks of written files by readers that share nothing with the writers."""
 
-import csv
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from grabberd.core.chain.columns import Column
 from grabberd.files.checked_file import Check
+from grabberd.tables import table_rows
 
 _PLY_BYTES = {"int": 4, "float": 4, "double": 8}
 _C3D_BLOCK = 512
@@ -20,18 +20,18 @@ _FACE_BYTES = 13
 """A triangle in PLY: the number of its corners in a byte, and three of four bytes."""
 
 
-def csv_check(columns: Sequence[str], rows: Callable[[], int]) -> Check:
+def csv_check(columns: Sequence[str], rows: Callable[[], int], separator: str = ",") -> Check:
     """CSV with these columns; `rows` is asked for their number once all have been written."""
 
     def check(path: Path) -> str | None:
-        with path.open(newline="", encoding="utf-8") as file:
-            lines = csv.reader(file)
-            if (head := next(lines, [])) != list(columns):
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            lines = table_rows(file, separator)
+            if (head := next(lines, (0, []))[1]) != list(columns):
                 return f"its columns are {', '.join(head)}"
             count = 0
-            for count, line in enumerate(lines, 1):  # noqa: B007 - the count is used after the loop
+            for count, (number, line) in enumerate(lines, 1):  # noqa: B007 - the count is used after the loop
                 if len(line) != len(columns):
-                    return f"line {lines.line_num} has {len(line)} values of {len(columns)}"
+                    return f"line {number} has {len(line)} values of {len(columns)}"
         return _counted(count, rows())
 
     return check

@@ -10,7 +10,7 @@ import csv
 import importlib.util
 import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,11 +43,33 @@ def cells(row: Iterable[object]) -> list[object]:
     return [cell(one) if isinstance(one, str) else one for one in row]
 
 
-def csv_text(columns: Sequence[Column], parts: Iterable[Rows]) -> Iterator[str]:
+class CsvDialect(NamedTuple):
+    """Signs of a CSV file.
+
+    Attributes:
+        separator: Separator of its cells.
+        decimal: Decimal sign of its numbers.
+        mark: Text at its beginning.
+    """
+
+    separator: str
+    decimal: str
+    mark: str
+
+
+COMMAS = CsvDialect(",", ".", "")
+# Without the byte order mark, a spreadsheet program takes UTF-8 for the encoding of its country.
+SEMICOLONS = CsvDialect(";", ",", "\ufeff")
+"""For spreadsheet programs in languages with decimal commas."""
+DIALECTS = {"comma": COMMAS, "semicolon": SEMICOLONS}
+
+
+def csv_text(columns: Sequence[Column], parts: Iterable[Rows], dialect: CsvDialect = COMMAS) -> Iterator[str]:
     """Text of a CSV file: the head, then the rows of each part; unknown values are empty."""
-    yield _lines([[column.name for column in columns]])
+    yield dialect.mark + csv_lines([[column.name for column in columns]], dialect)
     for rows in parts:
-        yield _lines(zip(*(_texts(column, rows[column.name].tolist()) for column in columns), strict=True))
+        texts = (_texts(column, rows[column.name].tolist(), dialect) for column in columns)
+        yield csv_lines(zip(*texts, strict=True), dialect)
 
 
 def write_csv(file: IO[bytes], texts: Iterable[str]) -> int:
@@ -59,18 +81,20 @@ def write_csv(file: IO[bytes], texts: Iterable[str]) -> int:
     return lines - 1  # the head
 
 
-def _lines(rows: Iterable[Sequence[str]]) -> str:
+def csv_lines(rows: Iterable[Iterable[object]], dialect: CsvDialect = COMMAS) -> str:
+    """Rows of texts and whole numbers as text."""
     text = io.StringIO()
-    csv.writer(text).writerows(rows)
+    csv.writer(text, delimiter=dialect.separator).writerows(rows)
     return text.getvalue()
 
 
-def _texts(column: Column, values: list[Any]) -> list[str]:
+def _texts(column: Column, values: list[Any], dialect: CsvDialect) -> list[str]:
     kind = column.dtype[0]
     if kind == "M":
         return ["" if one is None else f"{one.isoformat(timespec='milliseconds')}Z" for one in values]
     if kind == "f":
-        return [format(one, column.csv_format) if one == one else "" for one in values]  # noqa: PLR0124 - NaN
+        numbers = [format(one, column.csv_format) if one == one else "" for one in values]  # noqa: PLR0124 - NaN
+        return numbers if dialect.decimal == "." else [one.replace(".", dialect.decimal) for one in numbers]
     if kind == "U":
         return [cell(str(one)) for one in values]
     return [str(one) for one in values]

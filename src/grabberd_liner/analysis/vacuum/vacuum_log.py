@@ -1,28 +1,34 @@
 """Readings of a vacuum logger, on the logger's clock."""
 
-import csv
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 
 import numpy as np
 
-from grabberd.bounded_documents import check_cells
-from grabberd.core.channels.vacuum import LEAST_KPA, MOST_KPA, likely_unit
+from grabberd.core.channels.vacuum import LEAST_KPA, MOST_KPA, PRESSURE_UNITS, likely_unit
 from grabberd.errors import InputError
+from grabberd.tables import TIME_UNITS_NS, Column, Table, TableError
 from grabberd_liner.arrays import Array
 
-TIMES = {"time_s": 1.0, "time_ms": 1e-3}
+MOMENTS = ("timestamp", "date_time", "datetime")
+"""Names of columns of dates with times of day, beside `time` without a unit."""
 PULSATION, LINER, LIGHT = "pulsation_vacuum_kpa", "liner_vacuum_kpa", "light"
-MOST_READINGS = 1_000_000
-"""Readings of a log: a thousand a second for a quarter of an hour."""
+_TIME, _PULSATION, _LINER = "time", "pulsation_vacuum", "liner_vacuum"
+_NEEDED = {_TIME: "time_s or time_ms", _PULSATION: PULSATION}
+_UNITS: Mapping[str, Mapping[str, float]] = {
+    _TIME: {unit: ns / 1e9 for unit, ns in TIME_UNITS_NS.items()},
+    _PULSATION: PRESSURE_UNITS,
+    _LINER: PRESSURE_UNITS,
+}
 
 _GAP_STEPS = 3.0
 """Steps between two readings from which on readings are missing; a logger's clock may jitter by less."""
 _LEAST_ROWS = 10
 _COLUMNS = (
-    f"the first line names the columns: {' or '.join(TIMES)}, {PULSATION} and, where they are known, {LINER}"
-    f" and {LIGHT};"
-    " every further line is one reading"
+    f"the header names the columns: time_s or time_ms, {PULSATION} and, where they are known, {LINER}"
+    f" and {LIGHT}; every line below it is one reading"
 )
 
 
@@ -93,80 +99,73 @@ class VacuumLog:
 
 
 def read_vacuum_log(text: str) -> VacuumLog:
-    """A log from CSV text (comma or semicolon, with decimal comma).
+    """A log from the text of a table; its times begin at 0 where they are dates with times of day.
 
     Raises:
         InputError: columns or numbers are missing, times do not ascend, or the magnitudes are not
             those of kPa of vacuum.
     """
-    head, *lines = [line for line in text.lstrip("\ufeff").splitlines() if line.strip()] or [""]
-    separator = ";" if ";" in head else ","
-    names = [name.strip() for name in head.split(separator)]
-    time = next((name for name in TIMES if name in names), None)
-    if time is None or PULSATION not in names:
-        raise InputError(f"the vacuum log has the columns {', '.join(names) or 'none'}", _COLUMNS)
-    wanted = {name: names.index(name) for name in (time, PULSATION, LINER, LIGHT) if name in names}
-    rows = _rows(lines, separator, len(names), tuple(wanted.values()))
-    if separator == ";":
-        _check_decimal_mark(rows)
-    columns = {name: _numbers(rows, place, name, separator) for place, name in enumerate(wanted)}
-    return VacuumLog(columns[time] * TIMES[time], columns[PULSATION], columns.get(LINER), columns.get(LIGHT))
-
-
-def _rows(lines: list[str], separator: str, count: int, places: tuple[int, ...]) -> list[tuple[str, ...]]:
-    """The wanted cells of each line; all others are dropped at once."""
-    reader = csv.reader(lines, delimiter=separator)
-    rows: list[tuple[str, ...]] = []
     try:
-        for row in reader:
-            whole = check_cells(reader.line_num + 1, row, count)
-            rows.append(tuple(whole[place] for place in places))
-            if len(rows) > MOST_READINGS:
-                hint = "cut it to the time of the capture"
-                raise InputError(f"the vacuum log has more than {MOST_READINGS} readings", hint)
-    except csv.Error as error:
-        what = f"line {reader.line_num + 1} of the vacuum log is not CSV: {error}"
-        raise InputError(what, "correct or remove the line") from error
-    except ValueError as error:
-        hint = "correct or remove the line; numbers with decimal commas need semicolons between them"
-        raise InputError(f"the vacuum log cannot be read: {error}", hint) from error
-    return rows
+        return _log(text)
+    except TableError as error:
+        raise InputError(f"the vacuum log cannot be read: {error}", error.hint) from error
 
 
-def _check_decimal_mark(rows: list[tuple[str, ...]]) -> None:
-    """Refuses commas beside points: a comma may be a decimal mark, or 1,000 a thousand."""
-    with_comma, with_point = (
-        next((cell for row in rows for cell in row if mark in cell), None) for mark in (",", ".")
-    )
-    if with_comma and with_point:
-        raise InputError(
-            f"the vacuum log has both {with_comma.strip()!r} and {with_point.strip()!r}",
-            "write all numbers with the same decimal mark, and none for thousands",
-        )
+def _log(text: str) -> VacuumLog:
+    table = Table(text, [(_TIME, *MOMENTS), (_PULSATION,)], (_LINER, LIGHT), may_count=True)
+    found = {name: table.place(name) for name in (_TIME, _PULSATION, _LINER, LIGHT)}
+    if found[_TIME] is None:
+        found[_TIME] = table.place(*MOMENTS)
+    if missing := [words for name, words in _NEEDED.items() if found[name] is None]:
+        raise InputError(f"the vacuum log {table.missing(*missing)}", _COLUMNS)
+    places = {name: place for name, place in found.items() if place is not None}
+    scales = {name: _scale(table.columns[place], _UNITS.get(name)) for name, place in places.items()}
+    cells = table.cells(places)
+    numbers = cells.numbers([name for name, scale in scales.items() if scale is not None])
+    columns = {name: np.array(values) * scales[name] for name, values in numbers.items()}
+    if _TIME not in columns:
+        columns[_TIME] = _seconds(cells.columns[_TIME], cells.lines, cells.names[_TIME])
+    return VacuumLog(columns[_TIME], columns[_PULSATION], columns.get(_LINER), columns.get(LIGHT))
 
 
-def _numbers(rows: list[tuple[str, ...]], place: int, name: str, separator: str) -> Array:
-    try:
-        values = np.array([row[place] for row in rows], np.float64)
-    except ValueError:  # a decimal comma, or a line to be named
-        values = np.array([math.nan])
-    if np.isfinite(values).all():
-        return values
-    return np.array([_number(row, place, name, index + 2, separator) for index, row in enumerate(rows)])
+def _scale(column: Column, units: Mapping[str, float] | None) -> float | None:
+    """Factor to s or kPa, and 1 for what may have any unit; None for a time without a unit: moments.
+
+    Raises:
+        TableError: The unit is not stated, or it is none of these.
+    """
+    if units is None:
+        return 1.0
+    if column.unit is None and column.quantity in (_TIME, *MOMENTS):
+        return None
+    if column.unit is None or column.unit not in units:
+        unit = "is not stated" if column.unit is None else f"is {column.unit}"
+        hint = f"state one of {', '.join(units)}: '{column.name} [{next(iter(units))}]'"
+        raise TableError(f"the unit of its column {column.name} {unit}", hint)
+    return units[column.unit]
 
 
-def _number(row: tuple[str, ...], place: int, name: str, line: int, separator: str) -> float:
-    text = row[place].strip()
-    try:
-        value = float(text.replace(",", ".") if separator == ";" else text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(
-            f"line {line} of the vacuum log: {name} is {text!r}, not a number",
-            "correct or remove the line; missing readings are never filled in",
-        )
-    return value
+def _seconds(moments: Sequence[str], lines: Sequence[int], name: str) -> Array:
+    """(K,) seconds since the first of K dates with times of day, as ISO 8601 writes them."""
+    seconds = np.empty(len(moments))
+    wrong = "not a date with a time of day as in ISO 8601"
+    for row, (moment, line) in enumerate(zip(moments, lines, strict=True)):
+        try:
+            now, first = _moment(moment), _moment(moments[0])
+            if (now.tzinfo is None) != (first.tzinfo is None):
+                wrong = f"and only one of it and the first, {moments[0]!r}, states its time zone"
+            seconds[row] = (now - first).total_seconds()
+        except (ValueError, TypeError):
+            hint = "write 2026-03-01T10:00:00.010, or seconds in a column time_s, or milliseconds in time_ms"
+            raise TableError(f"line {line}: {name} is {moment!r}, {wrong}", hint) from None
+    return seconds
+
+
+def _moment(text: str) -> datetime:
+    moment = datetime.fromisoformat(text)
+    if ":" not in text:
+        raise ValueError(f"{text} has no time of day")
+    return moment
 
 
 def _check_unit(name: str, kpa: Array, least_kpa: float) -> None:

@@ -39,6 +39,17 @@ def table(client: TestClient, url: str) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(client.get(f"{url}/points.csv").text)))
 
 
+def test_a_table_for_decimal_commas_has_the_same_numbers(measured: tuple[TestClient, str]) -> None:
+    client, url = measured
+    text = client.get(f"{url}/points.csv?separator=semicolon").content.decode("utf-8-sig")
+    rows = list(csv.DictReader(io.StringIO(text), delimiter=";"))
+    assert [{name: cell.replace(",", ".") for name, cell in row.items()} for row in rows] == table(
+        client, url
+    )
+    assert client.get(f"{url}/channels.csv?separator=semicolon").text.startswith("\ufeffchannel;")
+    assert client.get(f"{url}/points.csv?separator=tab").status_code == 422
+
+
 def test_a_cloud_has_a_vertex_for_every_row_of_the_table(measured: tuple[TestClient, str]) -> None:
     client, url = measured
     answer = client.get(f"{url}/points.ply?run=1")

@@ -1,7 +1,7 @@
 """Contents of a capture: its file, its runs and points, its fields, and stretches of both for its replay."""
 
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Path, Query, Response, status
 from fastapi.responses import FileResponse, StreamingResponse
@@ -21,6 +21,7 @@ from grabberd.archive.export.replay_stretches import (
     replay_pictures,
     replay_points,
 )
+from grabberd.archive.export.table_files import DIALECTS
 from grabberd.documents.captures import WholeRunDocument, WidthCourse
 from grabberd.documents.channels import CaptureChannelsDocument
 from grabberd.documents.points import PointsDocument
@@ -53,6 +54,13 @@ C3D = "application/octet-stream"
 
 RunNumber = Annotated[
     int | None, Query(ge=1, le=2**53, description="Number of the run; default: the latest completed one.")
+]
+CsvSeparator = Annotated[
+    Literal["comma", "semicolon"],
+    Query(
+        description="Separator of the cells; with semicolons, numbers have decimal commas, as spreadsheet "
+        "programs in many languages expect."
+    ),
 ]
 PlyField = Annotated[
     int | None, Query(ge=0, le=FIELD_END, description="Only the points of this field; default: all.")
@@ -142,9 +150,11 @@ def get_points(
     responses={200: {"content": {"text/csv": {}}}},
 )
 @reads
-def get_points_csv(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> Content:
+def get_points_csv(
+    capture_id: CaptureId, service: ServiceOf, run: RunNumber = None, separator: CsvSeparator = "comma"
+) -> Content:
     """The points as CSV, a row for each target and field, with their standard deviations."""
-    arguments = service.archive.path(capture_id), run
+    arguments = service.archive.path(capture_id), run, None, DIALECTS[separator]
     return Content(points_csv, arguments, media_type="text/csv", name=f"{capture_id}-points.csv")
 
 
@@ -238,9 +248,9 @@ def get_channels(
     responses={200: {"content": {"text/csv": {}}}},
 )
 @reads
-def get_channels_csv(capture_id: CaptureId, service: ServiceOf) -> Content:
+def get_channels_csv(capture_id: CaptureId, service: ServiceOf, separator: CsvSeparator = "comma") -> Content:
     """All readings of all channels as CSV, a row for each, as measured and in kPa."""
-    arguments = (service.archive.path(capture_id),)
+    arguments = service.archive.path(capture_id), DIALECTS[separator]
     return Content(channels_csv, arguments, media_type="text/csv", name=f"{capture_id}-channels.csv")
 
 

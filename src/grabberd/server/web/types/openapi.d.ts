@@ -8236,6 +8236,8 @@ export interface operations {
             query?: {
                 /** @description Number of the run; default: the latest completed one. */
                 run?: number | null;
+                /** @description Separator of the cells; with semicolons, numbers have decimal commas, as spreadsheet programs in many languages expect. */
+                separator?: "comma" | "semicolon";
             };
             header?: never;
             path: {
@@ -8470,7 +8472,10 @@ export interface operations {
     };
     get_channels_csv: {
         parameters: {
-            query?: never;
+            query?: {
+                /** @description Separator of the cells; with semicolons, numbers have decimal commas, as spreadsheet programs in many languages expect. */
+                separator?: "comma" | "semicolon";
+            };
             header?: never;
             path: {
                 /** @description Id of the capture. */

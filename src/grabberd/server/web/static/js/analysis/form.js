@@ -1,5 +1,7 @@
 // The questions of an analysis: each with its unit and a word what it is. What is left empty is not computed.
 import { el, fill } from "../core/dom.js";
+import { createNumberField } from "../core/number_field.js";
+import { textOf } from "../core/text_file.js";
 import { GROUPS, NAMES } from "./fields.js";
 import { askedOf, inputsOf, keyOf, missingOf, usesLog } from "./inputs.js";
 
@@ -14,7 +16,8 @@ export function createForm(context, changed) {
   let values = {};
   let log = "";
   const file = el("input", { class: "input", type: "file", accept: ".csv,.txt,text/csv", on: { change: read } });
-  const logged = el("label", { class: "field", hidden: true, data: { asked: "log" } }, el("span", { class: "field-label" }, t("analysis.log.label")), file, el("span", { class: "field-hint" }, t("analysis.log.about")));
+  const unread = el("span", { class: "field-problem", role: "alert", hidden: true }, t("analysis.log.encoding"));
+  const logged = el("label", { class: "field", hidden: true, data: { asked: "log" } }, el("span", { class: "field-label" }, t("analysis.log.label")), file, unread, el("span", { class: "field-hint" }, t("analysis.log.about")));
   const bodies = Object.fromEntries(NAMES.map((name) => [name, el("div", { class: "stack" })]));
   const element = el("div", { class: "stack" }, NAMES.map(group));
 
@@ -24,7 +27,9 @@ export function createForm(context, changed) {
   }
 
   async function read() {
-    log = file.files?.[0] ? await file.files[0].text() : "";
+    const text = file.files?.[0] ? await textOf(file.files[0]).catch(() => null) : "";
+    unread.hidden = text !== null;
+    log = text ?? "";
     tell();
   }
 
@@ -46,13 +51,13 @@ export function createForm(context, changed) {
 
   /** @param {string} key @param {Asked} asked */
   function numberOf(key, { name, unit, free }) {
-    const input = el("input", { class: "input", type: "number", step: "any", inputmode: "decimal", value: values[key] ?? "", data: { asked: key } });
-    input.addEventListener("input", () => {
-      values[key] = input.value;
+    const attributes = { class: "input", id: `asked-${key}`, value: values[key] ?? "", data: { asked: key } };
+    const { input, problem } = createNumberField(context, attributes, (_, typed) => {
+      values[key] = typed;
       tell();
     });
     const label = t(`analysis.number.${name}.label`);
-    return el("label", { class: "field" }, el("span", { class: "field-label" }, label, unit && el("span", { class: "muted" }, ` ${unit}`), free && el("span", { class: "muted" }, ` · ${t("analysis.optional")}`)), input, el("span", { class: "field-hint" }, t(`analysis.number.${name}.about`)));
+    return el("label", { class: "field" }, el("span", { class: "field-label" }, label, unit && el("span", { class: "muted" }, ` ${unit}`), free && el("span", { class: "muted" }, ` · ${t("analysis.optional")}`)), input, problem, el("span", { class: "field-hint" }, t(`analysis.number.${name}.about`)));
   }
 
   function tell() {

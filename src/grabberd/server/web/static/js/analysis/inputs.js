@@ -1,4 +1,5 @@
 // From the filled-in form to the inputs of an analysis, and back. Nothing here touches the page.
+import { numberOf } from "../core/number.js";
 import { GROUPS, NAMES } from "./fields.js";
 
 /** @import { Part } from "./fields.js" */
@@ -19,7 +20,7 @@ export const askedOf = (part, values) => part.numbers[part.kinds ? values[part.p
 /** The inputs that were given. @param {Values} values */
 export function inputsOf(values) {
   const vacuum = vacuumOf(values);
-  const heights = HEIGHTS.filter((key) => given(values, key)).map((key) => Number(values[key]));
+  const heights = HEIGHTS.filter((key) => given(values, key)).map((key) => one(values, key));
   return known({
     reference: referenceOf(values),
     material: values.material ? { law: values.material, ...numbers("material", values) } : undefined,
@@ -62,12 +63,12 @@ function planeOf(values) {
 function numbers(path, values) {
   const part = parts().find((each) => each.path === path);
   const asked = part ? askedOf(part, values) : [];
-  return Object.fromEntries(asked.filter(({ name }) => given(values, `${path}.${name}`)).map(({ name }) => [name, Number(values[`${path}.${name}`])]));
+  return Object.fromEntries(asked.filter(({ name }) => given(values, `${path}.${name}`)).map(({ name }) => [name, one(values, `${path}.${name}`)]));
 }
 
-/** Inputs still missing: a part is either complete or empty. @param {Values} values @param {string} log @returns {string[]} keys */
+/** Inputs still missing: a part is either complete or empty, and what was typed is a number. @param {Values} values @param {string} log @returns {string[]} keys */
 export function missingOf(values, log) {
-  const holes = parts().flatMap((part) => askedOf(part, values).filter((asked) => part.kinds && !asked.free && !given(values, keyOf(part, asked.name))).map((asked) => keyOf(part, asked.name)));
+  const holes = parts().flatMap((part) => askedOf(part, values).map((asked) => ({ key: keyOf(part, asked.name), needed: part.kinds && !asked.free })).filter(({ key, needed }) => (given(values, key) ? Number.isNaN(numberOf(values[key])) : needed)).map(({ key }) => key));
   return [...holes, ...(usesLog(values) && !log ? ["log"] : [])];
 }
 
@@ -110,6 +111,6 @@ const parts = () => NAMES.flatMap((name) => GROUPS[name]);
 /** @param {Values} values @param {string} key */
 const given = (values, key) => (values[key] ?? "").trim() !== "";
 /** @param {Values} values @param {string} key */
-const one = (values, key) => (given(values, key) ? Number(values[key]) : undefined);
+const one = (values, key) => numberOf(values[key]) ?? undefined;
 /** @param {Record<string, unknown>} all */
 const known = (all) => Object.fromEntries(Object.entries(all).filter(([, value]) => value !== undefined));

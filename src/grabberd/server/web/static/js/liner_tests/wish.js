@@ -1,4 +1,5 @@
 // What is filled in before a guided test's capture, and the request that it makes. Nothing here touches the page.
+import { numberOf } from "../core/number.js";
 
 /** @import { Recipe } from "types/documents" */
 
@@ -45,12 +46,6 @@ export function wishFrom(kept) {
 function textsIn(kept) {
   const entries = Object.entries(kept !== null && typeof kept === "object" ? kept : {});
   return Object.fromEntries(entries.filter(([, value]) => typeof value === "string"));
-}
-
-/** Number that was typed; null if there is none, NaN if it is none. @param {string | undefined} typed */
-export function numberOf(typed) {
-  const text = (typed ?? "").trim().replace(",", ".");
-  return text === "" ? null : Number(text);
 }
 
 /** Name of what keeps a capture from being started; null: nothing does. @param {Recipe["kind"]} kind @param {Wish} wish @returns {string | null} */

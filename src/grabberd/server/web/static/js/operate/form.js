@@ -1,8 +1,9 @@
 // The settings of the next capture: length, fields before the start, labels. Remembered on this tablet.
 import { el, setText } from "../core/dom.js";
 import { keep, kept } from "../core/kept.js";
+import { createNumberField } from "../core/number_field.js";
 import { deviceOf, isSeveral, rateOf } from "../core/store.js";
-import { KINDS, USUAL, isSound, lengthOf, namesSubject, nextOf, requestOf, wishFrom } from "./wish.js";
+import { KINDS, USUAL, isSound, lengthOf, limitsOf, namesSubject, nextOf, requestOf, wishFrom } from "./wish.js";
 import { createLabelling } from "./labelling.js";
 import { createLabels } from "./labels.js";
 import { createRate } from "./rate.js";
@@ -25,13 +26,14 @@ export function createForm(context, { changed, labelled }) {
   const slots = () => context.device()?.ring.slots ?? 32;
 
   const is = el("p", { class: "field-hint", id: "length-is" });
-  const value = number("length-value", (n) => wish.kind !== "stop" && set(wish.kind, n));
-  const stepper = el("div", { class: "stepper" }, step(-1, t("operate.length.less"), "−"), value, step(+1, t("operate.length.more"), "+"));
+  const attributes = { class: "input number", id: "length-value", "aria-describedby": "length-is" };
+  const value = createNumberField(context, attributes, (n) => wish.kind !== "stop" && set(wish.kind, n ?? NaN), () => limitsOf(wish, rate()));
+  const stepper = el("div", { class: "stepper" }, step(-1, t("operate.length.less"), "−"), value.input, step(+1, t("operate.length.more"), "+"));
   const perMinute = createRate(context, wish, set, () => {
     show();
     changed();
   });
-  const valueField = el("div", { class: "field" }, el("label", { class: "field-label", for: "length-value" }, t("operate.length.value")), stepper);
+  const valueField = el("div", { class: "field" }, el("label", { class: "field-label", for: "length-value" }, t("operate.length.value")), stepper, value.problem);
   const before = el("input", { class: "slider", type: "range", id: "before", min: 0, step: 1, on: { input: () => set("before", Number(before.value)) } });
   const beforeWords = el("p", { class: "field-hint" });
   const wait = el("input", { type: "checkbox", checked: wish.wait, on: { change: () => set("wait", wait.checked) } });
@@ -96,17 +98,16 @@ export function createForm(context, { changed, labelled }) {
     const press = () => {
       if (wish.kind === "stop") return;
       const by = STEPS[wish.kind];
-      set(wish.kind, Math.max(by, wish[wish.kind] + direction * by));
+      set(wish.kind, Math.max(by, (wish[wish.kind] || 0) + direction * by));
     };
     return el("button", { class: "button", type: "button", "aria-label": label, on: { click: press } }, sign);
   }
 
   function show() {
-    const given = wish.kind === "stop" ? "" : String(wish[wish.kind] ?? "");
     valueField.hidden = wish.kind === "stop";
     perMinute.show();
     wish.perMinute = perMinute.value();
-    if (document.activeElement !== value) value.value = given;
+    value.show(wish.kind === "stop" ? null : wish[wish.kind]);
     const length = lengthOf(wish, rate());
     is.hidden = length === null || !isSound(wish, rate());
     if (length !== null) setText(is, t("operate.length.is", { seconds: format.number(length / rate(), 2), fields: format.number(length) }));
@@ -136,9 +137,15 @@ export function createForm(context, { changed, labelled }) {
   );
   labels.fill();
 
+  /** What was typed and cannot be used is not kept for when this kind is chosen again. @param {Wish["kind"]} kind */
+  function choose(kind) {
+    if (kind !== "stop" && !Number.isFinite(wish[kind])) wish[kind] = USUAL[kind];
+    set("kind", kind);
+  }
+
   /** @param {Wish["kind"]} kind */
   function choice(kind) {
-    const input = el("input", { type: "radio", name: "length", value: kind, checked: wish.kind === kind, on: { change: () => set("kind", kind) } });
+    const input = el("input", { type: "radio", name: "length", value: kind, checked: wish.kind === kind, on: { change: () => choose(kind) } });
     return el("label", {}, input, el("span", {}, t(`operate.length.${kind}`)));
   }
 
@@ -177,11 +184,4 @@ export function createForm(context, { changed, labelled }) {
       for (const end of [stop, requested.unmount, count, follow, perMinute.unmount, labelling.unmount]) end();
     },
   };
-}
-
-/** @param {string} id @param {(n: number) => void} given */
-function number(id, given) {
-  const input = el("input", { class: "input number", id, type: "number", inputmode: "decimal", min: 1, step: "any", "aria-describedby": "length-is" });
-  input.addEventListener("input", () => given(input.valueAsNumber));
-  return input;
 }

@@ -1,5 +1,6 @@
 // Pulsations a minute, for a length in pulsations: as entered here, else as measured last; and which of these it is.
 import { el, setText } from "../core/dom.js";
+import { createNumberField } from "../core/number_field.js";
 import { deviceOf } from "../core/store.js";
 import { USUAL } from "./wish.js";
 
@@ -8,6 +9,7 @@ import { USUAL } from "./wish.js";
 /** @import { Pulsation } from "types/documents" */
 
 const DIGITS = 1;
+const LEAST = 1;
 
 /**
  * @param {Context} context
@@ -17,15 +19,15 @@ const DIGITS = 1;
  */
 export function createRate(context, wish, set, changed) {
   const { t, api, store, format } = context;
-  const input = el("input", { class: "input number", id: "length-rate", type: "number", inputmode: "decimal", min: 1, step: "any", "aria-describedby": "length-rate-from" });
+  const attributes = { class: "input number", id: "length-rate", "aria-describedby": "length-rate-from" };
+  const own = createNumberField(context, attributes, (n) => set("ownPerMinute", n), () => ({ least: LEAST }));
   const from = el("span", { class: "field-hint", id: "length-rate-from" });
-  const element = el("label", { class: "field", for: "length-rate" }, el("span", { class: "field-label" }, t("operate.length.rate")), input, from);
+  const element = el("label", { class: "field", for: "length-rate" }, el("span", { class: "field-label" }, t("operate.length.rate")), own.input, own.problem, from);
   /** @type {Pulsation | null} */
   let measured = null;
   let asked = "";
   let ended = false;
-  input.addEventListener("input", () => set("ownPerMinute", Number.isFinite(input.valueAsNumber) ? input.valueAsNumber : null));
-  input.addEventListener("blur", show);
+  own.input.addEventListener("blur", show);
 
   /** Asks for the rate in the device's newest analysis. @param {string} device */
   async function ask(device) {
@@ -44,7 +46,7 @@ export function createRate(context, wish, set, changed) {
     element.hidden = wish.kind !== "cycles";
     const device = deviceOf(store.get())?.name;
     if (!element.hidden && device && device !== asked) ask(device);
-    if (document.activeElement !== input) input.value = value().toFixed(wish.ownPerMinute === null && measured ? DIGITS : 0).replace(/^NaN$/, "");
+    own.show(value(), wish.ownPerMinute === null && measured ? value().toFixed(DIGITS) : undefined);
     setText(from, words());
   }
 

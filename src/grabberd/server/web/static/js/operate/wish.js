@@ -1,5 +1,7 @@
 // The capture that an operator wishes for, and the request that it makes. Nothing here touches the page.
 
+/** @import { Limits } from "../core/number.js" */
+
 /**
  * @typedef {object} Wish
  * @property {"stop" | "seconds" | "cycles" | "fields"} kind of the length
@@ -57,18 +59,29 @@ export function nextOf(wish) {
   return { labels: Object.fromEntries(kept), note: "", of: "" };
 }
 
+/** Fields in one of what the length counts. @param {Wish} wish @param {number} rate_hz */
+function fieldsOfOne(wish, rate_hz) {
+  if (wish.kind === "fields") return 1;
+  return wish.kind === "seconds" ? rate_hz : (60 * rate_hz) / wish.perMinute;
+}
+
 /** The length in fields, those before the start left out; null: until it is stopped. @param {Wish} wish @param {number} rate_hz */
 export function lengthOf(wish, rate_hz) {
-  if (wish.kind === "stop") return null;
-  if (wish.kind === "fields") return Math.round(wish.fields);
-  const seconds = wish.kind === "seconds" ? wish.seconds : (wish.cycles * 60) / wish.perMinute;
-  return Math.max(1, Math.round(seconds * rate_hz));
+  return wish.kind === "stop" ? null : Math.round(wish[wish.kind] * fieldsOfOne(wish, rate_hz));
+}
+
+const MOST_FIELDS = 10_000_000;
+
+/** Limits of what the length counts. @param {Wish} wish @param {number} rate_hz @returns {Limits} */
+export function limitsOf(wish, rate_hz) {
+  const one = fieldsOfOne(wish, rate_hz);
+  return Number.isFinite(one) ? { least: 1 / one, most: MOST_FIELDS / one, isWhole: wish.kind === "fields" } : {};
 }
 
 /** True if a capture of this length can be requested. @param {Wish} wish @param {number} rate_hz */
 export function isSound(wish, rate_hz) {
   const length = lengthOf(wish, rate_hz);
-  return length === null || (Number.isFinite(length) && length >= 1 && length <= 10_000_000);
+  return length === null || (length >= 1 && length <= MOST_FIELDS);
 }
 
 /**

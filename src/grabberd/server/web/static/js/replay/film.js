@@ -1,5 +1,7 @@
 // A part of a capture as a film: the panes as they stand, field by field, none left out.
 import { el, fill, setText, symbol } from "../core/dom.js";
+import { numberOf } from "../core/number.js";
+import { createNumberField } from "../core/number_field.js";
 import { save } from "../scene/picture.js";
 import { SPEEDS } from "./playhead.js";
 import { createWebm } from "./webm.js";
@@ -24,16 +26,17 @@ const SPEED_WORDS = { 1: "1", 0.5: "½", 0.25: "¼", 0.1: "1/10" };
  */
 export function createFilm(context, { id, field_s, total, range, frame, busy }) {
   const { t, tn } = context;
-  const numbers = ["first", "last"].map((name) => el("input", { class: "input", type: "number", min: 0, step: 1, inputmode: "numeric", data: { film: name }, id: `film-${name}` }));
-  const [first, last] = numbers;
+  const limits = () => ({ least: 0, most: total() - 1, isWhole: true });
+  const number = (/** @type {string} */ name) => createNumberField(context, { class: "input", inputmode: "numeric", data: { film: name }, id: `film-${name}` }, () => {}, limits);
+  const [first, last] = ["first", "last"].map(number);
   const speed = el("select", { class: "input", id: "film-speed" }, SPEEDS.map((one) => el("option", { value: one }, `${SPEED_WORDS[one]} ×`)));
   const make = el("button", { class: "button primary", type: "submit", data: { do: "film" } }, symbol("download"), t("replay.film.make"));
   const stop = el("button", { class: "button", type: "button", hidden: true, on: { click: () => (stopped = true) } }, t("core.cancel"));
   const bar = el("span");
   const meter = el("div", { class: "meter", hidden: true }, bar);
   const words = el("p", { class: "small", role: "status" });
-  const field = (/** @type {string} */ name, /** @type {HTMLElement} */ input) => el("label", { class: "field" }, el("span", { class: "field-label" }, t(`replay.film.${name}`)), input);
-  const form = el("form", { class: "stack", on: { submit: begin } }, el("div", { class: "replay-film" }, field("first", first), field("last", last), field("speed", speed)), el("div", { class: "row" }, make, stop), meter, words);
+  const field = (/** @type {string} */ name, /** @type {HTMLElement[]} */ ...inputs) => el("label", { class: "field" }, el("span", { class: "field-label" }, t(`replay.film.${name}`)), inputs);
+  const form = el("form", { class: "stack", on: { submit: begin } }, el("div", { class: "replay-film" }, field("first", first.input, first.problem), field("last", last.input, last.problem), field("speed", speed)), el("div", { class: "row" }, make, stop), meter, words);
   const element = el("details", { class: "card", on: { toggle: () => element.open && offer() } }, el("summary", { class: "capture-summary" }, t("replay.film.title")), el("p", { class: "muted" }, t("replay.film.about")), form);
   let stopped = false;
   let ended = false;
@@ -41,16 +44,16 @@ export function createFilm(context, { id, field_s, total, range, frame, busy }) 
 
   /** What is looped, or what lies before the playhead. */
   function offer() {
-    if (running || first.value) return;
+    if (running || first.input.value) return;
     const [from, end] = range();
-    first.value = String(from);
-    last.value = String(Math.min(end, from + MOST_FIELDS) - 1);
+    first.show(from);
+    last.show(Math.min(end, from + MOST_FIELDS) - 1);
   }
 
   /** @param {Event} event */
   async function begin(event) {
     event.preventDefault();
-    const [from, to] = [Number(first.value), Number(last.value)];
+    const [from, to] = [first, last].map(({ input }) => numberOf(input.value) ?? NaN);
     if (running) return;
     if (!(from >= 0 && to >= from && to < total())) return setText(words, t("replay.film.range", { last: total() - 1 }));
     if (to - from >= MOST_FIELDS) return setText(words, t("replay.film.tooLong", { most: MOST_FIELDS }));
