@@ -105,7 +105,7 @@ class Archive:
     ) -> None:
         self.directory = directory
         self.folder = folder or CapturesFolder(directory)
-        self.index = CaptureIndex(directory, self.check, self._heal)
+        self.index = CaptureIndex(directory, self.check, self._heal, changed=self._entry_changed)
         self._faults = faults or FaultBoard()
         self.keeper = IndexKeeper(self.index, lambda: self._left, self._faults)
         self._left: list[Path] = []
@@ -168,6 +168,9 @@ class Archive:
 
     def _heal(self, reason: Unusable) -> None:
         self.keeper.heal(reason)
+
+    def _entry_changed(self, capture_id: str | None) -> None:
+        self.library.note(capture_id)
 
     def close(self) -> None:
         """Releases the folder to other programs."""

@@ -339,7 +339,6 @@ class Library:
         self._stale: set[str] | None = None
         self._noting = threading.Lock()
         self._reading = threading.Lock()
-        index.changed = self.note
 
     def note(self, capture_id: str | None = None) -> None:
         """Takes note that something about a capture, or about all, has changed; reads nothing."""

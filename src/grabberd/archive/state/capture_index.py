@@ -73,10 +73,10 @@ class CaptureIndex:
         check: Raises StorageError while the folder is not there.
         heal: Rebuilds an index that is missing or damaged, or raises StorageError; by default at once.
         read_entries: Reads the entries of files, in order, whatever they hold.
+        changed: Called with the id of a capture whose entry has changed, or None for all.
 
     Attributes:
         read: While it is rebuilt, how many captures have been read, and of how many.
-        changed: Called with the id of a capture whose entry has changed, or None for all.
     """
 
     def __init__(
@@ -85,11 +85,12 @@ class CaptureIndex:
         check: Callable[[], None] = lambda: None,
         heal: Callable[[Unusable], None] | None = None,
         read_entries: Callable[[Sequence[Path]], Iterable[Reading]] = read_entries,
+        changed: Callable[[str | None], None] = lambda capture_id: None,
     ) -> None:
         self.directory = directory
         self.path = directory / "index.sqlite"
         self.read = (0, 0)
-        self.changed: Callable[[str | None], None] = lambda _: None
+        self._changed = changed
         self._check = check
         self._heal = heal or (lambda _: self.rebuild(anew=True))
         self._read_entries = read_entries
@@ -117,7 +118,7 @@ class CaptureIndex:
                 self._publish([one for one in entries if os.path.lexists(self.directory / one.file)])
         finally:
             self._rebuilding = False
-        self.changed(None)
+        self._changed(None)
 
     def add(self, path: Path) -> None:
         """Enters a sealed capture, as damaged if it cannot be read.
@@ -133,7 +134,7 @@ class CaptureIndex:
         self._change(
             lambda connection: connection.execute("DELETE FROM captures WHERE id = ?", (capture_id,))
         )
-        self.changed(capture_id)
+        self._changed(capture_id)
 
     def keep_widths(self, known: IndexEntry, widths: str) -> None:
         """Keeps the course of the wall's width, unless the file's entry has been read anew since."""
@@ -234,7 +235,7 @@ class CaptureIndex:
         self._change(lambda connection: connection.executemany(_INSERT, entries))
         self._kept_out.difference_update(paths)
         for entry in entries:
-            self.changed(entry.id)
+            self._changed(entry.id)
 
     def _change(self, act: Callable[[sqlite3.Connection], object]) -> None:
         """Changes the index, but not while a new one takes its place."""

@@ -40,28 +40,29 @@ class JobStore(StateDatabase):
 
     Args:
         directory: State directory.
-
-    Attributes:
-        lost: Called with what was lost and where it is kept, after a damaged file was set aside.
     """
 
     migrations: ClassVar[Migrations] = MIGRATIONS
 
     def __init__(self, directory: Path) -> None:
         super().__init__(directory / FOLDER / QUEUE, self._start_anew)
-        self.lost: Callable[[str], None] = lambda _: None
+        self._lost: Callable[[str], None] = lambda what: None
 
     @property
     def folder(self) -> Path:
         """Folder of the queue."""
         return self.path.parent
 
-    def open(self) -> None:
-        """Opens the queue, an empty one in place of one that is damaged.
+    def open(self, lost: Callable[[str], None] = lambda what: None) -> None:
+        """Opens the queue; a damaged one is set aside and replaced by an empty one, now or later.
+
+        Args:
+            lost: Called with what was lost and where it is kept, whenever a damaged queue was set aside.
 
         Raises:
             StorageError: It cannot be read or written now.
         """
+        self._lost = lost
         if (reason := self._damage()) is not None:
             self._start_anew(reason)
         super().open()
@@ -125,4 +126,4 @@ class JobStore(StateDatabase):
         aside = set_aside(self.path, datetime.now(UTC))  # the wall clock dates the file's name alone
         super().open()
         kept = f"; it is kept as {aside}" if aside else ""
-        self.lost(f"{FOLDER}/{QUEUE} could not be used ({reason}){kept}")
+        self._lost(f"{FOLDER}/{QUEUE} could not be used ({reason}){kept}")

@@ -149,7 +149,7 @@ class Service:
         self.configuration = configuration_document(setups)
         self.active = ActiveCalibrations(self.calibrations, self.state_store, self.instruments, clock)
         job_store = JobStore(directory)
-        self.jobs = JobQueue(clock, job_store, KINDS, self.faults, self._job_ended)
+        self.jobs = JobQueue(clock, job_store, KINDS, self.faults, self._job_ended, self._interrupt)
         self.width_courses = WidthCourses(self.archive)
         self.parts.make(self)
         self.job_contexts = JobContexts(self.archive, self.calibrations.store, self.parts.folders)
@@ -365,6 +365,9 @@ class Service:
         self.archive.ended(job.subject, captures)
         for part in self.parts.values():
             part.job_ended(job, captures)
+
+    def _interrupt(self, number: int) -> None:
+        self.job_runner.interrupt(number)
 
     def _remove_results(self, capture_id: str) -> None:
         for part in self.parts.values():
