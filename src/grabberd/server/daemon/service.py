@@ -1,4 +1,4 @@
-"""The service: all instruments, their captures and the jobs, on which the API and the commands stand."""
+"""The service: all instruments, their captures and the jobs, used by the API and the commands."""
 
 import logging
 from collections.abc import Mapping, Sequence
@@ -63,37 +63,37 @@ class _Threads(Protocol):
 
 
 class Service:
-    """The daemon without its server: instruments, archive, jobs, stores; it lives from `start` to `stop`.
+    """The daemon without its server: instruments, archive, jobs and stores; it runs from `start` to `stop`.
 
     Attributes:
         clock: Source of time.
         instruments: The instruments, by the name of their device.
-        loggers: The data loggers beside them.
-        liveness: Whether their capture threads go on.
+        loggers: The data loggers.
+        liveness: Finds capture threads that hang.
         capture_control: Starts, arms, triggers and stops captures.
         archive: The captures on disk.
-        annotations: Pins, notes and labels of captures, and their deletion by hand.
-        retention: Deletion of old captures, where it is configured.
-        job_contexts: Where a job finds its captures and leaves its results.
-        width_courses: The course of the wall's width of each capture in few numbers.
-        calibrations: The calibrations that there are.
+        annotations: Pins, notes and labels of captures, and manual deletion.
+        retention: Automatic deletion of old captures, if configured.
+        job_contexts: Paths of a job's captures and folders for its results.
+        width_courses: A short curve of the wall's width for each capture.
+        calibrations: All calibrations.
         active: The calibration that each device measures with.
         access: Tokens and browser sessions.
-        faults: What is wrong with the daemon itself.
+        faults: Present faults of the daemon itself.
         state_keeper: Backs up and recovers the state database.
         unsealed: Captures whose files could not be sealed yet.
-        upkeep: Looks after all of these.
-        settings: Settings that an operator has made in place of the configuration.
+        upkeep: Checks all of these periodically.
+        settings: Settings that an operator has made, overriding the configuration.
         configuration: The configuration as it was read, without secrets.
-        jobs: The jobs that wait, run, and have ended.
+        jobs: The waiting, running and ended jobs.
         job_runner: Runs them.
-        processes: What takes the core to answer.
-        idempotency: Requests that must take effect once only.
-        parts: The parts that extensions make, by the extension's name.
+        processes: Processes that answer questions which need the core.
+        idempotency: Requests that must take effect only once.
+        parts: The parts of extensions, by the extension's name.
         directory: The state directory.
         state_store: Settings and choices in the state database.
-        setups: The devices as they are configured.
-        config: The configuration and its file; None if it was made without one.
+        setups: The devices as configured.
+        config: The configuration and its file; None if the service was made without one.
     """
 
     def __init__(
@@ -226,9 +226,9 @@ class Service:
             threads.start()
 
     def open(self) -> None:
-        """Locks the state directory and opens its database, which tells who is let in; safe twice.
+        """Locks the state directory and opens its database, which holds the tokens; may be called twice.
 
-        A second daemon fails here, before it touches anything.
+        A second daemon fails here, before it changes anything.
 
         Raises:
             StorageError: The state directory cannot be used.
@@ -236,7 +236,7 @@ class Service:
         self.state_keeper.open()
 
     def open_stores(self) -> None:
-        """Opens calibrations, jobs, tokens, settings and what extensions keep; applies the stored choices.
+        """Opens calibrations, jobs, tokens, settings and the stores of extensions; applies stored choices.
 
         Raises:
             StorageError: The state directory cannot be used.
@@ -251,7 +251,7 @@ class Service:
             part.open()
 
     def end_captures(self) -> None:
-        """Ends running captures, all at the same moment; their files are sealed meanwhile."""
+        """Ends running captures, all at the same moment; their files are then sealed in the background."""
         for recording in self._current.recordings():
             recording.stop("the daemon stopped")
 
@@ -269,7 +269,7 @@ class Service:
         self.state_keeper.close()  # last: it releases the state directory to another daemon
 
     def instrument(self, name: str | None) -> Instrument:
-        """An instrument by its device's name, which may be left out where there is only one.
+        """An instrument by its device's name, which may be None if there is only one.
 
         Raises:
             NotFound: No device has that name, or the name is needed.
@@ -280,10 +280,10 @@ class Service:
         """Stores a complete calibration that fits a device, and returns its id.
 
         Raises:
-            NotFound: There is no such device.
+            NotFound: The device does not exist.
             InputError: The document is not a calibration.
-            CalibrationMismatch: It is for another rig or stream.
-            Conflict: There is one of that id already.
+            CalibrationMismatch: The calibration is for another rig or stream.
+            Conflict: A calibration with that id already exists.
         """
         instrument = self.instrument(device)
         instrument.check_fits(Calibration.from_document(document))
@@ -303,7 +303,7 @@ class Service:
         )
 
     def storage_document(self) -> StorageDocument:
-        """The disk at this moment, and what has been removed from it since the start."""
+        """Present state of the disk, and what retention has removed since the start."""
         return self._disk.document(
             self.archive.directory,
             sum(instrument.captures.bytes_per_s for instrument in self.instruments.values()),
@@ -313,11 +313,11 @@ class Service:
         )
 
     def surroundings(self) -> Surroundings:
-        """Surroundings of all devices at this moment."""
+        """Present surroundings of all devices."""
         return Surroundings(self.storage_document(), self.faults.now, self.clock)
 
     def device_document(self, instrument: Instrument, around: Surroundings | None = None) -> DeviceDocument:
-        """A device at this moment."""
+        """Present state of a device."""
         return device_document(
             instrument,
             self.active,
@@ -326,12 +326,12 @@ class Service:
         )
 
     def recordings(self) -> list[Recording]:
-        """The captures that are being recorded or sealed, or could not be sealed yet."""
+        """The captures that are being recorded or sealed, or are not sealed yet."""
         current = self._current.recordings()
         return [*current, *(one for one in self.unsealed.captures if one not in current)]
 
     def _store_again(self) -> None:
-        """Stores again what a recovered state has lost, as far as it is known."""
+        """Stores the active settings and choices again after the state was recovered from a backup."""
         self.archive.folder.identify()
         self.archive.library.note()
         self.settings.keep()
