@@ -1,4 +1,4 @@
-"""Periodic checks of all that can break in a running daemon: captures folder, unsealed files, state, loggers."""
+"""Periodic checks in a running daemon: captures folder, unsealed files, state database, loggers."""
 
 import logging
 import threading

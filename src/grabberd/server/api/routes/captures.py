@@ -223,7 +223,7 @@ def delete_captures(selection: CaptureSelection, service: ServiceOf) -> BatchDoc
     return for_each(selection.captures, service.annotations.delete)
 
 
-# Of its own, as analyses' routes come between: their extension puts them after the captures.
+# A separate router: an extension inserts the routes of analyses before it.
 zip_router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=RenderedRoute)
 
 
@@ -312,10 +312,10 @@ def stop_capture_group(group_id: GroupId, service: ServiceOf) -> CaptureGroup:
 
 
 def _check_labels(new: NewCaptureGroup, names: list[str]) -> None:
-    """Refuses labels of devices that are not part of the group, which would be lost.
+    """Refuses labels of devices that are not part of the group.
 
     Raises:
-        NotFound: some labels belong to no capture of the group.
+        NotFound: Some labels belong to no capture of the group.
     """
     others = [name for name in new.labels_of if name not in names]
     if others:
