@@ -74,6 +74,11 @@ EVENT_EOS = 2
 EVENT_SOURCE_CHANGE = 5
 
 
+def _u32(*names: str) -> tuple[tuple[str, type[c.c_uint32]], ...]:
+    """Consecutive members of a structure, 32 bits wide each."""
+    return tuple((name, c.c_uint32) for name in names)
+
+
 class Capability(c.Structure):
     """Capabilities of a node."""
 
@@ -81,9 +86,7 @@ class Capability(c.Structure):
         ("driver", c.c_char * 16),
         ("card", c.c_char * 32),
         ("bus_info", c.c_char * 32),
-        ("version", c.c_uint32),
-        ("capabilities", c.c_uint32),
-        ("device_caps", c.c_uint32),
+        *_u32("version", "capabilities", "device_caps"),
         ("reserved", c.c_uint32 * 3),
     )
 
@@ -94,12 +97,9 @@ class Input(c.Structure):
     _fields_ = (
         ("index", c.c_uint32),
         ("name", c.c_char * 32),
-        ("type", c.c_uint32),
-        ("audioset", c.c_uint32),
-        ("tuner", c.c_uint32),
+        *_u32("type", "audioset", "tuner"),
         ("std", c.c_uint64),
-        ("status", c.c_uint32),
-        ("capabilities", c.c_uint32),
+        *_u32("status", "capabilities"),
         ("reserved", c.c_uint32 * 3),
     )
 
@@ -127,12 +127,9 @@ class FmtDesc(c.Structure):
     """A pixel format that a node can deliver."""
 
     _fields_ = (
-        ("index", c.c_uint32),
-        ("type", c.c_uint32),
-        ("flags", c.c_uint32),
+        *_u32("index", "type", "flags"),
         ("description", c.c_char * 32),
-        ("pixelformat", c.c_uint32),
-        ("mbus_code", c.c_uint32),
+        *_u32("pixelformat", "mbus_code"),
         ("reserved", c.c_uint32 * 3),
     )
 
@@ -141,18 +138,8 @@ class PixFormat(c.Structure):
     """Size, pixel format and field order of a picture."""
 
     _fields_ = (
-        ("width", c.c_uint32),
-        ("height", c.c_uint32),
-        ("pixelformat", c.c_uint32),
-        ("field", c.c_uint32),
-        ("bytesperline", c.c_uint32),
-        ("sizeimage", c.c_uint32),
-        ("colorspace", c.c_uint32),
-        ("priv", c.c_uint32),
-        ("flags", c.c_uint32),
-        ("ycbcr_enc", c.c_uint32),
-        ("quantization", c.c_uint32),
-        ("xfer_func", c.c_uint32),
+        *_u32("width", "height", "pixelformat", "field", "bytesperline", "sizeimage"),
+        *_u32("colorspace", "priv", "flags", "ycbcr_enc", "quantization", "xfer_func"),
     )
 
 
@@ -171,14 +158,7 @@ class Format(c.Structure):
 class SizeRange(c.Structure):
     """Sizes of a scaler; of a `Discrete` one the first two numbers are its width and height."""
 
-    _fields_ = (
-        ("min_width", c.c_uint32),
-        ("max_width", c.c_uint32),
-        ("step_width", c.c_uint32),
-        ("min_height", c.c_uint32),
-        ("max_height", c.c_uint32),
-        ("step_height", c.c_uint32),
-    )
+    _fields_ = _u32("min_width", "max_width", "step_width", "min_height", "max_height", "step_height")
 
 
 class DiscreteSize(c.Structure):
@@ -195,13 +175,7 @@ class FrmSizeEnum(c.Structure):
     """A size, or a range of them, that a pixel format can have."""
 
     _anonymous_ = ("sizes",)
-    _fields_ = (
-        ("index", c.c_uint32),
-        ("pixel_format", c.c_uint32),
-        ("type", c.c_uint32),
-        ("sizes", _Sizes),
-        ("reserved", c.c_uint32 * 2),
-    )
+    _fields_ = (*_u32("index", "pixel_format", "type"), ("sizes", _Sizes), ("reserved", c.c_uint32 * 2))
 
 
 class IntervalRange(c.Structure):
@@ -219,11 +193,7 @@ class FrmIvalEnum(c.Structure):
 
     _anonymous_ = ("intervals",)
     _fields_ = (
-        ("index", c.c_uint32),
-        ("pixel_format", c.c_uint32),
-        ("width", c.c_uint32),
-        ("height", c.c_uint32),
-        ("type", c.c_uint32),
+        *_u32("index", "pixel_format", "width", "height", "type"),
         ("intervals", _Intervals),
         ("reserved", c.c_uint32 * 2),
     )
@@ -233,11 +203,9 @@ class CaptureParm(c.Structure):
     """Time from picture to picture, requested and granted."""
 
     _fields_ = (
-        ("capability", c.c_uint32),
-        ("capturemode", c.c_uint32),
+        *_u32("capability", "capturemode"),
         ("timeperframe", Fraction),
-        ("extendedmode", c.c_uint32),
-        ("readbuffers", c.c_uint32),
+        *_u32("extendedmode", "readbuffers"),
         ("reserved", c.c_uint32 * 4),
     )
 
@@ -256,10 +224,7 @@ class RequestBuffers(c.Structure):
     """Number of buffers requested and granted."""
 
     _fields_ = (
-        ("count", c.c_uint32),
-        ("type", c.c_uint32),
-        ("memory", c.c_uint32),
-        ("capabilities", c.c_uint32),
+        *_u32("count", "type", "memory", "capabilities"),
         ("flags", c.c_uint8),
         ("reserved", c.c_uint8 * 3),
     )
@@ -275,8 +240,7 @@ class Timecode(c.Structure):
     """Not used here, but part of every buffer."""
 
     _fields_ = (
-        ("type", c.c_uint32),
-        ("flags", c.c_uint32),
+        *_u32("type", "flags"),
         ("frames", c.c_uint8),
         ("seconds", c.c_uint8),
         ("minutes", c.c_uint8),
@@ -293,18 +257,12 @@ class Buffer(c.Structure):
     """A buffer on its way to the kernel and back."""
 
     _fields_ = (
-        ("index", c.c_uint32),
-        ("type", c.c_uint32),
-        ("bytesused", c.c_uint32),
-        ("flags", c.c_uint32),
-        ("field", c.c_uint32),
+        *_u32("index", "type", "bytesused", "flags", "field"),
         ("timestamp", Timeval),
         ("timecode", Timecode),
-        ("sequence", c.c_uint32),
-        ("memory", c.c_uint32),
+        *_u32("sequence", "memory"),
         ("m", _Memory),
-        ("length", c.c_uint32),
-        ("reserved2", c.c_uint32),
+        *_u32("length", "reserved2"),
         ("request_fd", c.c_int32),
     )
 
@@ -325,8 +283,7 @@ class Event(c.Structure):
     _fields_ = (
         ("type", c.c_uint32),
         ("u", _EventDetail),
-        ("pending", c.c_uint32),
-        ("sequence", c.c_uint32),
+        *_u32("pending", "sequence"),
         ("timestamp", Timespec),
         ("id", c.c_uint32),
         ("reserved", c.c_uint32 * 8),
@@ -336,12 +293,7 @@ class Event(c.Structure):
 class EventSubscription(c.Structure):
     """Subscription to events."""
 
-    _fields_ = (
-        ("type", c.c_uint32),
-        ("id", c.c_uint32),
-        ("flags", c.c_uint32),
-        ("reserved", c.c_uint32 * 5),
-    )
+    _fields_ = (*_u32("type", "id", "flags"), ("reserved", c.c_uint32 * 5))
 
 
 Integer = c.c_int32
