@@ -2,8 +2,8 @@
 machine's C.
 
 Names are those of `linux/videodev2.h` without `v4l2_` and `VIDIOC_`. Times are 64 bits wide on every machine:
-a 32-bit machine needs Linux 5.6, whose kernel accepts both widths and tells them apart by the size in the
-call number. Call numbers are computed from the sizes of their arguments like the kernel's `_IOC`.
+a 32-bit machine needs Linux 5.6, which accepts both widths and distinguishes them by the size in the call
+number. Call numbers are computed from the sizes of their arguments like the kernel's `_IOC`.
 """
 
 import ctypes
@@ -48,7 +48,7 @@ class Arrangement(IntEnum):
 
 
 ONE_FIELD = (Arrangement.TOP, Arrangement.BOTTOM, Arrangement.ALTERNATE)
-"""Arrangements with one field a buffer."""
+"""Arrangements with one field per buffer."""
 
 BUF_FLAG_QUEUED = 0x00000002
 BUF_FLAG_DONE = 0x00000004
@@ -68,7 +68,7 @@ STD_525_60 = 0x0000F900
 STD_625_50 = 0x00FF06FF
 
 FRMSIZE_TYPE_DISCRETE = FRMIVAL_TYPE_DISCRETE = 1
-"""One size, or one interval, an entry; all other types give a range in their first entry."""
+"""One size or interval per entry; all other types give a range in their first entry."""
 
 EVENT_EOS = 2
 EVENT_SOURCE_CHANGE = 5
@@ -105,13 +105,13 @@ class Input(c.Structure):
 
 
 class Fraction(c.Structure):
-    """Seconds a frame."""
+    """Seconds per frame."""
 
     _fields_ = (("numerator", c.c_uint32), ("denominator", c.c_uint32))
 
 
 class Standard(c.Structure):
-    """A video standard that the current input can have."""
+    """A video standard that the current input supports."""
 
     _fields_ = (
         ("index", c.c_uint32),
@@ -143,8 +143,8 @@ class PixFormat(c.Structure):
     )
 
 
-# The unions are written out with their widest member, since it decides size and alignment of the whole
-# structure, and the size is part of the call number.
+# The unions include their widest member, which determines size and alignment of the whole structure; the size
+# is part of the call number.
 class _Fmt(c.Union):
     _fields_ = (("pix", PixFormat), ("raw", c.c_uint8 * 200), ("aligned_like_a_pointer", _LONG))
 
@@ -156,7 +156,7 @@ class Format(c.Structure):
 
 
 class SizeRange(c.Structure):
-    """Sizes of a scaler; of a `Discrete` one the first two numbers are its width and height."""
+    """Sizes that a scaler can produce."""
 
     _fields_ = _u32("min_width", "max_width", "step_width", "min_height", "max_height", "step_height")
 
@@ -215,7 +215,7 @@ class _Parm(c.Union):
 
 
 class StreamParm(c.Structure):
-    """Parameters of a stream beside its format."""
+    """Parameters of a stream besides its format."""
 
     _fields_ = (("type", c.c_uint32), ("parm", _Parm))
 
@@ -278,7 +278,7 @@ class _EventDetail(c.Union):
 
 
 class Event(c.Structure):
-    """Something that happened beside the pictures."""
+    """An event, reported besides the pictures."""
 
     _fields_ = (
         ("type", c.c_uint32),
@@ -299,7 +299,7 @@ class EventSubscription(c.Structure):
 Integer = c.c_int32
 """Argument of G_INPUT, S_INPUT, STREAMON and STREAMOFF."""
 StandardSet = c.c_uint64
-"""Argument of G_STD, S_STD and QUERYSTD: one bit a standard."""
+"""Argument of G_STD, S_STD and QUERYSTD: one bit per standard."""
 
 
 def fourcc(name: str) -> int:
@@ -317,8 +317,8 @@ _TYPE = ord("V")
 
 
 def _ioc(direction: int, number: int, argument: type) -> int:
-    # The size is part of the number: a structure that is a byte off is another call, which the kernel refuses
-    # as ENOTTY, rather than memory written over.
+    # The size is part of the number: with a structure of the wrong size the kernel refuses the call (ENOTTY)
+    # instead of overwriting memory.
     return direction << 30 | ctypes.sizeof(argument) << 16 | _TYPE << 8 | number
 
 
