@@ -26,7 +26,7 @@ _LEAST_BINS = 2
 _LEAST_LIKENESS = 0.6
 """Correlation with the previous field that a shift must reach."""
 _MOTION = range(-3, 4)
-"""Columns that the whole picture may really move from field to field."""
+"""Columns by which the whole picture may really move from field to field."""
 _LEAST_COARSE_GAIN = 0.05
 _LEAST_GAIN = 2.0
 """Least ratio of the residual contrast without the shift to that with it."""
@@ -122,7 +122,7 @@ def coarse_shift(now: Profiles, then: Profiles) -> Coarse | None:
         return None
     correlated = _correlated(one, other)
     gain = _from_below(correlated - correlated[:, :1])[candidates]
-    # Less than two bins to either side, round the end of the line: that much may be motion.
+    # Less than two bins to either side, wrapping round the end of the line, may be motion.
     gain[:, :_LEAST_BINS] = gain[:, 1 - _LEAST_BINS :] = 0
     best, shift = np.unravel_index(int(gain.argmax()), gain.shape)
     block = int(candidates[best])
@@ -153,7 +153,7 @@ def _correlated(now: Reals, then: Reals) -> Reals:
 
 
 def _fine_columns(rows: Rows, before: Rows, coarse: Coarse) -> int | None:
-    """The shift to the pixel, if it makes the previous field fit well, and much better than motion does."""
+    """The shift in pixels, if it makes the previous field match well, and much better than motion does."""
     now, then = (_smooth(one)[coarse.block :] for one in (rows, before))
     power = math.sqrt(float(np.vdot(now, now)) * float(np.vdot(then, then)))
     middle = coarse.bins * _BIN_COLUMNS

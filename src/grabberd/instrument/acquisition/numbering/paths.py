@@ -1,4 +1,4 @@
-"""Hypotheses about the latest fields: how many nominal steps each is after the one before.
+"""Hypotheses about the latest fields: how many nominal steps each is after the previous one.
 
 A path is one way to number the pending fields. Its cost is minus the logarithm of its likelihood, in nats, up
 to a constant: the sum over its fields of what each has to explain away. Time is one-sided evidence: a stamp
@@ -26,11 +26,11 @@ computer was overloaded until then; and more for each field that came regularly 
 _ARRIVAL = 0.5
 """Weight of an arrival's lateness beside a stamp's."""
 _COMPARED = 0.1
-"""Lateness that changes by less than that, in periods, has not changed."""
+"""Changes of the lateness that are ignored, in periods."""
 _LATE = 4.0
-"""Cost of a field that falls behind: somebody was busy."""
+"""Cost of a field that falls behind: something was busy."""
 _STILL_LATE, _LATE_AGAIN = 0.7, 3.0
-"""Cost of one that is still late: a queue drains; if nothing drains, the grid is more likely another one."""
+"""Cost of one that is still late: a queue drains; if it does not, another grid is more likely."""
 _LATE_UNKNOWN = 1.5
 """Highest cost of both, while no way is known and stamps may be arrivals, and 1 more for each field that came
 regularly before: on an overloaded computer all are late."""
@@ -47,9 +47,9 @@ lost."""
 _OTHER_CLOCK, _STILL_OTHER = 10.0, 1.0
 """Cost of a stamp that is early by any amount: the clock was set back; of the next that is as early."""
 _SAME_CLOCK = 0.5
-"""Cost of a stamp that goes on to be as far off as one was that arrived in time."""
+"""Cost of a stamp that is still as far off as one that arrived in time."""
 _FAR = 40.0
-"""Highest cost of time: a path can be wrong, but never so that no evidence could save it."""
+"""Highest cost of time: no path becomes so unlikely that no evidence could save it."""
 _BEAM, _WIDTH = 12, 25.0
 """Paths that are kept, and how much worse than the best."""
 _HARDLY_WORSE = 3.0
@@ -59,13 +59,13 @@ CERTAIN = 8.0
 
 
 class Seen(NamedTuple):
-    """Evidence that a field brings, in periods after the field that was settled last.
+    """Evidence of a field, in periods after the last settled field.
 
     Attributes:
-        stamp: by its timestamp; None if that is not believed.
+        stamp: by its timestamp; None if that is not trusted.
         arrival: by its arrival, before its way is taken off; None if unknown.
         stamped_on_arrival: true if the stamp may be the time of the arrival.
-        counted: step by the driver's count; None if it cannot tell.
+        counted: step by the driver's count; None if unknown.
         parity: of the field; None if all have the same.
         burst: true if it arrived with the one before, and not a period after it.
         joined: true if it came in one buffer with the one before: nothing is lost between them.
@@ -212,7 +212,7 @@ class Paths:
 
 
 def _merged(one: Path, other: Path) -> Path:
-    """The better of two paths that lead to the same place, with what it differs by on the way."""
+    """The better of two paths that lead to the same place, with their difference on the way."""
     better, worse = (one, other) if one.cost <= other.cost else (other, one)
     if worse.cost > better.cost + _HARDLY_WORSE:
         return better
@@ -237,7 +237,7 @@ def _by_another_clock(late: float | None, before: Step) -> bool:
 def _way(before: Way, periods: float, joined: bool) -> Way:
     """The shortest way of a path, after a field that has come by such a one on it.
 
-    A way that is known is not given up for a field whose number may be wrong.
+    A known way is not given up for a field whose number may be wrong.
     """
     stays = before.is_known and before.is_far_longer_than(periods)
     return before if stays else before.after(periods, joined=joined)
@@ -305,7 +305,7 @@ def _cost_of_time(step: Step, before: Step, seen: Seen, way: Way) -> float:
         # A stream that has just begun again has no queue in which its first field could have become late.
         if seen.excused or step.late is None or step.arrived < -_EARLY_ARRIVAL:
             cost += lateness
-        # Else both are late for the same reason. While no way is known, only those tell that fall behind.
+        # Else both are late for the same reason. While no way is known, only falling behind is evidence.
         elif abs(step.arrived - step.late) > _EARLY_ARRIVAL and (
             way.is_known or step.arrived > (before.arrived or 0.0) + _COMPARED
         ):

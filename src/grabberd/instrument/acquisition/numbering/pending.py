@@ -26,7 +26,7 @@ class Pending:
         doubt: Why it is not believed, or None.
         arrival: Its arrival; `stamped_on_arrival`: true if the time may be that of the arrival.
         sequence: The driver's number of it, or None.
-        count: Fields since the one before by the driver's count; None if that cannot tell.
+        count: Fields since the previous one by the driver's count; None if unknown.
         recounted: True if that count has restarted.
         outcome, reason: What is known of it without its number.
         no_signal: True if the driver reports no camera.
@@ -56,11 +56,11 @@ class Pending:
     standstill: str | None
 
     def overcounts(self, fields: int) -> bool:
-        """True if the driver counts more fields since the one before than there were."""
+        """True if the driver has counted more fields since the previous one than there were."""
         return self.count is not None and self.interruption is None and self.count > fields
 
     def seen(self, stamp: float | None, arrival: float | None) -> Seen:
-        """Evidence that it brings, with its stamp and its arrival in periods."""
+        """Its evidence, with its stamp and its arrival in periods."""
         return Seen(
             stamp,
             arrival,
@@ -73,7 +73,7 @@ class Pending:
         )
 
     def damaged(self, reason: str) -> Self:
-        """The same, damaged for this reason, unless it is no good field anyway."""
+        """The same, damaged for this reason, unless it is not good anyway."""
         if self.outcome is not Outcome.RECEIVED:
             return self
         return replace(self, outcome=Outcome.DAMAGED, reason=reason)
@@ -86,10 +86,10 @@ class Pending:
 
 
 def outcome_of(no_signal: str | None, damage: str | None) -> tuple[Outcome, str | None]:
-    """Outcome of a field, and its reason, by what driver and content tell."""
+    """Outcome of a field, and its reason, as reported by the driver and the content check."""
     if no_signal:
         return Outcome.NO_SIGNAL, no_signal
-    if damage and damage.startswith(NO_SIGNAL):  # as a recording tells of it
+    if damage and damage.startswith(NO_SIGNAL):  # as reported by a recording
         return Outcome.NO_SIGNAL, damage
     if damage:
         return Outcome.DAMAGED, damage

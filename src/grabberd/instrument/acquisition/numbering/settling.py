@@ -1,4 +1,4 @@
-"""Settling: when the oldest pending field has its number, and how much doubt is left then.
+"""Settling: when the number of the oldest pending field is final, and which doubt remains.
 
 A doubt lasts from a field whose number is uncertain until one whose number is certain again.
 """
@@ -15,11 +15,11 @@ from grabberd.instrument.acquisition.numbering.paths import Paths, Step
 from grabberd.instrument.acquisition.numbering.pending import Pending, uncounted
 
 _LATE = 0.75
-"""Periods by which the stamp of a field in time may be late; where parity does not tell, half a period."""
+"""Periods by which the stamp of a field in time may be late; half a period if parity is unknown."""
 _AS_MANY = 0.6
 """Periods within which a field is late by a number of fields."""
-_TELLING = 6
-"""Buffers that have to arrive in time after a loss that nobody counts: else the program may be late."""
+_CONFIRMING = 6
+"""Buffers that must arrive in time after a loss that is not counted: else the program may be late."""
 
 
 class Doubt(NamedTuple):
@@ -28,7 +28,7 @@ class Doubt(NamedTuple):
     Attributes:
         fields: Number of fields that it may be off by.
         of_loss: True if it is in doubt whether any are missing at all.
-        of_place: True if as many are missing in any case, and only their place is in doubt.
+        of_place: True if the number of missing fields is certain, and only their place is in doubt.
     """
 
     fields: int
@@ -45,7 +45,7 @@ class Settling:
 
     Args:
         arrivals: Those of the stream.
-        order: Order of the fields. Those of one buffer arrive together, and tell as much as one alone.
+        order: Order of the fields. Those of one buffer arrive together, and are as much evidence as one.
         has_own_pace: True if the camera may deliver fewer fields than granted, which looks like losses.
     """
 
@@ -53,7 +53,7 @@ class Settling:
         self._arrivals = arrivals
         self._has_own_pace = has_own_pace
         self._latest = _LATE if order.has_parity else 0.5
-        self._telling = _TELLING * (2 if order in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST) else 1)
+        self._needed = _CONFIRMING * (2 if order in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST) else 1)
         self._linked = self._doubt_linked = self._doubt_of_anchor = 0
         self._of_place = False
 
@@ -76,17 +76,17 @@ class Settling:
         if lost and paths.best.way.is_known and not _is_met(in_turn[anchor:], steps[anchor:]):
             return False
         if lost and self._arrivals.tells_of_stamps and not _is_there(in_turn[anchor], steps[anchor]):
-            # Its stamp alone tells of a loss: that of another clock would as well.
+            # Its stamp is the only sign of a loss: a change of the clock would look the same.
             self._doubt_of_anchor = lost
-        after = range(anchor + 1, min(anchor + 1 + self._telling, len(steps)))
+        after = range(anchor + 1, min(anchor + 1 + self._needed, len(steps)))
         if lost and (self._has_own_pace or not self._arrivals.tells_of_stamps):
-            if len(after) < self._telling:
+            if len(after) < self._needed:
                 return False
-            told = all(
+            confirmed = all(
                 steps[i].arrived_in_time and in_turn[i].in_time and not uncounted(in_turn[i], steps[i])
                 for i in after
             )
-            self._doubt_of_anchor = 0 if told else lost
+            self._doubt_of_anchor = 0 if confirmed else lost
         self._linked = anchor + 1
         exchanged = _exchanged(in_turn[:anchor], steps[: anchor + 1])
         self._doubt_linked = max(lost if anchor else 0, exchanged, self._doubt_of_anchor)
@@ -104,7 +104,7 @@ class Settling:
         return Doubt(doubt, of_loss=doubt > 0)
 
     def _unsettled(self, oldest: Pending, paths: Paths) -> Doubt:
-        """Doubt about a field whose number has to be settled before later ones have told of it."""
+        """Doubt about a field whose number must be settled before later ones have confirmed it."""
         lost = uncounted(oldest, paths.best.steps[0])
         in_doubt = lost > 0 and oldest.arrival.time_ns is not None and not self._arrivals.tells_of_stamps
         return Doubt(max(self._spread(paths), lost * in_doubt), of_loss=in_doubt)
@@ -121,7 +121,7 @@ class Settling:
 
 
 def _is_there(pending: Pending, step: Step) -> bool:
-    """True if a field has arrived in time, or its arrival tells nothing."""
+    """True if a field has arrived in time, or its arrival is no evidence."""
     return step.arrived is None or (step.arrived_in_time and pending.in_time)
 
 
@@ -168,15 +168,15 @@ class Evidence(NamedTuple):
     Attributes:
         uncertain_by: Doubt about this field alone.
         way_is_known: False if none has come by the shortest way yet: then nothing arrives in time.
-        in_time: True if it has arrived in time, as far as its arrival and the program tell.
+        in_time: True if it has arrived in time, as far as is known from its arrival and the program.
         ahead_by: Fields by which numbers have run ahead of the camera, whose clock begins again with this
-            one: then stamps that fit tell nothing more, until an arrival does.
-        of_loss: True if it is in doubt whether fields are missing before it, which stamps that fit do not
-            tell either.
+            one: then matching stamps are no evidence until an arrival confirms them.
+        of_loss: True if it is in doubt whether fields are missing before it, for which matching stamps are no
+            evidence either.
         stamps_follow: True if the stamps are of another clock from this field on, and shifted to continue
-            the numbers as they are, and tell nothing of them.
+            the numbers as they are, so that they are no evidence of them.
         of_place: True if the doubt is only which of the fields beside it was lost.
-        counted: Fields since the one before by the driver's count; None if that cannot tell.
+        counted: Fields since the previous one by the driver's count; None if unknown.
     """
 
     uncertain_by: int
@@ -203,7 +203,7 @@ class Doubts:
     Attributes:
         open: True from a field whose number is uncertain up to one whose number is certain again.
         too_high_by: Fields by which numbers turn out to be too high from the last field on; negative if they
-            are too low, 0 if that tells nothing new.
+            are too low, 0 if there is nothing new.
     """
 
     def __init__(self, arrivals: Arrivals, pace: Pace) -> None:
@@ -258,8 +258,8 @@ class Doubts:
         in_time = evidence.in_time
         regular = way_is_known and in_time and step.fields == 1
         self._in_a_row = self._in_a_row + 1 if regular else 0
-        told_by_arrivals = evidence.ahead_by > 0 or evidence.of_loss or evidence.stamps_follow
-        self._arrival_decides = told_by_arrivals or (self._arrival_decides and self.open)
+        stamps_unsure = evidence.ahead_by > 0 or evidence.of_loss or evidence.stamps_follow
+        self._arrival_decides = stamps_unsure or (self._arrival_decides and self.open)
         if uncertain_by:
             self._of_place = evidence.of_place and (self._of_place or not self.open)
         in_place = way_is_known and in_time and self._is_where_it_arrived(n, arrival)
@@ -274,15 +274,15 @@ class Doubts:
         return 0
 
     def _ends(self, step: Step, *, in_time: bool) -> bool:
-        told = self._arrivals.tells_of_stamps and step.late is not None and abs(step.late) < 0.5
-        told = told and (in_time or not self._arrival_decides)
-        return told or self._in_a_row >= _REGULAR or step.arrived is None
+        fits = self._arrivals.tells_of_stamps and step.late is not None and abs(step.late) < 0.5
+        fits = fits and (in_time or not self._arrival_decides)
+        return fits or self._in_a_row >= _REGULAR or step.arrived is None
 
     def _true_n(self, n: int, time_ns: int, step: Step, arrival: Arrival) -> int:
         """Number of a field that ends a doubt, counted from the last certain one."""
         if self._certain is None:
             return n
-        # By its arrival rather than by the time: that may have followed stamps which are not better.
+        # By its arrival rather than by the time, which may have followed stamps that are no better.
         latest = self._latest(arrival)
         if latest is not None and step.arrived_in_time and self._arrivals.way.is_known:
             return round(latest)
