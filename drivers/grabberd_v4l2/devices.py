@@ -261,7 +261,7 @@ def _check_path(device: str | Path, serial: str | None, port: str | None) -> Non
             "serial and port belong to usb: VENDOR:PRODUCT; a path identifies one grabber by itself"
         )
     if not Path(device).is_absolute():
-        raise ValueError(f"device: {device} is no absolute path, such as /dev/video0")
+        raise ValueError(f"device: {device} is not an absolute path such as /dev/video0")
 
 
 def _checked_usb(usb: str) -> str:
@@ -272,5 +272,5 @@ def _checked_usb(usb: str) -> str:
 
 def _checked_port(port: str | None) -> str | None:
     if port is not None and not PORT.fullmatch(port):
-        raise ValueError(f"port: {port!r} is no USB port such as '1-2.3'; 'grabberd devices' prints it")
+        raise ValueError(f"port: {port!r} is not a USB port such as '1-2.3'; 'grabberd devices' prints it")
     return port

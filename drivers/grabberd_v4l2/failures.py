@@ -47,7 +47,7 @@ _MEANINGS = {
     errno.EISDIR: _Meaning(Cause.DEVICE_REFUSED, "is a directory", "name a node such as /dev/video0"),
     errno.ENOTTY: _Meaning(
         Cause.DEVICE_REFUSED,
-        "is no video device, or lacks a required function",
+        "is not a video device, or lacks a required function",
         "'grabberd devices' lists the available devices",
     ),
     errno.ENOSPC: _Meaning(
@@ -68,7 +68,7 @@ _MEANINGS = {
     errno.ETIMEDOUT: _HUNG,
 }
 _OTHERWISE = _Meaning(
-    Cause.DEVICE_REFUSED, "refuses a request", "'v4l2-ctl -d {path} --all' and 'dmesg' tell more"
+    Cause.DEVICE_REFUSED, "refuses a request", "'v4l2-ctl -d {path} --all' and 'dmesg' show details"
 )
 
 

@@ -239,7 +239,7 @@ def _height(granted: Granted, rows: int) -> tuple[int, tuple[str, ...]]:
 
 
 def _no_parity(granted: Granted, buffer_field: int) -> DeviceRefused:
-    what = f"a buffer of alternating fields does not tell its parity (field {buffer_field})"
+    what = f"a buffer of alternating fields does not state its parity (field {buffer_field})"
     return _refused(granted, what, "request woven frames: put 'interlaced' first in the field orders")
 
 

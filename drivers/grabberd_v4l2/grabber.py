@@ -130,7 +130,7 @@ class V4l2Grabber:
         if running.layout != self._layout:
             running.stream.stop()
             raise DeviceRefused(
-                f"{self._node.path} grants another stream than before", "close it and open it again"
+                f"{self._node.path} grants a different stream than before", "close it and open it again"
             )
         self._running = running
         return running.info

@@ -104,7 +104,7 @@ def _set_input(node: Node, options: V4l2Options) -> None:
     if not inputs and options.input is None and not node.standards():
         return  # drivers of some camera chips enumerate no inputs
     if not inputs:
-        raise DeviceRefused(f"{node.path} has no inputs, so it is no grabber", _LIST)
+        raise DeviceRefused(f"{node.path} has no inputs, so it is not a grabber", _LIST)
     wanted = _best(inputs, options) if options.input is None else _named(node, inputs, str(options.input))
     node.set_input(wanted.index)
     granted = node.input()
@@ -399,7 +399,7 @@ def _set_rate(node: Node, rate_hz: Fraction | None) -> Fraction | None:
 
 def _stream_in_words(got: tuple[str, int, int, int], rate_hz: Fraction | None) -> str:
     fourcc, columns, lines, field = got
-    rate = "a rate that it does not tell" if rate_hz is None else f"{float(rate_hz):.4g} a second"
+    rate = "an unknown rate" if rate_hz is None else f"{float(rate_hz):.4g} a second"
     fields = "" if field == Arrangement.NONE else f" in field order {_arrangement_name(field)}"
     return f"{fourcc} {columns}×{lines}{fields} at {rate}"
 
