@@ -120,7 +120,7 @@ def open_tables(path: Path, tables: str, *, writable: bool = True) -> GuardedCon
         found = _schema_of(connection)
         if found != _schema(tables):
             other = sorted({name for _, name, _ in found ^ _schema(tables)})
-            raise ValueError(f"its schema is another one: {', '.join(other)[:200]}")
+            raise ValueError(f"its schema differs: {', '.join(other)[:200]}")
     except BaseException:
         connection.close()
         raise
@@ -137,7 +137,7 @@ def check_kind(path: Path) -> None:
     """
     # A link could lead to any file that this process may read, and clients could download that.
     if not stat.S_ISREG(path.lstat().st_mode):
-        raise ValueError("it is a link, a folder or a device, and not a file of its own")
+        raise ValueError("it is a link, a folder or a device, not a regular file")
 
 
 def _check_journal(journal: Path) -> None:

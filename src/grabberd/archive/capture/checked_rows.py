@@ -155,7 +155,7 @@ class CheckedRows:
             self.left_out += found
 
     def _error(self, damage: Damage) -> CaptureFileError:
-        hint = "all others can be read; grabberd storage verify tells what else is damaged"
+        hint = "all others can be read; grabberd storage verify shows what else is damaged"
         return CaptureFileError(f"{self._path}: {damage.in_words}", hint)
 
 

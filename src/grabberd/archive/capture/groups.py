@@ -128,7 +128,7 @@ def measured_fields(group: PointGroup) -> tuple[NDArray[np.int64], NDArray[np.in
     ):
         raise ValueError(f"a group of {group.fields!r} fields from {group.first_n!r} on")
     if {len(group.field_n), len(group.field_points)} != {group.fields * _UINT32.itemsize}:
-        raise ValueError("a column has another length than its fields need")
+        raise ValueError("a column's length does not match its fields")
     numbers = group.first_n + np.frombuffer(group.field_n, _UINT32).astype(np.int64)
     counts = np.frombuffer(group.field_points, _UINT32).astype(np.int64)
     if (np.diff(numbers) <= 0).any() or (numbers[0], numbers[-1]) != (group.first_n, group.last_n):

@@ -88,7 +88,7 @@ class CaptureReader:
         with reading_errors(self.path):
             changed = changed_parts(self._connection, runs)
         if changed:
-            hint = "use a copy of the file; grabberd storage verify tells what else is damaged"
+            hint = "use a copy of the file; grabberd storage verify shows what else is damaged"
             raise CaptureFileError(f"{self.path}: {', '.join(changed)}: {CHANGED}", hint)
 
     @property
@@ -301,7 +301,7 @@ class CaptureReader:
             row = self._connection.execute(query, values).fetchone()
             found = row and row[0]
             if not isinstance(found, int | None):
-                raise ValueError(f"{found!r} is no whole number")
+                raise ValueError(f"{found!r} is not a whole number")
             return found
 
 

@@ -60,7 +60,7 @@ class Order(NamedTuple):
             return Position(key, own_id)
         if not re.fullmatch(r"-?\d{1,18}", key):
             raise InputError(
-                f"the cursor {key!r} is of a list in another order", "ask for the first page again"
+                f"the cursor {key!r} belongs to a list in another order", "ask for the first page again"
             )
         return Position(int(key), own_id)
 

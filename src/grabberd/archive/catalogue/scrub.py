@@ -113,9 +113,9 @@ class Scrub:
         more = f"; and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
         self._faults.report(
             Cause.CAPTURE_CHANGED,
-            f"the disk has changed what it stores: {named}{more}",
+            f"the disk has altered stored data: {named}{more}",
             "copy these captures back from a backup, or delete them after exporting what is left; "
-            "check the disk (smartctl); grabberd storage verify tells all that is damaged",
+            "check the disk (smartctl); grabberd storage verify lists everything that is damaged",
         )
 
     def _run(self) -> None:

@@ -205,7 +205,7 @@ def _members_of(archive: zipfile.ZipFile, names: Collection[str]) -> dict[str, b
 def _member(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
     """Reads a member up to a limit, regardless of its stated length."""
     if archive.getinfo(name).compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise ValueError(f"{name} is compressed in another way")  # LZMA allocates as much memory as stated
+        raise ValueError(f"{name} is compressed by another method")  # LZMA allocates as much memory as stated
     with archive.open(name) as file:
         content = file.read(most + 1)
     if len(content) > most:

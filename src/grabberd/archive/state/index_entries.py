@@ -81,9 +81,9 @@ def check_entry(entry: IndexEntry) -> None:
         ValueError: The entry is invalid.
     """
     if not all(isinstance(text, str) for text in (*entry[:8], entry.verdict, *entry[-2:])):
-        raise ValueError("an entry has what is no text")
+        raise ValueError("an entry has a value that is not text")
     if not all(isinstance(number, int) for number in (entry.length, entry.losses, entry.runs)):
-        raise ValueError("an entry has what is no number")
+        raise ValueError("an entry has a value that is not a number")
     name = entry.file.removeprefix(f"{DAMAGED}/")
     if not is_plain(name) or "/" in name or not name.endswith(CAPTURES):
         raise ValueError(f"it names the file {entry.file!r}")
@@ -105,7 +105,7 @@ def check_widths(text: str) -> list[float | None]:
     """
     widths = read_json(text) if text else []
     if not isinstance(widths, list) or not all(isinstance(width, float | int | None) for width in widths):
-        raise ValueError("the widths of an entry are none")
+        raise ValueError("the widths of an entry are invalid")
     return widths
 
 
