@@ -94,7 +94,7 @@ class ActiveCalibrations:
         self._check_owner(calibration_id, instrument)
         if not despite_failure and (failure := failure_of(document)) is not None:
             raise Conflict(
-                failure, "put the reasons right and calibrate again; an admin may use it with despite_failure"
+                failure, "correct the causes and calibrate again; an admin may use it with despite_failure"
             )
         with instrument.between_captures():
             instrument.check_fits(Calibration.from_document(document))

@@ -107,7 +107,7 @@ def _load(entry: EntryPoint) -> Discovery:
         find: Discovery = entry.load()
     except (ImportError, AttributeError) as error:
         raise DriverMissing(
-            f"driver '{entry.name}' cannot look for its devices: {error}", "reinstall the driver's package"
+            f"driver '{entry.name}' cannot search for devices: {error}", "reinstall the driver's package"
         ) from error
     return find
 

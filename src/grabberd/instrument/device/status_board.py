@@ -167,7 +167,7 @@ class StatusBoard:
             with self.changed:
                 self._stuck_since = None
                 self.changed.notify_all()
-            log.warning("device %s: the capture thread goes on after %.0f s", self.name, silent_s)
+            log.warning("device %s: the capture thread continues after %.0f s", self.name, silent_s)
 
     def find_stuck(self) -> None:
         """Notes that the capture thread is stuck, until it beats again."""

@@ -236,8 +236,8 @@ class ContentReader:
 
 def _ended() -> ReadingGivenUp:
     return ReadingGivenUp(
-        "the process that reads captures ended while it read what was asked for",
-        "ask again; if it ends each time, 'grabberd storage verify' tells whether the capture is damaged",
+        "the process that reads captures ended while reading the requested data",
+        "ask again; if it ends each time, 'grabberd storage verify' shows whether the capture is damaged",
     )
 
 

@@ -114,7 +114,7 @@ class CheckJob(JobSpec):
             if waited_s > self.seconds + SEALING_S:
                 raise NotReady(
                     f"capture {self.subject} was not sealed within {waited_s:.0f} s",
-                    "look at the device's state, and check again",
+                    "see the device's state, and try again",
                 )
             progress(min(waited_s / self.seconds, 1.0))
             time.sleep(POLL_S)

@@ -80,5 +80,5 @@ class Upkeep:
     def _complain(self, error: Exception) -> None:
         """Logs a failure once, not every second for as long as it lasts."""
         if repr(error) != self._failure:
-            log.error("a look after the daemon's files has failed: %s", error, exc_info=error)
+            log.error("the check of the daemon's files has failed: %s", error, exc_info=error)
         self._failure = repr(error)

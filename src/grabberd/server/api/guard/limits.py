@@ -69,7 +69,7 @@ class Bodies:
                 503,
                 "too-many-bodies",
                 f"request bodies of {self.count} bytes are being received already",
-                "try again in a moment; bodies up to 64 KiB are received all the same",
+                "try again in a moment; bodies up to 64 KiB are still received",
                 {**CLOSE, "Retry-After": "5"},
             )
 

@@ -134,7 +134,7 @@ def activate_calibration(
             status.HTTP_403_FORBIDDEN,
             "forbidden",
             f"only an admin may use a calibration whose acceptance failed, not an {identity.role}",
-            "put the reasons right and calibrate again, or ask an admin",
+            "correct the causes and calibrate again, or ask an admin",
         )
     service.active.activate(
         choice.id, service.instrument(choice.device), despite_failure=choice.despite_failure
