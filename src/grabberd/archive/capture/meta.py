@@ -108,52 +108,52 @@ _Name = Annotated[str, Field(max_length=200)]
 _Text = Annotated[str, Field(max_length=LONGEST_TEXT)]
 _Reason = Annotated[str, Field(max_length=LONGEST_REASON)]
 _Texts = Annotated[dict[_Name, _Text], Field(max_length=200)]
-_TimeNs = Annotated[int, Field(ge=0, lt=LARGEST_TIME_NS)]
+TimeNs = Annotated[int, Field(ge=0, lt=LARGEST_TIME_NS)]
 _Count = Annotated[int, Field(ge=0, lt=LARGEST_N)]
 _Utc = Annotated[str, Field(max_length=40), AfterValidator(_utc)]
 
 
-class _Part(BaseModel):
+class StoredPart(BaseModel):
     """Values of known keys; files of later versions may have more."""
 
     model_config = ConfigDict(extra="ignore", strict=True)
 
 
-class _Stream(_Part):
+class _Stream(StoredPart):
     live: bool = True
     waits_for_reader: bool = False
 
 
-class _Device(_Part):
+class _Device(StoredPart):
     name: Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_printable)]
     driver: _Name | None = None
     options: dict[str, Any] = {}
     stream: _Stream | None = None
 
 
-class _Trigger(_Part):
+class _Trigger(StoredPart):
     n: _Count = 0
     utc: _Utc | None = None
 
 
-class _Order(_Part):
+class _Order(StoredPart):
     fields: _Count | None = None
 
 
-class _Group(_Part):
+class _Group(StoredPart):
     id: Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_id)]
     devices: Annotated[list[_Name], Field(max_length=100)]
     start_utc: _Utc | None = None
-    start_ns: _TimeNs | None = None
+    start_ns: TimeNs | None = None
 
 
-class _Event(_Part):
+class _Event(StoredPart):
     n: _Count
     kind: _Name
     reason: _Reason
 
 
-class _Extra(_Part):
+class _Extra(StoredPart):
     trigger: _Trigger | None = None
     order: _Order | None = None
     group: _Group | None = None
@@ -162,12 +162,12 @@ class _Extra(_Part):
     rebases: list[_Event] = []
 
 
-class StoredMeta(_Part):
+class StoredMeta(StoredPart):
     """Ranges of the values of `CaptureMeta`."""
 
     id: Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_id)]
     created_utc: _Utc
-    start_ns: _TimeNs
+    start_ns: TimeNs
     device: _Device
     config: dict[str, Any]
     site: _Texts
@@ -239,7 +239,7 @@ def read_coverage(connection: sqlite3.Connection) -> dict[str, str]:
     return dict(rows.fetchall())
 
 
-class Conversion(BaseModel):
+class Conversion(StoredPart):
     """Record of a capture's conversion from an earlier format.
 
     Attributes:
@@ -247,8 +247,6 @@ class Conversion(BaseModel):
         content_sha256: Digest of what its points are measured from.
         converted_utc: When it was converted.
     """
-
-    model_config = ConfigDict(extra="ignore", strict=True)
 
     version: int
     content_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]

@@ -12,11 +12,11 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from grabberd.archive.capture.checked_rows import CheckedRows, Kind, some_rows
 from grabberd.archive.capture.digests import READINGS, Damage, readings_prefix
-from grabberd.archive.capture.meta import LARGEST_TIME_NS, write_meta
+from grabberd.archive.capture.meta import StoredPart, TimeNs, write_meta
 from grabberd.archive.capture.reading_groups import (
     INSERT_CHANNEL,
     INSERT_READINGS,
@@ -280,28 +280,24 @@ _WRITTEN = """SELECT coalesce(sum(r.readings), 0), max(r.last_ns) FROM channels 
     LEFT JOIN readings AS r ON r.channel = c.channel WHERE c.name = ?"""
 _FIELDS = """SELECT (SELECT time_ns FROM fields ORDER BY n LIMIT 1),
     (SELECT time_ns FROM fields ORDER BY n DESC LIMIT 1)"""
-_TimeNs = Annotated[int, Field(ge=0, lt=LARGEST_TIME_NS)]
+
 _Count = Annotated[int, Field(ge=0, lt=1 << 62)]
 _Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
 _Text = Annotated[str, Field(max_length=LONGEST_TEXT)]
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="ignore", strict=True)
-
-
-class _Gap(_Part):
-    first_ns: _TimeNs
-    last_ns: _TimeNs
+class _Gap(StoredPart):
+    first_ns: TimeNs
+    last_ns: TimeNs
     reason: _Text
 
 
-class _Channel(_Part):
+class _Channel(StoredPart):
     name: _Name
     logger: _Name
     readings: _Count
-    first_ns: _TimeNs | None
-    last_ns: _TimeNs | None
+    first_ns: TimeNs | None
+    last_ns: TimeNs | None
     step_ns: _Count
     gaps: Annotated[list[_Gap], Field(max_length=MOST_LISTED + 2)]
     gap_count: _Count
@@ -310,18 +306,21 @@ class _Channel(_Part):
     silence: _Text = SILENT
 
 
-class _Anomaly(_Part):
+class _Anomaly(StoredPart):
     logger: _Name
     reason: _Text
     times: _Count
     lost: _Count
-    time_ns: _TimeNs
+    time_ns: TimeNs
     example: _Text
 
 
-class _Account(_Part):
+_Anomalies = Annotated[list[_Anomaly], Field(max_length=MOST_LISTED + MOST_CHANNELS)]
+
+
+class _Account(StoredPart):
     channels: Annotated[list[_Channel], Field(max_length=MOST_CHANNELS)]
-    anomalies: Annotated[list[_Anomaly], Field(max_length=MOST_LISTED + MOST_CHANNELS)] = []
+    anomalies: _Anomalies = Field(default_factory=list)
 
 
 def write_account(connection: sqlite3.Connection, account: Account) -> None:
