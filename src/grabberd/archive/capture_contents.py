@@ -7,7 +7,7 @@ opening the file, checking it and decoding half a second of fields takes far lon
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -112,11 +112,9 @@ class KeptReaders:
                 read_header(path)
                 return kept.reader, identity
         except BaseException:
-            if kept is not None:
-                kept.reader.close()
+            _close([kept])
             raise
-        if kept is not None:
-            kept.reader.close()
+        _close([kept])
         return _new(path), identity
 
     def _keep(self, reader: CaptureReader, identity: _Identity) -> None:
@@ -128,42 +126,41 @@ class KeptReaders:
             self._kept[reader.path] = _Kept(reader, identity, self._now_s() + KEPT_S)
             if len(self._kept) > MOST:
                 closed.append(self._kept.pop(next(iter(self._kept))))
-            if not self._will_look():
-                closed += self._kept.values()
-                self._kept.clear()
-        for one in filter(None, closed):
-            one.reader.close()
+            closed += self._look_later()
+        _close(closed)
 
-    def _will_look(self) -> bool:
-        """Makes sure that a timer will close old readers; False if no thread can be started."""
-        if self._timer is None:
+    def _look_later(self) -> list[_Kept]:
+        """Makes sure that a timer will close old readers; returns all if no thread can be started."""
+        if self._timer is None and self._kept:
             oldest_s = min(kept.until_s for kept in self._kept.values())
             timer = threading.Timer(max(0.0, oldest_s - self._now_s()), self._look)
             timer.daemon = True
             try:
                 timer.start()
             except RuntimeError:
-                return False
+                closed = list(self._kept.values())
+                self._kept.clear()
+                return closed
             self._timer = timer
-        return True
+        return []
 
     def _look(self) -> None:
         self.close_old()
         with self._lock:
             self._timer = None
-            closed: list[_Kept] = []
-            if self._kept and not self._will_look():
-                closed = list(self._kept.values())
-                self._kept.clear()
-        for one in closed:
-            one.reader.close()
+            closed = self._look_later()
+        _close(closed)
 
     def _close_until(self, now_s: float) -> None:
         with self._lock:
             old = [path for path, kept in self._kept.items() if kept.until_s <= now_s]
             closed = [self._kept.pop(path) for path in old]
-        for one in closed:
-            one.reader.close()
+        _close(closed)
+
+
+def _close(closed: Iterable[_Kept | None]) -> None:
+    for one in filter(None, closed):
+        one.reader.close()
 
 
 def _new(path: Path) -> CaptureReader:
