@@ -25,11 +25,6 @@ SECONDS_A_DAY = 86400.0
 _OF_THE_DOCUMENT = ("created_utc", "source", "sigma0_px", "glass", "image")
 
 
-def configured_row(document: Document, device: str) -> CalibrationRow:
-    """A calibration that the configuration names."""
-    return _row(document["id"], document, device=device, origin=CONFIGURATION)
-
-
 def stored_row(entry: StoredCalibration) -> CalibrationRow:
     """A stored calibration; a damaged one has only its id and the problem."""
     record = entry.record
@@ -122,7 +117,7 @@ class CalibrationCatalog:
         also_stored = {entry.id for entry in stored if entry.document in self.configured.values()}
         rows = [self._stored_row(entry, entry.id in also_stored) for entry in stored]
         rows += [
-            configured_row(document, device)
+            _row(document["id"], document, device=device, origin=CONFIGURATION)
             for device, document in self.configured.items()
             if document["id"] not in also_stored
         ]

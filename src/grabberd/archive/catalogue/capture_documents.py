@@ -62,11 +62,6 @@ def _entry(entry: LedgerEntry) -> LedgerEntryDocument:
     return LedgerEntryDocument.model_validate({**entry._asdict(), "cause": cause})
 
 
-def run_document(run: RunInfo) -> RunDocument:
-    """A run in short."""
-    return RunDocument.model_validate(_run(run))
-
-
 def whole_run(path: Path, run: int) -> WholeRunDocument:
     """A run with the documents that its points were measured with.
 
@@ -146,7 +141,7 @@ def document_of(
     account: Account | None,
 ) -> CaptureDocument:
     """A capture from its metadata, ledger and runs, in memory or from its file."""
-    described = [run_document(run) for run in runs]
+    described = [RunDocument.model_validate(_run(run)) for run in runs]
     trigger, group = meta.extra.get("trigger", {}), meta.extra.get("group")
     known = {
         "id": meta.id,
