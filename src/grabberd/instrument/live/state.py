@@ -149,16 +149,6 @@ def changes(before: JsonObject, after: JsonObject) -> JsonObject:
     return gone | {key: _change(before.get(key), value) for key, value in new.items()}
 
 
-def merged(document: JsonObject, change: JsonObject) -> JsonObject:
-    """Applies a change to a document; null values stay, to distinguish them from keys that never existed."""
-    result = dict(document)
-    for key, value in change.items():
-        known = result.get(key)
-        inner = known if isinstance(known, dict) else {}
-        result[key] = merged(inner, value) if isinstance(value, dict) else value
-    return result
-
-
 class Version(NamedTuple):
     """A document and its version number, from 1."""
 
