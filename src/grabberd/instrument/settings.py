@@ -65,10 +65,8 @@ class Settings:
         Raises:
             StorageError: It cannot be stored.
         """
-        for instrument in self._instruments.values():
-            threshold = instrument.setup.config.threshold
-            configured = threshold == self._configured[instrument.name].threshold
-            self._store(instrument.name, None if configured else threshold)
+        for name, setting in self.document().devices.items():
+            self._store(name, None if setting.as_configured else setting.threshold)
 
     def _of(self, instrument: Instrument) -> DeviceSettings:
         threshold = instrument.setup.config.threshold
