@@ -158,7 +158,8 @@ def _fine_columns(rows: Rows, before: Rows, coarse: Coarse) -> int | None:
     power = math.sqrt(float(np.vdot(now, now)) * float(np.vdot(then, then)))
     middle = coarse.bins * _BIN_COLUMNS
     near = range(middle - _BIN_COLUMNS, middle + _BIN_COLUMNS + 1)
-    likeness = {shift: _likeness(now, then, shift) / power for shift in (*near, *_MOTION)}
+    shifts = (*near, *_MOTION)
+    likeness = {shift: float(np.vdot(now, np.roll(then, shift, axis=1))) / power for shift in shifts}
     shifted = max(near, key=likeness.__getitem__)
     rest, unshifted_rest = 1 - likeness[shifted], 1 - max(likeness[shift] for shift in _MOTION)
     fits = likeness[shifted] >= _LEAST_LIKENESS and unshifted_rest >= _LEAST_GAIN * rest
@@ -172,10 +173,6 @@ def _smooth(rows: Rows) -> Singles:
     means /= np.diff(edges)[:, np.newaxis]
     means -= means.mean(axis=1, keepdims=True)
     return sum((np.roll(means, k, axis=1) for k in range(1, _BIN_COLUMNS)), start=means)
-
-
-def _likeness(now: Singles, then: Singles, shift: int) -> float:
-    return float(np.vdot(now, np.roll(then, shift, axis=1)))
 
 
 def _from_below(values: NDArray[Number]) -> NDArray[Number]:

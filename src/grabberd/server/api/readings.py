@@ -14,7 +14,6 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Coroutine, Generator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextvars import copy_context
-from functools import partial
 from typing import Annotated, Any, TypeVar
 
 from anyio import CancelScope
@@ -120,7 +119,7 @@ class Readings:
         Raises:
             ReadingGivenUp: A piece takes too long.
         """
-        while (piece := await self._run(partial(_next, source), self._patience())) is not _END:
+        while (piece := await self._run(lambda: next(source, _END), self._patience())) is not _END:
             yield piece  # type: ignore[misc]
 
     def close(self) -> None:
@@ -151,10 +150,6 @@ class Readings:
             self._turns.give()
 
 
-def _next(source: Generator[T, None, None]) -> T | object:
-    return next(source, _END)
-
-
 async def _ended(work: "Future[T]", patience: Patience) -> T:
     """The result of work in a thread; a cancelled caller waits until the thread has stopped."""
     over = asyncio.Event()
@@ -178,10 +173,6 @@ async def _request(request: Request) -> Request:
     return request
 
 
-def _rendered(endpoint: Callable[..., Any], parameters: dict[str, Any]) -> Any:
-    return rendered(endpoint(**parameters))
-
-
 def reads(endpoint: Callable[..., Any]) -> Callable[..., Coroutine[Any, Any, Any]]:
     """Decorator for a route that reads captures, reports or the like: runs it as a heavy read.
 
@@ -190,8 +181,7 @@ def reads(endpoint: Callable[..., Any]) -> Callable[..., Coroutine[Any, Any, Any
 
     async def read(*, request_of_read: Request, **parameters: Any) -> Any:
         readings: Readings = request_of_read.app.state.readings
-        whole = partial(_rendered, endpoint, parameters)
-        answer = await readings.answer(whole, request_of_read.receive)
+        answer = await readings.answer(lambda: rendered(endpoint(**parameters)), request_of_read.receive)
         if isinstance(answer, Content):
             contents: Contents = request_of_read.app.state.contents
             return await contents.answer(answer, request_of_read.receive)
