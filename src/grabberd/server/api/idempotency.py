@@ -70,6 +70,8 @@ async def _declare(
 
 TAKES_KEY = Depends(_declare)
 """Dependency of every route that takes a key."""
+ACCEPTED_ONCE: dict[str, Any] = {"status_code": 202, "dependencies": [TAKES_KEY]}
+"""Options of a route that takes a key and starts something that continues after its response."""
 
 
 class OnceRoute(RenderedRoute):
