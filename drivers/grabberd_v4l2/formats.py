@@ -168,7 +168,7 @@ class JpegLuma:
 
 
 def _without_data(luma: NDArray[np.uint8], header: Header) -> NDArray[np.bool_]:
-    """For the last unit before each restart, and of the picture: True if it looks like missing data."""
+    """Checks the last unit before each restart, and of the picture: True if it looks like missing data."""
     height, width = header.unit_px
     across = -(-luma.shape[1] // width)
     units = across * -(-luma.shape[0] // height)
