@@ -149,8 +149,8 @@ class Service:
         looks = *(part.look for part in self.parts.values()), self.width_courses.look
         self.upkeep = Upkeep(self.archive, self.unsealed, self.state_keeper, self.loggers, looks)
         # In the order in which they are started; they are stopped in the reverse order.
-        before, after = (self.upkeep, self.job_runner, self.loggers), (self.retention, self.scrub)
-        self._threads: tuple[_Threads, ...] = (*before, *self.instruments.values(), *after)
+        devices = self.instruments.values()
+        self._threads: tuple[_Threads, ...] = (self.loggers, *devices, self.retention, self.scrub)
         self._started = False
 
     def _instruments(self, queue_s: float) -> dict[str, Instrument]:
@@ -222,6 +222,8 @@ class Service:
         self._started = True
         if slower := what_is_slower():
             log.warning("%s", slower)
+        self.upkeep.start()
+        self.job_runner.start()
         for threads in self._threads:
             threads.start()
 
@@ -263,7 +265,9 @@ class Service:
             threads.stop()
         for part in self.parts.values():
             part.stop()
-        self.processes.end()
+        self.job_runner.stop()
+        self.processes.end()  # before the upkeep, which may wait for an answer of one
+        self.upkeep.stop()
         self.access.key.remove()
         self.archive.close()
         self.state_keeper.close()  # last: it releases the state directory to another daemon
