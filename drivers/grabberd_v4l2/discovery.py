@@ -245,7 +245,7 @@ def _ways(node: VideoNode, nodes: Sequence[VideoNode]) -> Iterator[dict[str, str
         elif node.usb.serial:
             yield usb | {"serial": node.usb.serial}
         yield usb | {"port": node.usb.port}
-    # Cheap dongles share one by-id name, so it comes after the port, which tells them apart.
+    # Cheap dongles share one by-id name, so it comes after the port, which distinguishes them.
     if node.by_id is not None:
         yield {"device": str(node.by_id)}
     yield {"device": str(node.path)}

@@ -65,7 +65,7 @@ class CaptureEnd:
         self._instruments[_device_of(recording)].captures.count(recording)
 
     def _enter_in_index(self, recording: Recording) -> None:
-        # The capture has ended all the same if the index cannot be written; it is entered later.
+        # The capture has ended even if the index cannot be written; it is entered later.
         try:
             with storage_errors(recording.path):
                 self._archive.index.add(recording.path)

@@ -119,7 +119,7 @@ def measured_fields(group: PointGroup) -> tuple[NDArray[np.int64], NDArray[np.in
     Raises:
         ValueError: The group is damaged.
     """
-    # Only integers: `range` tests membership of a float by iterating, which would take for ever.
+    # Only integers: `range` tests membership of a float by iterating, which would take forever.
     kinds = {type(group.fields), type(group.first_n)}
     if (
         kinds != {int}

@@ -36,7 +36,7 @@ class StreamInfo:
         rate_hz: Fields per second, or whole pictures where there are no fields.
         field_order: See `FieldOrder`.
         pixel_format: E.g. "GREY".
-        buffers: Number of fields that the driver holds while nobody dequeues: two for each buffer of a frame.
+        buffers: Number of fields that the driver holds if none are dequeued: two for each buffer of a frame.
         live: False for a recording, whose fields may repeat bit for bit.
         counts_losses: True if `sequence` grows by more than one when a field is lost.
         tells_signal: True if `signal()` can be trusted.
@@ -66,7 +66,7 @@ class StreamInfo:
 
     @property
     def buffered_ns(self) -> int:
-        """Time that the driver's buffers last for, while nobody takes fields."""
+        """Time for which the driver's buffers last if no fields are taken."""
         return round(self.buffers * 1e9 / self.rate_hz)
 
 

@@ -225,7 +225,7 @@ class Recorder:
         if self.first_n is None:
             first_n = self._begin.first_n(slot)
             if slot.n < first_n:
-                return  # older than asked for
+                return  # older than requested
             self.first_n = first_n
         end_n = self._end_n(slot, self.first_n)
         slot = renumbered(slot, self.first_n)

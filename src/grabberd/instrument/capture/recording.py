@@ -269,10 +269,10 @@ class Recording:
         findings: Mapping[str, Any] | None = None,
         coverage: Coverage | None = None,
     ) -> None:
-        """Notes that the worker has measured the last field, or cannot go on.
+        """Notes that the worker has measured the last field, or cannot continue.
 
         Args:
-            failure: Why it cannot go on, or None.
+            failure: Why it cannot continue, or None.
             findings: Entries for the metadata, or None.
             coverage: Coverage of the fields that it has measured, or None.
         """

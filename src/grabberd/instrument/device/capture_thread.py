@@ -43,7 +43,7 @@ BEAT_EVERY_S = 1.0
 
 
 class ThreadCaptures(Protocol):
-    """The captures of a device, as far as its capture thread is concerned."""
+    """The captures of a device, as seen by its capture thread."""
 
     @property
     def has_room(self) -> bool:

@@ -71,7 +71,7 @@ STATES: Mapping[Trouble, DeviceState] = {
 
 
 class Failure(NamedTuple):
-    """A failure, as far as the ladder is concerned.
+    """A failure, as seen by the ladder.
 
     Attributes:
         trouble: Kind of failure.

@@ -119,7 +119,7 @@ def _quantile(ordered: NDArray[np.float64], share: float) -> float:
 
 
 class MeasurableRecording(Protocol):
-    """A recording, as far as the worker is concerned."""
+    """A recording, as seen by the worker."""
 
     @property
     def measured(self) -> bool:
@@ -147,7 +147,7 @@ class MeasurableRecording(Protocol):
 
 
 class WorkerCaptures(Protocol):
-    """The captures of a device, as far as its worker is concerned."""
+    """The captures of a device, as seen by its worker."""
 
     @property
     def recording(self) -> MeasurableRecording | None:

@@ -126,7 +126,7 @@ class FieldNumbering:
 
     Args:
         info: The stream as granted. The times of a recording are taken as they are.
-        since_ns: When the stream was asked for, on the clock of the arrivals; None if unknown.
+        since_ns: When the stream was requested, on the clock of the arrivals; None if unknown.
     """
 
     def __init__(self, info: StreamInfo, since_ns: int | None = None) -> None:
@@ -278,7 +278,7 @@ class FieldNumbering:
         return settled + [one for pending in others for one in self._go_on(self._paths, pending)]
 
     def _begin_with(self, first: Pending, late_ns: int, late_by: int) -> Numbered:
-        """Number the first field, whose stamp is late by so much and may be by so many fields."""
+        """Number the first field, given the delay of its stamp and the fields by which it may be late."""
         time_ns, doubt = self._timing.begin(first, late_ns)
         self._doubts.begin(time_ns, late_by)
         self._n, self._parity = 0, first.parity
@@ -296,7 +296,7 @@ class FieldNumbering:
         return settled
 
     def _goes_on(self, paths: Paths) -> bool:
-        """True if the oldest field has its number, or has waited for it as long as it may."""
+        """True if the oldest field has its number, or has waited for it as long as allowed."""
         if self._pace.may_change and len(self._pending) < SUSPECTED:
             return False
         return self._settling.is_settled(self._pending, paths) or len(self._pending) > self._most_pending
@@ -372,7 +372,7 @@ class FieldNumbering:
         return self._numbered(pending, time_ns, lost, doubt, rebases)
 
     def _evidence(self, pending: Pending, step: Step, doubt: Doubt, paths: Paths) -> Evidence:
-        """Evidence about a field's number, besides how it was numbered."""
+        """Evidence about a field's number in addition to its step."""
         ahead = self._timing.take_ahead()
         # One more: the early fields before it have moved the clock by part of a period.
         too_many = math.ceil(ahead) + 1 if ahead else 0

@@ -18,9 +18,9 @@ number on. With half a period they would be numbered wrongly."""
 _SHORTEST, _LONGEST = 0.9, 12.0
 """Range of a pace in granted periods: a camera slows down in the dark, but hardly becomes faster."""
 _LONG = 1.6
-"""Times by which an interval is longer than those beside it where a picture may be lost uncounted."""
+"""Ratio of an interval to its neighbours from which on a picture may be lost uncounted."""
 _AS_COUNTED = 0.1
-"""Share by which an interval may differ from what the pace has for its count."""
+"""Relative deviation of an interval from the pace times its count."""
 SUSPECTED = 20
 """Fields held after such an interval, during which another pace may explain it."""
 _NOTABLE = 0.05
@@ -134,7 +134,7 @@ class Pace:
         )
 
     def _suspect(self, came: Came) -> None:
-        """Note an interval that is much longer than the one before, or not as long as its count says."""
+        """Note an interval that is much longer than the previous one, or does not match its count."""
         self._suspected = max(self._suspected - 1, 0)
         if not self.is_followed or len(self._recent) < 2:
             return
@@ -145,7 +145,7 @@ class Pace:
             self._suspected = SUSPECTED
 
     def _add(self, came: Came) -> None:
-        """Append a field that follows the one before steadily, or begin anew with it."""
+        """Append a field that follows the previous one steadily, or start again with it."""
         steady = self._steady
         if came.time_ns is None or came.has_waited:
             steady.clear()

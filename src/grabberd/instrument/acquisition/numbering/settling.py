@@ -1,6 +1,6 @@
 """Settling: when the number of the oldest pending field is final, and which doubt remains.
 
-A doubt lasts from a field whose number is uncertain until one whose number is certain again.
+A doubt lasts from a field with an uncertain number until the next one with a certain number.
 """
 
 import math
@@ -17,7 +17,7 @@ from grabberd.instrument.acquisition.numbering.pending import Pending, uncounted
 _LATE = 0.75
 """Periods by which the stamp of a field in time may be late; half a period if parity is unknown."""
 _AS_MANY = 0.6
-"""Periods within which a field is late by a number of fields."""
+"""Tolerance in periods within which a field is late by a whole number of fields."""
 _CONFIRMING = 6
 """Buffers that must arrive in time after a loss that is not counted: else the program may be late."""
 
@@ -40,8 +40,8 @@ class Settling:
     """Decides by the paths whether the oldest pending field is settled.
 
     The number of a late field may change until one that is in time, its *anchor*, shows whether any are
-    missing. So both are settled together with those between them, and share what doubt there is: what is
-    missing may belong before or after a late field.
+    missing. So both are settled together with those between them, and share the doubt: missing fields may
+    belong before or after a late field.
 
     Args:
         arrivals: Those of the stream.
@@ -58,7 +58,7 @@ class Settling:
         self._of_place = False
 
     def is_settled(self, pending: Collection[Pending], paths: Paths) -> bool:
-        """True if the oldest field's number will not change any more."""
+        """True if the oldest field's number is final."""
         if self._linked:
             return True
         if not paths.settled():
@@ -110,7 +110,7 @@ class Settling:
         return Doubt(max(self._spread(paths), lost * in_doubt), of_loss=in_doubt)
 
     def _spread(self, paths: Paths) -> int:
-        """Number of fields by which one may be off whose number is settled before it is certain."""
+        """Number of fields by which a field may be off if it is settled before its number is certain."""
         step = paths.best.steps[0]
         if step.arrived is None or self._in_time(step):
             return 0 if paths.settled() else paths.spread
@@ -126,8 +126,8 @@ def _is_there(pending: Pending, step: Step) -> bool:
 
 
 def _is_met(pending: Iterable[Pending], steps: Sequence[Step]) -> bool:
-    """True if one of the fields has come in time by itself: those of a queue that is being emptied agree with
-    one another, and with a clock that was set meanwhile.
+    """True if one of the fields came alone and in time: those of a draining queue agree with one another, and
+    with a clock that was set meanwhile.
     """
     return any(
         step.arrived_in_time and one.in_time and not one.arrival.burst
@@ -138,8 +138,8 @@ def _is_met(pending: Iterable[Pending], steps: Sequence[Step]) -> bool:
 def _exchanged(late: Sequence[Pending], steps: Sequence[Step]) -> int:
     """Number of fields lost after a late one, up to its anchor, that may as well be lost before it.
 
-    They may if it is late by as many: then it came in time, and the driver has counted wrongly. A field that
-    has waited in a buffer with others is late for that reason.
+    That is possible if it is late by as many: then it came in time, and the driver has miscounted. A field
+    that has waited in a buffer with others is late for that reason.
     """
     after = [sum(step.fields - 1 for step in steps[i + 1 :]) for i in range(len(late))]
     return max(
@@ -158,16 +158,16 @@ def _is_late_by(fields: int, step: Step) -> bool:
 
 
 _REGULAR = 12
-"""Fields in a row without a loss that arrive in time, after which their numbers are certain: fields that were
-late come in a burst, or ever earlier."""
+"""Consecutive fields that arrive in time without a loss, after which their numbers are certain: late fields
+come in a burst, or earlier and earlier."""
 
 
 class Evidence(NamedTuple):
-    """Evidence about a field's number, besides how it was numbered.
+    """Evidence about a field's number in addition to its step.
 
     Attributes:
         uncertain_by: Doubt about this field alone.
-        way_is_known: False if none has come by the shortest way yet: then nothing arrives in time.
+        way_is_known: False if no field has come by the shortest way yet: then none arrives in time.
         in_time: True if it has arrived in time, as far as is known from its arrival and the program.
         ahead_by: Fields by which numbers have run ahead of the camera, whose clock begins again with this
             one: then matching stamps are no evidence until an arrival confirms them.
@@ -175,7 +175,7 @@ class Evidence(NamedTuple):
             evidence either.
         stamps_follow: True if the stamps are of another clock from this field on, and shifted to continue
             the numbers as they are, so that they are no evidence of them.
-        of_place: True if the doubt is only which of the fields beside it was lost.
+        of_place: True if the doubt is only which of the neighbouring fields was lost.
         counted: Fields since the previous one by the driver's count; None if unknown.
     """
 
@@ -190,11 +190,10 @@ class Evidence(NamedTuple):
 
 
 class Doubts:
-    """Range of the numbers that are possible, while one is in doubt.
+    """Range of the possible numbers while one is in doubt.
 
-    Every field is at least one further than the one before, and none has been exposed later than its arrival
-    by the shortest way allows. So between the last certain number and the next one, the true number of each
-    field lies between two bounds.
+    Every number is greater than the previous one, and no field was exposed later than its arrival by the
+    shortest way allows. So between two certain numbers, the true number of each field is between two bounds.
 
     Args:
         arrivals: Those of the stream.
@@ -216,13 +215,13 @@ class Doubts:
         self._fields = self._in_a_row = 0
 
     def begin(self, time_ns: int, late_by: int) -> None:
-        """Note the time of the first field, and by how many fields it may be late."""
+        """Note the time of the first field, and the number of fields by which it may be late."""
         self._certain, self._fields = (-late_by, time_ns - round(late_by * self._pace.period_ns)), 0
         self.open = late_by > 0
         self._counted = None if late_by else 0
 
     def end_by_count(self, n: int, time_ns: int) -> int:
-        """End a doubt by the driver's count alone, as the times until now were those of another pace.
+        """End a doubt by the driver's count alone, since the times until now had another pace.
 
         Returns:
             The fields by which the numbers turn out to be too high from here on, as `too_high_by`.
@@ -235,7 +234,7 @@ class Doubts:
         return too_high_by
 
     def shift(self, late_ns: int) -> None:
-        """Note that all times so far were late by so much."""
+        """Note that all times so far were late by an amount."""
         if self._certain is not None:
             self._certain = self._certain[0], self._certain[1] - late_ns
 
@@ -247,7 +246,7 @@ class Doubts:
             time_ns: Its time.
             step: How it was numbered.
             arrival: Its arrival.
-            evidence: What is known of its number besides.
+            evidence: Further evidence about its number.
         """
         uncertain_by, way_is_known = evidence.uncertain_by, evidence.way_is_known
         self.too_high_by = evidence.ahead_by
@@ -294,7 +293,7 @@ class Doubts:
         return latest is not None and round(latest) == n
 
     def _latest(self, arrival: Arrival) -> float | None:
-        """Greatest number that an arrival allows, by the last certain field."""
+        """Greatest number allowed by an arrival, relative to the last certain field."""
         exposed_ns = self._arrivals.exposed_ns(arrival) if self._arrivals.way.is_known else arrival.time_ns
         if exposed_ns is None or self._certain is None:
             return None

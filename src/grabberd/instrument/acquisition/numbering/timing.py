@@ -204,7 +204,7 @@ class Timing:
         info: The stream as granted. The times of a recording are taken as they are.
         pace: Of the camera.
         stamps, arrivals: Those of the stream.
-        since_ns: When the stream was asked for, before which nothing was exposed; None if unknown.
+        since_ns: When the stream was requested, before which nothing was exposed; None if unknown.
 
     Attributes:
         rebases: Changes of the time base from the last field on, each with its reason; whoever takes them
@@ -226,7 +226,7 @@ class Timing:
         self.rebases: list[tuple[Rebase, str]] = []
 
     def steps_to(self, time_ns: int | None) -> float | None:
-        """Periods from the field that was settled last to a time; None if either is unknown."""
+        """Periods from the last settled field to a time; None if either is unknown."""
         return self._clock.steps_to(time_ns) if time_ns is not None and self._clock.locked else None
 
     def follow_pace(self, too_high_by: int) -> None:
@@ -240,17 +240,17 @@ class Timing:
             self.rebases.append((Rebase.NUMBERS, numbers_off(0, too_high_by).reason))
 
     def take_ahead(self) -> float:
-        """Periods by which numbers turned out with the last field to have run ahead; 0 when asked again."""
+        """Periods by which the last field showed that numbers had run ahead; 0 when called again."""
         ahead, self._ahead = self._ahead, 0.0
         return ahead
 
     def take_late(self) -> float:
-        """Periods by which all fields before the last one turned out to be late; 0 when asked again."""
+        """Periods by which all fields before the last one turned out to be late; 0 when called again."""
         late, self._late = self._late, 0.0
         return late
 
     def begin(self, pending: Pending, late_ns: int = 0) -> tuple[int, str | None]:
-        """Begin with the first field, whose stamp is late by so much; its time, and why that is predicted."""
+        """Begin with the first field, given the delay of its stamp; its time, and why that is predicted."""
         time_ns = pending.arrival.time_ns if pending.time_ns is None else pending.time_ns
         if time_ns is None:
             return pending.stamp_ns, pending.doubt
@@ -333,7 +333,7 @@ class Timing:
         return time_ns, None
 
     def _is_before_request(self, time_ns: int, step: Step) -> bool:
-        """True if the stream would have begun before it was asked for, had its first stamps been so late."""
+        """True if first stamps that late would mean that the stream began before it was requested."""
         if self._since_ns is None or self._first_ns is None:
             return False
         late_ns = (self._clock.steps_to(time_ns) - step.fields) * self._pace.period_ns
