@@ -1,4 +1,4 @@
-"""The channels of a capture file, i.e. quantities measured beside the picture, and their account.
+"""The channels of a capture file (quantities measured in addition to the picture) and their account.
 
 They are written within the transactions of the capture's writer. The account states what is missing and why;
 it is stored in the metadata under the key `channels`.
