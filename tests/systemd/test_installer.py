@@ -228,7 +228,7 @@ def test_a_journal_that_a_crash_left_beside_the_state_is_put_back_with_it(first:
     assert first.everything() == before
 
 
-def test_an_installer_that_is_signal_received_undoes_what_it_did(first: Rehearsed) -> None:
+def test_an_installer_that_is_told_to_end_undoes_what_it_did(first: Rehearsed) -> None:
     (first.machine / "is-stuck-2").touch()
     before = first.everything()
     first.install("2", schema=2, FAIL_AT="space")
