@@ -2,9 +2,9 @@
 
     V4l2Grabber(**options)      the driver; `V4l2Options` lists the options
 
-System calls go through a small layer of our own over the kernel's ABI (`abi`, `kernel`, `node`). A stream is
-negotiated before buffers are allocated (`negotiation`), and only settings that were read back are trusted; a
-driver's profile determines how a buffer becomes fields (`profiles`, `fields`).
+System calls go through a thin layer over the kernel's ABI (`abi`, `kernel`, `node`). A stream is negotiated
+before buffers are allocated (`negotiation`), and only settings that were read back are trusted; the driver's
+profile determines how a buffer is split into fields (`profiles`, `fields`).
 """
 
 from grabberd_v4l2.grabber import V4l2Grabber

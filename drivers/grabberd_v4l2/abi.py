@@ -2,8 +2,8 @@
 machine's C.
 
 Names are those of `linux/videodev2.h` without `v4l2_` and `VIDIOC_`. Times are 64 bits wide on every machine:
-a 32-bit machine needs Linux 5.6, whose kernel accepts both widths and tells them apart by the size in the
-call number. Call numbers are computed from the sizes of their arguments like the kernel's `_IOC`.
+a 32-bit machine needs Linux 5.6, which accepts both widths and distinguishes them by the size in the call
+number. Call numbers are computed from the sizes of their arguments like the kernel's `_IOC`.
 """
 
 import ctypes
@@ -48,7 +48,7 @@ class Arrangement(IntEnum):
 
 
 ONE_FIELD = (Arrangement.TOP, Arrangement.BOTTOM, Arrangement.ALTERNATE)
-"""Arrangements with one field a buffer."""
+"""Arrangements with one field per buffer."""
 
 BUF_FLAG_QUEUED = 0x00000002
 BUF_FLAG_DONE = 0x00000004
@@ -68,10 +68,15 @@ STD_525_60 = 0x0000F900
 STD_625_50 = 0x00FF06FF
 
 FRMSIZE_TYPE_DISCRETE = FRMIVAL_TYPE_DISCRETE = 1
-"""One size, or one interval, an entry; all other types give a range in their first entry."""
+"""One size or interval per entry; all other types give a range in their first entry."""
 
 EVENT_EOS = 2
 EVENT_SOURCE_CHANGE = 5
+
+
+def _u32(*names: str) -> tuple[tuple[str, type[c.c_uint32]], ...]:
+    """Consecutive members of a structure, 32 bits wide each."""
+    return tuple((name, c.c_uint32) for name in names)
 
 
 class Capability(c.Structure):
@@ -81,9 +86,7 @@ class Capability(c.Structure):
         ("driver", c.c_char * 16),
         ("card", c.c_char * 32),
         ("bus_info", c.c_char * 32),
-        ("version", c.c_uint32),
-        ("capabilities", c.c_uint32),
-        ("device_caps", c.c_uint32),
+        *_u32("version", "capabilities", "device_caps"),
         ("reserved", c.c_uint32 * 3),
     )
 
@@ -94,24 +97,21 @@ class Input(c.Structure):
     _fields_ = (
         ("index", c.c_uint32),
         ("name", c.c_char * 32),
-        ("type", c.c_uint32),
-        ("audioset", c.c_uint32),
-        ("tuner", c.c_uint32),
+        *_u32("type", "audioset", "tuner"),
         ("std", c.c_uint64),
-        ("status", c.c_uint32),
-        ("capabilities", c.c_uint32),
+        *_u32("status", "capabilities"),
         ("reserved", c.c_uint32 * 3),
     )
 
 
 class Fraction(c.Structure):
-    """Seconds a frame."""
+    """Seconds per frame."""
 
     _fields_ = (("numerator", c.c_uint32), ("denominator", c.c_uint32))
 
 
 class Standard(c.Structure):
-    """A video standard that the current input can have."""
+    """A video standard that the current input supports."""
 
     _fields_ = (
         ("index", c.c_uint32),
@@ -127,12 +127,9 @@ class FmtDesc(c.Structure):
     """A pixel format that a node can deliver."""
 
     _fields_ = (
-        ("index", c.c_uint32),
-        ("type", c.c_uint32),
-        ("flags", c.c_uint32),
+        *_u32("index", "type", "flags"),
         ("description", c.c_char * 32),
-        ("pixelformat", c.c_uint32),
-        ("mbus_code", c.c_uint32),
+        *_u32("pixelformat", "mbus_code"),
         ("reserved", c.c_uint32 * 3),
     )
 
@@ -141,23 +138,13 @@ class PixFormat(c.Structure):
     """Size, pixel format and field order of a picture."""
 
     _fields_ = (
-        ("width", c.c_uint32),
-        ("height", c.c_uint32),
-        ("pixelformat", c.c_uint32),
-        ("field", c.c_uint32),
-        ("bytesperline", c.c_uint32),
-        ("sizeimage", c.c_uint32),
-        ("colorspace", c.c_uint32),
-        ("priv", c.c_uint32),
-        ("flags", c.c_uint32),
-        ("ycbcr_enc", c.c_uint32),
-        ("quantization", c.c_uint32),
-        ("xfer_func", c.c_uint32),
+        *_u32("width", "height", "pixelformat", "field", "bytesperline", "sizeimage"),
+        *_u32("colorspace", "priv", "flags", "ycbcr_enc", "quantization", "xfer_func"),
     )
 
 
-# The unions are written out with their widest member, since it decides size and alignment of the whole
-# structure, and the size is part of the call number.
+# The unions include their widest member, which determines size and alignment of the whole structure; the size
+# is part of the call number.
 class _Fmt(c.Union):
     _fields_ = (("pix", PixFormat), ("raw", c.c_uint8 * 200), ("aligned_like_a_pointer", _LONG))
 
@@ -169,16 +156,9 @@ class Format(c.Structure):
 
 
 class SizeRange(c.Structure):
-    """Sizes of a scaler; of a `Discrete` one the first two numbers are its width and height."""
+    """Sizes that a scaler can produce."""
 
-    _fields_ = (
-        ("min_width", c.c_uint32),
-        ("max_width", c.c_uint32),
-        ("step_width", c.c_uint32),
-        ("min_height", c.c_uint32),
-        ("max_height", c.c_uint32),
-        ("step_height", c.c_uint32),
-    )
+    _fields_ = _u32("min_width", "max_width", "step_width", "min_height", "max_height", "step_height")
 
 
 class DiscreteSize(c.Structure):
@@ -195,13 +175,7 @@ class FrmSizeEnum(c.Structure):
     """A size, or a range of them, that a pixel format can have."""
 
     _anonymous_ = ("sizes",)
-    _fields_ = (
-        ("index", c.c_uint32),
-        ("pixel_format", c.c_uint32),
-        ("type", c.c_uint32),
-        ("sizes", _Sizes),
-        ("reserved", c.c_uint32 * 2),
-    )
+    _fields_ = (*_u32("index", "pixel_format", "type"), ("sizes", _Sizes), ("reserved", c.c_uint32 * 2))
 
 
 class IntervalRange(c.Structure):
@@ -219,11 +193,7 @@ class FrmIvalEnum(c.Structure):
 
     _anonymous_ = ("intervals",)
     _fields_ = (
-        ("index", c.c_uint32),
-        ("pixel_format", c.c_uint32),
-        ("width", c.c_uint32),
-        ("height", c.c_uint32),
-        ("type", c.c_uint32),
+        *_u32("index", "pixel_format", "width", "height", "type"),
         ("intervals", _Intervals),
         ("reserved", c.c_uint32 * 2),
     )
@@ -233,11 +203,9 @@ class CaptureParm(c.Structure):
     """Time from picture to picture, requested and granted."""
 
     _fields_ = (
-        ("capability", c.c_uint32),
-        ("capturemode", c.c_uint32),
+        *_u32("capability", "capturemode"),
         ("timeperframe", Fraction),
-        ("extendedmode", c.c_uint32),
-        ("readbuffers", c.c_uint32),
+        *_u32("extendedmode", "readbuffers"),
         ("reserved", c.c_uint32 * 4),
     )
 
@@ -247,7 +215,7 @@ class _Parm(c.Union):
 
 
 class StreamParm(c.Structure):
-    """Parameters of a stream beside its format."""
+    """Parameters of a stream besides its format."""
 
     _fields_ = (("type", c.c_uint32), ("parm", _Parm))
 
@@ -256,10 +224,7 @@ class RequestBuffers(c.Structure):
     """Number of buffers requested and granted."""
 
     _fields_ = (
-        ("count", c.c_uint32),
-        ("type", c.c_uint32),
-        ("memory", c.c_uint32),
-        ("capabilities", c.c_uint32),
+        *_u32("count", "type", "memory", "capabilities"),
         ("flags", c.c_uint8),
         ("reserved", c.c_uint8 * 3),
     )
@@ -275,8 +240,7 @@ class Timecode(c.Structure):
     """Not used here, but part of every buffer."""
 
     _fields_ = (
-        ("type", c.c_uint32),
-        ("flags", c.c_uint32),
+        *_u32("type", "flags"),
         ("frames", c.c_uint8),
         ("seconds", c.c_uint8),
         ("minutes", c.c_uint8),
@@ -293,18 +257,12 @@ class Buffer(c.Structure):
     """A buffer on its way to the kernel and back."""
 
     _fields_ = (
-        ("index", c.c_uint32),
-        ("type", c.c_uint32),
-        ("bytesused", c.c_uint32),
-        ("flags", c.c_uint32),
-        ("field", c.c_uint32),
+        *_u32("index", "type", "bytesused", "flags", "field"),
         ("timestamp", Timeval),
         ("timecode", Timecode),
-        ("sequence", c.c_uint32),
-        ("memory", c.c_uint32),
+        *_u32("sequence", "memory"),
         ("m", _Memory),
-        ("length", c.c_uint32),
-        ("reserved2", c.c_uint32),
+        *_u32("length", "reserved2"),
         ("request_fd", c.c_int32),
     )
 
@@ -320,13 +278,12 @@ class _EventDetail(c.Union):
 
 
 class Event(c.Structure):
-    """Something that happened beside the pictures."""
+    """An event, reported besides the pictures."""
 
     _fields_ = (
         ("type", c.c_uint32),
         ("u", _EventDetail),
-        ("pending", c.c_uint32),
-        ("sequence", c.c_uint32),
+        *_u32("pending", "sequence"),
         ("timestamp", Timespec),
         ("id", c.c_uint32),
         ("reserved", c.c_uint32 * 8),
@@ -336,18 +293,13 @@ class Event(c.Structure):
 class EventSubscription(c.Structure):
     """Subscription to events."""
 
-    _fields_ = (
-        ("type", c.c_uint32),
-        ("id", c.c_uint32),
-        ("flags", c.c_uint32),
-        ("reserved", c.c_uint32 * 5),
-    )
+    _fields_ = (*_u32("type", "id", "flags"), ("reserved", c.c_uint32 * 5))
 
 
 Integer = c.c_int32
 """Argument of G_INPUT, S_INPUT, STREAMON and STREAMOFF."""
 StandardSet = c.c_uint64
-"""Argument of G_STD, S_STD and QUERYSTD: one bit a standard."""
+"""Argument of G_STD, S_STD and QUERYSTD: one bit per standard."""
 
 
 def fourcc(name: str) -> int:
@@ -365,8 +317,8 @@ _TYPE = ord("V")
 
 
 def _ioc(direction: int, number: int, argument: type) -> int:
-    # The size is part of the number: a structure that is a byte off is another call, which the kernel refuses
-    # as ENOTTY, rather than memory written over.
+    # The size is part of the number: with a structure of the wrong size the kernel refuses the call (ENOTTY)
+    # instead of overwriting memory.
     return direction << 30 | ctypes.sizeof(argument) << 16 | _TYPE << 8 | number
 
 

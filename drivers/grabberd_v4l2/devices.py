@@ -1,6 +1,6 @@
 """Video nodes and USB devices of this computer, and the identity by which a configuration names a grabber.
 
-All facts are from /sys and the links in /dev: no device is opened.
+All facts come from /sys and the links in /dev; no device is opened.
 """
 
 import re
@@ -17,12 +17,12 @@ class UsbPlace:
     """A USB device and its location.
 
     Attributes:
-        vendor_product: e.g. "05e1:0408", in lower case.
-        serial: the device's serial number; most cheap ones have none.
-        port: bus and the hubs' ports, e.g. "1-2.3": unchanged as long as the cable is not moved.
-        bus: number of the bus; `address`: address on it, which changes with every reset.
-        speed_mbit_s: negotiated speed: 1.5, 12, 480, 5000 …
-        name: the device's own manufacturer and product strings, or "".
+        vendor_product: E.g. "05e1:0408", in lower case.
+        serial: Serial number of the device; most cheap ones have none.
+        port: Bus and ports of hubs, e.g. "1-2.3"; constant as long as the cable is not moved.
+        bus: Number of the bus; `address`: address on it, which changes with every reset.
+        speed_mbit_s: Negotiated speed: 1.5, 12, 480, 5000 …
+        name: Manufacturer and product strings of the device, or "".
     """
 
     vendor_product: str
@@ -43,12 +43,12 @@ class VideoNode:
     """A video node of the kernel.
 
     Attributes:
-        path: path, e.g. /dev/video0; its number may change after a reboot or after replugging.
-        index: index among the nodes of one device; 0 has the pictures.
-        card: name given by the kernel driver.
-        kernel_driver: name of the driver, e.g. "stk1160", or "" if unknown.
-        by_path: link that identifies it by its location; `by_id`: by its identity.
-        usb: the USB device, or None for other buses.
+        path: Path, e.g. /dev/video0; the number may change after a reboot or after replugging.
+        index: Index among the nodes of one device; 0 delivers the pictures.
+        card: Name given by the kernel driver.
+        kernel_driver: Name of the driver, e.g. "stk1160", or "" if unknown.
+        by_path: Link that identifies it by its location; `by_id`: by its identity.
+        usb: The USB device, or None for other buses.
     """
 
     path: Path
@@ -84,7 +84,7 @@ def usb_places(roots: Roots = SYSTEM) -> tuple[UsbPlace, ...]:
 
 
 def node_at(path: Path, nodes: Iterable[VideoNode]) -> VideoNode | None:
-    """The node of this path; None if it is not among the nodes."""
+    """The node with this path; None if there is none."""
     return next((node for node in nodes if path in (node.path, _real(node.path))), None)
 
 
@@ -104,7 +104,7 @@ def _video_node(entry: Path, roots: Roots, by_path: dict[Path, Path], by_id: dic
 
 
 def _links(folder: Path) -> dict[Path, Path]:
-    """Link to each node in a folder of links; the first by name of several."""
+    """Link to each node in a folder of links; the first by name if there are several."""
     return {_real(link): link for link in sorted(folder.glob("*"), reverse=True)}
 
 
@@ -117,7 +117,7 @@ def _real(path: Path) -> Path:
 
 
 def _usb_place(device: Path) -> UsbPlace | None:
-    """The USB device of this folder; None if it is none or vanishes while it is read."""
+    """The USB device of a folder; None if the folder is not one or vanishes while it is read."""
     if not (device / "idVendor").is_file():
         return None
     words = {name: attribute(device / name) for name in _ATTRIBUTES}
@@ -147,8 +147,8 @@ class Identity:
     """A grabber by its path or by its USB identity; never both.
 
     Attributes:
-        device: a node or a link to one, preferably in /dev/v4l/by-path.
-        usb: "VENDOR:PRODUCT", four hexadecimal digits each; `serial` and `port` tell identical ones apart.
+        device: A node or a link to one, preferably in /dev/v4l/by-path.
+        usb: "VENDOR:PRODUCT", four hexadecimal digits each; `serial` and `port` distinguish equal devices.
     """
 
     device: Path | None = None
@@ -167,7 +167,7 @@ class Identity:
         """The identity in a configuration.
 
         Raises:
-            ValueError: no identity, two, or a malformed one is given.
+            ValueError: No identity, two, or a malformed one is given.
         """
         _check_texts({"usb": usb, "serial": serial, "port": port})
         if (device is None) == (usb is None):
@@ -198,8 +198,8 @@ def find_node(identity: Identity, roots: Roots = SYSTEM) -> Path:
     """The grabber's present node; to be looked up at every open, since its number may have changed.
 
     Raises:
-        DeviceAbsent: the grabber is not there; the hint lists those that are.
-        DeviceRefused: several devices match; the message lists them.
+        DeviceAbsent: The grabber is not connected; the hint lists the connected ones.
+        DeviceRefused: Several devices match; the message lists them.
     """
     if identity.device is not None:
         return _find_path(identity.device, roots)
@@ -228,7 +228,7 @@ def _find_path(device: Path, roots: Roots) -> Path:
 
 
 def _absent_usb(identity: Identity, roots: Roots) -> DeviceAbsent:
-    """The error for a missing device, or for one that is plugged in but has no node."""
+    """The error for a device that is missing, or plugged in without a node."""
     if bare := [place for place in usb_places(roots) if identity.matches(place)]:
         return DeviceAbsent(
             f"{bare[0]} is plugged in, but no kernel driver has made a video node for it",
@@ -261,7 +261,7 @@ def _check_path(device: str | Path, serial: str | None, port: str | None) -> Non
             "serial and port belong to usb: VENDOR:PRODUCT; a path identifies one grabber by itself"
         )
     if not Path(device).is_absolute():
-        raise ValueError(f"device: {device} is no absolute path, such as /dev/video0")
+        raise ValueError(f"device: {device} is not an absolute path such as /dev/video0")
 
 
 def _checked_usb(usb: str) -> str:
@@ -272,5 +272,5 @@ def _checked_usb(usb: str) -> str:
 
 def _checked_port(port: str | None) -> str | None:
     if port is not None and not PORT.fullmatch(port):
-        raise ValueError(f"port: {port!r} is no USB port such as '1-2.3'; 'grabberd devices' prints it")
+        raise ValueError(f"port: {port!r} is not a USB port such as '1-2.3'; 'grabberd devices' prints it")
     return port

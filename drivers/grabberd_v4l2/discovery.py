@@ -1,6 +1,6 @@
-"""Discovery of frame grabbers, with verdicts on them and the options that identify them.
+"""Discovery of frame grabbers, with verdicts and the options that identify them.
 
-Nodes are asked by queries that work even while they stream for another program.
+Only queries are used that work even while a node is streaming for another program.
 """
 
 import errno
@@ -33,23 +33,23 @@ FAMILIES = {
     "NTSC": 0xF000,
     "SECAM": 0xFF0000,
 }
-"""Standards that have a name of their own, V4L2_STD_*."""
+"""Families of standards with their bits, V4L2_STD_*."""
 
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """Properties that a node reports.
+    """Properties reported by a node.
 
     Attributes:
-        kernel_driver: name of the kernel driver, e.g. "bttv"; `card`: the device's own name.
+        kernel_driver: Name of the kernel driver, e.g. "bttv"; `card`: the device's own name.
         captures: True if the node delivers pictures; if False, all further attributes are empty.
-        inputs: names of its inputs.
-        standards: families of standards that its inputs support, such as "PAL".
+        inputs: Names of its inputs.
+        standards: Families of standards that its inputs support, such as "PAL".
         at_50_hz: True if one of them has 50 fields per second.
-        standard_now: the selected standard, "" if unknown.
-        formats: supported pixel formats that grabberd reads; `other_formats`: all others.
-        field_orders: field orders that it grants.
-        pictures: sizes and rates of a camera without standards, in words; "" for all others.
+        standard_now: The selected standard, "" if unknown.
+        formats: Supported pixel formats that grabberd reads; `other_formats`: all others.
+        field_orders: Field orders that it grants.
+        pictures: Sizes and rates of a camera without standards, in words; "" for all others.
     """
 
     kernel_driver: str
@@ -66,15 +66,15 @@ class Answers:
 
     @property
     def is_camera(self) -> bool:
-        """True for a digital camera: whole pictures, and no video standard."""
+        """True for a digital camera, which has progressive pictures and no video standard."""
         return not self.standards and Arrangement.NONE in self.field_orders
 
 
 def ask(kernel: Kernel, path: Path) -> Answers:
-    """Asks a node.
+    """Queries a node.
 
     Raises:
-        OSError: the node cannot be opened, or disappears meanwhile.
+        OSError: The node cannot be opened, or disappears meanwhile.
     """
     with closing(Node(kernel, path)) as node:
         own = node.capability()
@@ -87,7 +87,7 @@ def _answers(node: Node, kernel_driver: str, card: str) -> Answers:
     inputs = node.inputs()
     standards = reduce(or_, (one.std for one in inputs), 0)
     formats = node.pixel_formats()
-    # What counts is the selected input: a card may have inputs with standards beside others.
+    # Only the selected input counts: a card may have inputs with and without standards.
     has_standards = bool(node.standards())
     readable = tuple(name for name in (RAW if has_standards else FORMATS) if name in formats)
     return Answers(
@@ -128,7 +128,7 @@ def _field_orders(node: Node, formats: tuple[str, ...]) -> Iterator[Arrangement]
 
 
 def _grants(node: Node, lines: int, fourcc: str, wanted: Arrangement) -> bool:
-    """True if TRY_FMT returns the arrangement; drivers refuse one by an error or by returning another."""
+    """True if TRY_FMT returns the arrangement; drivers refuse by an error or by returning another."""
     try:
         return bool(node.tried_format(_COLUMNS, lines, fourcc, wanted).field == wanted)
     except OSError:
@@ -159,7 +159,7 @@ def discover(
 
 
 def _seen(node: VideoNode, asked: Ask) -> _Seen:
-    """Query a node; if that fails, assume pictures on a device's first node, since others carry metadata."""
+    """Queries a node; if that fails, assumes that only a device's first node delivers pictures."""
     try:
         return _Seen(node, asked(node.path))
     except OSError as error:
@@ -245,7 +245,7 @@ def _ways(node: VideoNode, nodes: Sequence[VideoNode]) -> Iterator[dict[str, str
         elif node.usb.serial:
             yield usb | {"serial": node.usb.serial}
         yield usb | {"port": node.usb.port}
-    # Cheap dongles share one by-id name, so it comes after the port, which tells them apart.
+    # Cheap dongles share one by-id name, so it comes after the port, which distinguishes them.
     if node.by_id is not None:
         yield {"device": str(node.by_id)}
     yield {"device": str(node.path)}

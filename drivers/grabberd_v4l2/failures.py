@@ -1,4 +1,4 @@
-"""Meaning of the kernel's error numbers, with hints for the operator."""
+"""Translation of the kernel's error numbers to errors with hints for the operator."""
 
 import errno
 import os
@@ -10,7 +10,7 @@ from typing import NamedTuple
 from grabberd.errors import Cause, DeviceAbsent, DeviceError, DeviceLost, DeviceRefused, StreamFailed
 
 GONE = frozenset({errno.ENODEV, errno.ENXIO, errno.ENOENT})
-"""Error numbers of calls on a device that is not there."""
+"""Error numbers of calls on a missing device."""
 
 
 class _Meaning(NamedTuple):
@@ -47,7 +47,7 @@ _MEANINGS = {
     errno.EISDIR: _Meaning(Cause.DEVICE_REFUSED, "is a directory", "name a node such as /dev/video0"),
     errno.ENOTTY: _Meaning(
         Cause.DEVICE_REFUSED,
-        "is no video device, or lacks a required function",
+        "is not a video device, or lacks a required function",
         "'grabberd devices' lists the available devices",
     ),
     errno.ENOSPC: _Meaning(
@@ -61,14 +61,14 @@ _MEANINGS = {
         "gets no memory for its buffers",
         "reduce the option 'buffers'; 8 are enough",
     ),
-    # What a USB dongle with hung firmware answers; a reset of its port often revives it.
+    # Returned by a USB dongle with hung firmware; a reset of its port often revives it.
     errno.EIO: _HUNG,
     errno.EPIPE: _HUNG,
     errno.EPROTO: _HUNG,
     errno.ETIMEDOUT: _HUNG,
 }
 _OTHERWISE = _Meaning(
-    Cause.DEVICE_REFUSED, "refuses a request", "'v4l2-ctl -d {path} --all' and 'dmesg' tell more"
+    Cause.DEVICE_REFUSED, "refuses a request", "'v4l2-ctl -d {path} --all' and 'dmesg' show details"
 )
 
 
@@ -76,9 +76,9 @@ def failure(error: OSError, path: Path, gone: type[DeviceError]) -> DeviceError:
     """The device error for a kernel error.
 
     Args:
-        error: kernel error; its `filename`, if any, is the name of the failed call.
-        path: path of the node.
-        gone: class of the error for a device that is not there.
+        error: Kernel error; its `filename`, if any, is the name of the failed call.
+        path: Path of the node.
+        gone: Class of the error for a missing device.
     """
     answer = f"{error.filename or 'open'}: {os.strerror(error.errno or 0)}"
     if error.errno in GONE:
@@ -88,12 +88,12 @@ def failure(error: OSError, path: Path, gone: type[DeviceError]) -> DeviceError:
 
 
 def stream_failure(error: OSError, path: Path, hint: str = "") -> DeviceError:
-    """The device error for a kernel error of a stream: a missing device is lost, all else is a failure.
+    """The device error for a kernel error while streaming: DeviceLost or StreamFailed.
 
     Args:
-        error: kernel error, as of `failure`.
-        path: path of the node.
-        hint: hint of a failure; by default that of the error number.
+        error: Kernel error; see `failure`.
+        path: Path of the node.
+        hint: Hint of a StreamFailed; by default that of the error number.
     """
     found = failure(error, path, DeviceLost)
     return found if isinstance(found, DeviceLost) else StreamFailed(found.message, hint or found.hint)
@@ -101,7 +101,7 @@ def stream_failure(error: OSError, path: Path, hint: str = "") -> DeviceError:
 
 @contextmanager
 def opening(path: Path) -> Iterator[None]:
-    """Translate errors while a device is being opened: a missing one is absent."""
+    """Translates errors while a device is being opened; if it is missing, to DeviceAbsent."""
     try:
         yield
     except OSError as error:
@@ -110,7 +110,7 @@ def opening(path: Path) -> Iterator[None]:
 
 @contextmanager
 def restarting(path: Path) -> Iterator[None]:
-    """Translate errors while a stream restarts."""
+    """Translates errors while a stream is being restarted."""
     try:
         yield
     except OSError as error:

@@ -1,9 +1,9 @@
 """The fields in a buffer: their layout, exposure times and sequence numbers.
 
-Drivers stamp a buffer in software at the end of its last field. A camera without a shutter exposes a field
-while it reads out the one before, so the exposure ends as the read-out begins: its middle lies 1.5 field
-periods before the stamp. A shutter shortens the exposure at its beginning and moves its middle by up to half
-a period; unless the exposure is given, that is part of the standard deviation.
+Drivers timestamp a buffer in software at the end of its last field. A camera without a shutter exposes a
+field while it reads out the previous one, so the exposure ends when the read-out begins: its middle is 1.5
+field periods before the timestamp. A shutter shortens the start of the exposure and moves its middle by up to
+half a period; unless the exposure is given, that is part of the standard deviation.
 """
 
 import math
@@ -39,14 +39,14 @@ class Granted:
     """The stream that the kernel driver granted, read back after everything was requested.
 
     Attributes:
-        columns: pixels per line; `lines`: lines per buffer: of a frame, of one field, or of a whole picture.
-        bytes_per_line: distance of two lines in the first plane.
-        fourcc: pixel format, e.g. "YUYV".
+        columns: Pixels per line; `lines`: lines per buffer, of a frame, a field or a progressive picture.
+        bytes_per_line: Distance of two lines in the first plane.
+        fourcc: Pixel format, e.g. "YUYV".
         field: V4L2_FIELD_*, never ANY.
-        standard: video standard, e.g. "PAL"; "" for a camera without.
-        node: names and capabilities of the node.
-        buffers: number of buffers in the kernel's queue.
-        scan: what the camera scans.
+        standard: Video standard, e.g. "PAL"; "" for a camera without one.
+        node: Names and capabilities of the node.
+        buffers: Number of buffers in the kernel's queue.
+        scan: Lines, rate and field order of the camera.
     """
 
     columns: int
@@ -66,7 +66,7 @@ class LaidField(NamedTuple):
     Attributes:
         luma: (field_rows, columns) uint8, often a view into the buffer.
         parity: `TOP`, `BOTTOM` or `PROGRESSIVE`.
-        age_steps: age relative to the newest field in the buffer, in field periods: 0 or 1.
+        age_steps: Age relative to the newest field in the buffer, in field periods: 0 or 1.
     """
 
     luma: NDArray[np.uint8]
@@ -75,7 +75,7 @@ class LaidField(NamedTuple):
 
     @property
     def field(self) -> Field:
-        """The field that leaves the driver."""
+        """The field as returned by the driver."""
         if self.parity == PROGRESSIVE:
             return Field.progressive(self.luma)
         return Field.intact(self.luma, self.parity)
@@ -92,11 +92,11 @@ class Layout:
     """Position of the fields in every buffer of a stream.
 
     Attributes:
-        granted: the granted stream.
-        order: order in which its fields arrive.
-        rate_hz: fields per second, or whole pictures.
-        field_rows: rows per field, or per picture.
-        remarks: remarks for the operator.
+        granted: The granted stream.
+        order: Order in which its fields arrive.
+        rate_hz: Fields or progressive pictures per second.
+        field_rows: Rows per field or progressive picture.
+        remarks: Remarks for the operator.
     """
 
     granted: Granted
@@ -105,19 +105,19 @@ class Layout:
     field_rows: int
     remarks: tuple[str, ...]
     _parts: Mapping[int, tuple[_Part, ...]]
-    """Parts by the buffer's own field entry; under ANY if that entry is irrelevant."""
+    """Parts by the buffer's field entry; under ANY if that entry is irrelevant."""
 
     @classmethod
     def of(cls, granted: Granted, profile: Profile, older: int | None = None) -> "Layout":
         """The layout of a stream.
 
         Args:
-            granted: the granted stream.
-            profile: profile of the kernel driver.
-            older: parity of the older field, overriding driver and profile.
+            granted: The granted stream.
+            profile: Profile of the kernel driver.
+            older: Parity of the older field, overriding driver and profile.
 
         Raises:
-            DeviceRefused: such buffers contain no whole fields.
+            DeviceRefused: Such buffers contain no complete fields.
         """
         if granted.scan.is_progressive:
             return cls._progressive(granted)
@@ -126,8 +126,8 @@ class Layout:
             return cls._alternate(granted)
         if arrangement in _SINGLE:
             return cls._single(granted, _SINGLE[arrangement])
-        # The installer's word comes first, then the arrangement, which some drivers state wrongly; plain
-        # INTERLACED leaves it to the profile (usbtv's older field is the bottom one), else to the standard.
+        # The installer's option has priority, since some drivers report a wrong arrangement. INTERLACED does
+        # not state the order: it comes from the profile (for usbtv, bottom first) or else from the standard.
         if older is None:
             older = _OLDER.get(arrangement, profile.older_parity)
         return cls._frames(granted, arrangement, granted.scan.older if older is None else older)
@@ -139,8 +139,8 @@ class Layout:
 
     @property
     def period_ns(self) -> int:
-        """Time from field to field of the camera, whether both parities are delivered or one, or from picture
-        to picture.
+        """The camera's time from field to field, even if only one parity is delivered, or from picture to
+        picture.
         """
         return self.granted.scan.period_ns
 
@@ -149,11 +149,11 @@ class Layout:
 
         Args:
             buffer: (n,) uint8.
-            buffer_field: the driver's field entry (`v4l2_buffer.field`); decides if a buffer has one field.
+            buffer_field: The driver's field entry (`v4l2_buffer.field`): the parity if it has one field.
 
         Raises:
-            DeviceRefused: a buffer of one field does not tell its parity.
-            ValueError: the buffer is too short.
+            DeviceRefused: A buffer with one field does not state its parity.
+            ValueError: The buffer is too short.
         """
         parts = self._parts.get(buffer_field) or self._parts.get(Arrangement.ANY)
         if parts is None:
@@ -203,7 +203,7 @@ def _believed(granted: Granted, profile: Profile) -> Arrangement:
     """The actual arrangement of the buffers.
 
     Raises:
-        DeviceRefused: the buffers cannot be split into fields.
+        DeviceRefused: The buffers cannot be split into fields.
     """
     arrangement = Arrangement(granted.field)
     if arrangement is Arrangement.NONE and profile.none_is_woven:
@@ -227,7 +227,7 @@ def _height(granted: Granted, rows: int) -> tuple[int, tuple[str, ...]]:
     """Rows of a field, with a remark if some are missing.
 
     Raises:
-        DeviceRefused: there are more rows than a field has, so they are interpolated.
+        DeviceRefused: There are more rows than a field has, so they are interpolated.
     """
     lines = granted.scan.lines
     most = lines // 2
@@ -239,7 +239,7 @@ def _height(granted: Granted, rows: int) -> tuple[int, tuple[str, ...]]:
 
 
 def _no_parity(granted: Granted, buffer_field: int) -> DeviceRefused:
-    what = f"a buffer of alternating fields does not tell its parity (field {buffer_field})"
+    what = f"a buffer of alternating fields does not state its parity (field {buffer_field})"
     return _refused(granted, what, "request woven frames: put 'interlaced' first in the field orders")
 
 
@@ -256,10 +256,10 @@ class Stamp(NamedTuple):
     """Metadata that came with a buffer.
 
     Attributes:
-        time_ns: the driver's timestamp.
-        flags: flags of the buffer, which include the timestamp's clock.
-        sequence: the driver's count, modulo 2³².
-        arrival_ns: time of its dequeuing, CLOCK_MONOTONIC.
+        time_ns: The driver's timestamp.
+        flags: Flags of the buffer, including the timestamp's clock.
+        sequence: The driver's count, modulo 2³².
+        arrival_ns: Time when it was dequeued, CLOCK_MONOTONIC.
     """
 
     time_ns: int
@@ -272,8 +272,8 @@ class FieldTime(NamedTuple):
     """A field's time and place.
 
     Attributes:
-        time_ns: middle of the field's exposure.
-        sequence: the driver's own count, unwrapped. Frames of two fields count two; with one field or picture
+        time_ns: Middle of the field's exposure.
+        sequence: The driver's count, unwrapped. Frames of two fields count twice; with one field or picture
             per buffer it is the driver's number, whether it counts fields or frames.
     """
 
@@ -282,18 +282,18 @@ class FieldTime(NamedTuple):
 
 
 class FieldTimes:
-    """From the stamps of buffers to times and counts of fields.
+    """Converts the stamps of buffers to times and counts of fields.
 
     Args:
-        layout: layout of the buffers.
-        profile: profile of the driver, with the trust in its timestamps.
-        exposure_ns: exposure time of the camera, if known.
+        layout: Layout of the buffers.
+        profile: Profile of the driver, which states whether its timestamps are trusted.
+        exposure_ns: Exposure time of the camera, if known.
 
     Attributes:
-        sigma_ns: standard deviation of a field's time.
+        sigma_ns: Standard deviation of a field's time.
 
     Raises:
-        DeviceRefused: the exposure is longer than the time from field to field.
+        DeviceRefused: The exposure is longer than the time from field to field.
     """
 
     def __init__(self, layout: Layout, profile: Profile, exposure_ns: int | None = None) -> None:
@@ -307,7 +307,7 @@ class FieldTimes:
         self._per_buffer = layout.fields_per_buffer
         self._believed = profile.trusts_time
         self._half_exposure_ns = (period_ns if exposure_ns is None else exposure_ns) // 2
-        # Any exposure up to a whole period is equally likely, which moves the middle by up to half of it.
+        # Any exposure up to a full period is equally likely, which moves the middle by up to half a period.
         unknown_ns = period_ns / 2 / math.sqrt(3) if exposure_ns is None else 0.0
         stamp_ns = profile.time_sigma_ms * 1e6 if profile.trusts_time else _ARRIVAL_SIGMA_NS
         self.sigma_ns = round(math.hypot(unknown_ns, stamp_ns))
@@ -315,10 +315,10 @@ class FieldTimes:
         self._last_ns: int | None = None
 
     def handed_back(self, stamp: Stamp) -> bool:
-        """True if a buffer was returned without a field of the camera; call it for each buffer, in order.
+        """True if a buffer was returned without a field; to be called for each buffer, in order.
 
         A driver that gives up waiting for the camera flags all its buffers and returns them at once; the
-        first of them stands for the missing field.
+        first of them counts for the missing field.
         """
         before_ns, self._last_ns = self._last_ns, stamp.time_ns
         flagged = bool(stamp.flags & abi.BUF_FLAG_ERROR)
@@ -338,13 +338,13 @@ class FieldTimes:
         """Middle of the exposure of a buffer's newest field."""
         if not self._believed or not _is_monotonic(stamp.flags):
             return stamp.arrival_ns - self._period_ns - self._half_exposure_ns
-        # SOE: the stamp is the start of exposure, as from UVC devices, not the end of the last field.
+        # SOE: the timestamp is the start of the exposure, as for UVC devices, not the end of the last field.
         if stamp.flags & abi.BUF_FLAG_TSTAMP_SRC_MASK == abi.BUF_FLAG_TSTAMP_SRC_SOE:
             return stamp.time_ns + (self._per_buffer - 1) * self._period_ns + self._half_exposure_ns
         return stamp.time_ns - self._period_ns - self._half_exposure_ns
 
     def _counted(self, sequence: int) -> int:
-        """The driver's count, unwrapped; if the driver counts backward, so does the result."""
+        """The driver's count, unwrapped; decreases if the driver counts backward."""
         if self._count is None:
             self._count = sequence
         self._count += (sequence - self._count + _WRAP // 2) % _WRAP - _WRAP // 2

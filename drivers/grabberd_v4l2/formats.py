@@ -1,6 +1,6 @@
-"""The luma in a buffer, format by format, JPEG included.
+"""Extraction of the luma from a buffer, for each pixel format, including JPEG.
 
-A camera's broken JPEG is told in words and never ends the stream.
+A broken JPEG is reported as damage and never ends the stream.
 """
 
 from typing import NamedTuple
@@ -13,9 +13,9 @@ class PixelFormat(NamedTuple):
     """Memory layout of a pixel format.
 
     Attributes:
-        word: type of one pixel; its low byte is the luma, its high byte, if any, chroma.
-        planes: size of the whole picture in units of its luma plane.
-        is_compressed: True if a buffer has a JPEG, and the layout is that of the decoded luma.
+        word: Type of one pixel; its low byte is the luma, its high byte, if any, chroma.
+        planes: Size of the whole picture in units of its luma plane.
+        is_compressed: True for JPEG; the layout is that of the decoded luma.
     """
 
     word: DTypeLike
@@ -31,11 +31,11 @@ FORMATS = {
     "MJPG": PixelFormat("u1", 1.0, is_compressed=True),
     "JPEG": PixelFormat("u1", 1.0, is_compressed=True),
 }
-"""The formats that can be read, the preferred ones first.
+"""The supported formats in order of preference.
 
-The first four have the same 8-bit luma, so the order is that of effort: GREY carries nothing else, NV12 half
-as much again, YUYV and UYVY twice as much, and their luma has to be extracted, which takes longer for UYVY. A
-JPEG has to be decoded, and its luma is not quite the camera's; only digital cameras deliver it.
+The first four have the same 8-bit luma, so they are ordered by cost: GREY carries nothing else, NV12 half as
+much again, YUYV and UYVY twice as much, and their luma must be extracted, which takes longer for UYVY. JPEG
+must be decoded, and its luma is not exactly the camera's; only digital cameras deliver it.
 """
 RAW = tuple(fourcc for fourcc, one in FORMATS.items() if not one.is_compressed)
 
@@ -48,30 +48,30 @@ def luma(
     bytes_per_line: int,
     rows: slice = slice(None),
 ) -> NDArray[np.uint8]:
-    """Grey values of some lines, with contiguous pixels.
+    """Grey values of selected lines, with contiguous pixels.
 
     The result is a view into the buffer if its pixels are contiguous (GREY, NV12), otherwise a copy without
-    the chroma: one copy takes a fifth of the extra time that doubling lines of strided pixels would take.
+    the chroma: the copy takes a fifth of the extra time that doubling lines of strided pixels would take.
 
     Args:
         buffer: (n,) uint8, at least `needed_bytes`.
-        fourcc: one of `FORMATS`.
-        lines: lines of the picture.
-        columns: pixels per line.
-        bytes_per_line: distance of two lines in bytes.
-        rows: the lines to extract.
+        fourcc: One of `FORMATS`.
+        lines: Lines of the picture.
+        columns: Pixels per line.
+        bytes_per_line: Distance of two lines in bytes.
+        rows: The lines to extract.
 
     Returns:
         (rows, columns) uint8.
 
     Raises:
-        ValueError: the buffer is too short.
+        ValueError: The buffer is too short.
     """
     used = columns * bytes_per_pixel(fourcc)
     length = (lines - 1) * bytes_per_line + used
     if buffer.size < length:
         raise ValueError(f"{lines} lines of {fourcc} need {length} bytes, the buffer has {buffer.size}")
-    # The last line need not be padded, so this is no reshape.
+    # Not a reshape, because the last line need not be padded.
     picture = np.ndarray((lines, used), np.uint8, buffer, strides=(bytes_per_line, 1))
     return picture[rows].view(FORMATS[fourcc].word).astype(np.uint8, copy=False)
 
@@ -82,7 +82,7 @@ def bytes_per_pixel(fourcc: str) -> int:
 
 
 def needed_bytes(fourcc: str, lines: int, columns: int, bytes_per_line: int) -> int:
-    """Bytes of a whole picture, chroma included; a buffer with fewer is truncated."""
+    """Bytes of a complete picture, including chroma; a buffer with fewer bytes is truncated."""
     padding = bytes_per_line - columns * bytes_per_pixel(fourcc)
     return int(lines * FORMATS[fourcc].planes) * bytes_per_line - padding
 
@@ -90,22 +90,22 @@ def needed_bytes(fourcc: str, lines: int, columns: int, bytes_per_line: int) -> 
 _SOI, _EOI = b"\xff\xd8", b"\xff\xd9"
 _FILL, _SOS, _RESTARTS = 0xFF, 0xDA, 0xDD
 _FRAMES = (0xC0, 0xC1, 0xC2)
-"""Markers with the picture's size: baseline, extended and progressive coding by Huffman's method."""
+"""Markers with the picture's size: baseline, extended and progressive Huffman coding."""
 _MOST_HEADER = 65_536
 _MOST_BODY = 8
-"""Bytes of a segment that are looked at."""
+"""Number of bytes read of a segment."""
 _BLOCK = 8
 _NOTHING_LEFT = 128
-"""Grey of the blocks for which the decoder had no data left."""
+"""Grey value of blocks for which the decoder had no data."""
 
 
 class Header(NamedTuple):
-    """Header of a picture, as far as it matters.
+    """The relevant parts of a JPEG header.
 
     Attributes:
         shape: Lines and columns.
-        unit_px: Lines and columns of a unit of coding, which holds the blocks of all colours.
-        restart_units: Units after which the coding begins anew; 0 if it does not.
+        unit_px: Lines and columns of a minimum coded unit (MCU), which contains blocks of all components.
+        restart_units: Restart interval in units; 0 if there are no restarts.
     """
 
     shape: tuple[int, int]
@@ -114,10 +114,10 @@ class Header(NamedTuple):
 
 
 class JpegLuma:
-    """Decodes one stream's pictures.
+    """Decodes the pictures of one stream.
 
     Args:
-        lines, columns: size of every picture.
+        lines, columns: Size of every picture.
     """
 
     def __init__(self, lines: int, columns: int) -> None:
@@ -130,36 +130,36 @@ class JpegLuma:
         self._grey: NDArray[np.bool_] = np.zeros(0, np.bool_)
 
     def decode(self, data: NDArray[np.uint8]) -> tuple[NDArray[np.uint8] | None, str | None]:
-        """The luma of a picture, and what is wrong with it.
+        """The luma of a picture, and its damage.
 
-        A picture that breaks off is grey from there on. In place of one that cannot be decoded the last
-        whole picture is returned; None if there was none yet.
+        A truncated picture is grey from there on. If a picture cannot be decoded, the last intact one is
+        returned, or None if there was none yet.
 
         Args:
             data: (n,) uint8, as the camera sent them.
 
         Returns:
-            (lines, columns) uint8, and the damage in words, or None.
+            (lines, columns) uint8, and a description of the damage, or None.
         """
         header = _header(data[:_MOST_HEADER].tobytes())
         fault = _fault(data, header, self._shape)
         luma = None if fault else self._decoded(data)
         if luma is None or header is None or luma.shape != self._shape:
             return self._last, f"broken JPEG: {fault or 'it cannot be decoded'}"
-        # The header alone does not tell: lost bytes in the middle leave too few for the last blocks.
+        # The header does not reveal it: lost bytes in the middle leave too few for the last blocks.
         if self._lacks_data(_without_data(luma, header)):
             return luma, "broken JPEG: data are missing"
         self._last = luma
         return luma, None
 
     def _lacks_data(self, grey: NDArray[np.bool_]) -> bool:
-        """True if data did not suffice; what looks so within one picture after the other is a grey scene."""
+        """True if data were missing; what looks the same in consecutive pictures is a grey scene."""
         before, self._grey = self._grey, grey
         is_new = grey & ~before if before.shape == grey.shape else np.zeros_like(grey)
         return bool(grey[-1] or is_new.any())
 
     def _decoded(self, data: NDArray[np.uint8]) -> NDArray[np.uint8] | None:
-        if _EOI not in data[-_MOST_HEADER:].tobytes():  # then the decoder would give nothing at all
+        if _EOI not in data[-_MOST_HEADER:].tobytes():  # without it, the decoder would return nothing
             data = np.concatenate([data, np.frombuffer(_EOI, np.uint8)])
         try:
             return self._cv2.imdecode(data, self._how)  # type: ignore[return-value]
@@ -168,13 +168,13 @@ class JpegLuma:
 
 
 def _without_data(luma: NDArray[np.uint8], header: Header) -> NDArray[np.bool_]:
-    """True where the last unit, of the picture or before the coding begins anew, looks as without data."""
+    """Checks the last unit before each restart, and of the picture: True if it looks like missing data."""
     height, width = header.unit_px
     across = -(-luma.shape[1] // width)
     units = across * -(-luma.shape[0] // height)
     every = header.restart_units or units
     last = np.minimum(np.arange(every - 1, units + every - 1, every), units - 1)
-    # The first block of a unit: the other ones may lie outside of the picture.
+    # The first block of a unit; the others may be outside the picture.
     lines, columns = last // across * height, last % across * width
     grey: NDArray[np.bool_] = luma[lines, columns] == _NOTHING_LEFT
     for end in np.flatnonzero(grey).tolist():
@@ -184,9 +184,9 @@ def _without_data(luma: NDArray[np.uint8], header: Header) -> NDArray[np.bool_]:
 
 
 def _fault(data: NDArray[np.uint8], header: Header | None, shape: tuple[int, int]) -> str | None:
-    """The reason why data are no JPEG of this size, as far as their header tells.
+    """The reason why data are not a JPEG of this size, judged by the header.
 
-    Checked before they are decoded: a header that claims 65 535 lines costs gigabytes.
+    Checked before decoding: a header that states 65 535 lines would cost gigabytes.
     """
     if not data.size:
         return "it is empty"
@@ -200,7 +200,7 @@ def _fault(data: NDArray[np.uint8], header: Header | None, shape: tuple[int, int
 
 
 def _header(data: bytes) -> Header | None:
-    """The segments before the scan; None if they do not tell the size, or there is no scan."""
+    """Parses the segments before the scan; None if the size or the scan is missing."""
     at, header, restart_units = len(_SOI), None, 0
     while at + 4 <= len(data) and data[at] == _FILL:
         marker, body = data[at + 1], data[at + 4 : at + 4 + _MOST_BODY]
@@ -210,13 +210,13 @@ def _header(data: bytes) -> Header | None:
             header = _frame(body)
         if marker == _RESTARTS:
             restart_units = int.from_bytes(body[:2], "big")
-        # A marker may have any number of filling bytes before it.
+        # A marker may be preceded by any number of fill bytes.
         at += 1 if marker == _FILL else 2 + int.from_bytes(data[at + 2 : at + 4], "big")
     return None
 
 
 def _frame(body: bytes) -> Header:
-    """Size of a frame and of its units, which have more blocks of luma each way where colours are coarser."""
+    """Size of a frame and of its units, which have several blocks of luma if the chroma is subsampled."""
     lines, columns, colours, sampling = (
         int.from_bytes(body[1:3], "big"),
         int.from_bytes(body[3:5], "big"),

@@ -1,4 +1,4 @@
-"""A frame grabber of the kernel's V4L2, seen through the driver contract, with remarks on its stream."""
+"""The V4L2 grabber, implementing the driver contract, with remarks on its stream."""
 
 import contextlib
 from collections.abc import Iterator, Sequence
@@ -46,12 +46,12 @@ class V4l2Grabber:
         """Checks the options; nothing is opened.
 
         Args:
-            kernel: system calls; this computer's own by default.
-            roots: locations of /sys and /dev.
-            options: see `V4l2Options`.
+            kernel: System calls; by default those of this computer.
+            roots: Locations of /sys and /dev.
+            options: See `V4l2Options`.
 
         Raises:
-            ValueError: an option is unknown or not allowed; the message has a line for each.
+            ValueError: An option is unknown or not allowed; the message has a line for each.
         """
         self.options = V4l2Options.read(options)
         self._kernel = kernel or LinuxKernel()
@@ -63,7 +63,7 @@ class V4l2Grabber:
 
     @property
     def called_ns(self) -> int:
-        """Time spent so far in calls to the device, without waiting for fields."""
+        """Total time spent in calls to the device, except waiting for fields."""
         return self._called_ns + (0 if self._node is None else self._node.called_ns)
 
     @property
@@ -75,9 +75,9 @@ class V4l2Grabber:
         """Finds the device, sets it up and starts it.
 
         Raises:
-            DeviceAbsent: the device is not there.
-            DeviceRefused: the device is open already, unsuitable, in use, or grants no usable stream.
-            StreamFailed: the device does not respond properly; a reset may help.
+            DeviceAbsent: The device is not connected.
+            DeviceRefused: The device is already open, unsuitable, in use, or grants no usable stream.
+            StreamFailed: The device does not respond properly; a reset may help.
         """
         if self._node is not None:
             raise DeviceRefused(f"{self._node.path} is open already", "close it first")
@@ -97,9 +97,9 @@ class V4l2Grabber:
         """The fields of the next buffer, the older first; empty if none arrives in time.
 
         Raises:
-            DeviceLost: the device is not open, or has disappeared.
-            StreamFailed: the stream has ended, or its camera has another standard.
-            DeviceRefused: a buffer does not tell the parity of its field.
+            DeviceLost: The device is not open, or has disappeared.
+            StreamFailed: The stream has ended, or its camera has another standard.
+            DeviceRefused: A buffer does not state the parity of its field.
         """
         running = self._streaming()
         running.watch.look_again()
@@ -118,9 +118,9 @@ class V4l2Grabber:
         """Stops the stream, negotiates it again and restarts it, on the same descriptor.
 
         Raises:
-            DeviceLost: the device is not open, or has disappeared.
-            StreamFailed: the stream does not start.
-            DeviceRefused: the granted stream differs from the previous one.
+            DeviceLost: The device is not open, or has disappeared.
+            StreamFailed: The stream does not start.
+            DeviceRefused: The granted stream differs from the previous one.
         """
         if self._node is None:
             raise _not_open()
@@ -130,7 +130,7 @@ class V4l2Grabber:
         if running.layout != self._layout:
             running.stream.stop()
             raise DeviceRefused(
-                f"{self._node.path} grants another stream than before", "close it and open it again"
+                f"{self._node.path} grants a different stream than before", "close it and open it again"
             )
         self._running = running
         return running.info
@@ -139,17 +139,17 @@ class V4l2Grabber:
         """Resets the closed device's USB port.
 
         Raises:
-            DeviceAbsent: the device is not there.
-            DeviceRefused: the device is open or not on USB, or libusb or permissions are missing.
+            DeviceAbsent: The device is not connected.
+            DeviceRefused: The device is open or not on USB, or libusb or permissions are missing.
         """
-        # A reset unbinds the kernel driver and binds it again; a device whose node is still open or whose
-        # buffers are mapped does not come back.
+        # A reset unbinds and rebinds the kernel driver; a device with an open node or mapped buffers does not
+        # come back.
         if self._node is not None:
             raise DeviceRefused(f"{self._node.path} is open", "close it first")
         reset_of(self.options.identity, self._roots)
 
     def close(self) -> None:
-        """Stops the stream and releases everything; may be called twice and after an `open` that failed."""
+        """Stops the stream and releases everything; may be called twice, and after a failed `open`."""
         self._stop()
         node, self._node = self._node, None
         if node is not None:
@@ -168,8 +168,8 @@ class V4l2Grabber:
         nodes = video_nodes(self._roots)
         place = node_at(node.path, nodes)
         profile = profiles.of(capability.driver, place.usb_id if place else "")
-        # Everything is set before buffers exist: drivers refuse a new standard or format while they have any,
-        # and usbtv, which does not, must not be given another standard while it streams.
+        # Everything is set before buffers exist: with buffers, drivers refuse a new standard or format, and
+        # usbtv, which does not, must not change its standard while streaming.
         granted = negotiate(node, capability, self.options, profile)
         watch = _settled(node, profile, granted)
         remarks = (*profiles.remarks, *(remarks_on(place, nodes) if place else ()))
@@ -210,14 +210,14 @@ def _fields(running: _Running, filled: Filled) -> list[GrabbedField]:
     if running.jpeg is not None:
         luma, broken = running.jpeg.decode(filled.picture[: filled.bytes_used])
         if luma is None:
-            return []  # the stream has not begun before its first picture
+            return []  # the stream starts with its first intact picture
         damage, picture = damage or broken, luma.ravel()
     try:
         laid = running.layout.fields(picture, filled.field)
     except DeviceRefused:
         if damage is None:
             raise
-        return []  # a damaged field without parity counts as lost: the gap in time shows it
+        return []  # a damaged field without parity counts as lost, which the time gap shows
     times = running.times.of(filled.stamp, laid)
     return [
         GrabbedField(one.field, time.time_ns, time.sequence, damage)
@@ -234,9 +234,9 @@ def _damage(filled: Filled, whole_bytes: int) -> str | None:
 
 
 _MANY_BUFFERS = 8
-"""At 25 frames a second a third of a second of delay in this process."""
+"""At 25 frames a second, these last for delays in this process of a third of a second."""
 _ENOUGH_S = 0.1
-"""Time that the buffers should last for; delays in this process of a tenth of a second are common."""
+"""Time for which the buffers should last; delays of a tenth of a second are common."""
 _ANALOG_SIZES = ((720, 576), (720, 480))
 
 
@@ -248,7 +248,7 @@ def stream_info(
     path: Path,
     remarks: tuple[str, ...],
 ) -> StreamInfo:
-    """Description of the stream; `remarks` on its surroundings come before its own."""
+    """Description of the stream; general `remarks` come before its own."""
     granted = layout.granted
     return StreamInfo(
         driver="v4l2",

@@ -25,7 +25,7 @@ class Pages(Protocol):
         ...
 
     def unmap(self) -> None:
-        """Returns the memory to the kernel; may be called twice; remaining views show zeros from now on."""
+        """Returns the memory to the kernel; may be called twice. Remaining views then show zeros."""
         ...
 
 
@@ -33,7 +33,7 @@ class Kernel(Protocol):
     """System calls; each raises `OSError` with the kernel's error, and only `poll` and `sleep` block."""
 
     def open(self, path: Path) -> int:
-        """A non-blocking descriptor."""
+        """Opens a node; returns a non-blocking descriptor."""
         ...
 
     def close(self, fd: int) -> None:
@@ -41,7 +41,7 @@ class Kernel(Protocol):
         ...
 
     def ioctl(self, fd: int, request: int, argument: Any) -> None:
-        """A call with a ctypes object that the kernel may write to."""
+        """Makes a call with a ctypes object, to which the kernel may write."""
         ...
 
     def mmap(self, fd: int, length: int, offset: int) -> Pages:
@@ -49,7 +49,7 @@ class Kernel(Protocol):
         ...
 
     def poll(self, fd: int, timeout_s: float) -> int:
-        """Poll for POLL_* events; returns 0 after the timeout."""
+        """Polls for POLL_* events; returns 0 after the timeout."""
         ...
 
     def now_ns(self) -> int:
@@ -62,7 +62,7 @@ class Kernel(Protocol):
 
 
 class LinuxKernel:
-    """The real one."""
+    """The system calls of this computer."""
 
     def open(self, path: Path) -> int:
         """Read and write, non-blocking, not inherited."""
@@ -87,7 +87,7 @@ class LinuxKernel:
 
     def poll(self, fd: int, timeout_s: float) -> int:
         """Waits for a buffer or an event."""
-        # Never select(): it cannot take descriptors above 1023, nor tell a hang-up from an event.
+        # Not select(), which supports no descriptors above 1023 and does not distinguish hang-up from event.
         poller = select.poll()
         poller.register(fd, POLL_IN | POLL_PRI)
         ready = poller.poll(max(timeout_s, 0.0) * 1e3)
@@ -96,7 +96,7 @@ class LinuxKernel:
 
 _libc = ctypes.CDLL(None, use_errno=True)
 _libc.mmap.restype = ctypes.c_void_p
-# Declared, since ctypes would pass undeclared arguments as C's int and cut addresses to 32 bits.
+# Declared, since ctypes would pass undeclared arguments as C int and truncate addresses to 32 bits.
 _libc.mmap.argtypes = (ctypes.c_void_p, ctypes.c_size_t, *[ctypes.c_int] * 3, ctypes.c_long)
 _libc.munmap.argtypes = (ctypes.c_void_p, ctypes.c_size_t)
 _MAP_FIXED = 0x10
@@ -104,10 +104,10 @@ _MAP_FAILED = ctypes.c_void_p(-1).value
 
 
 class _MappedPages:
-    """Mapped memory whose address range outlives the mapping as long as an array refers to it.
+    """Mapped memory whose address range stays valid after unmapping as long as an array refers to it.
 
-    Python's own `mmap` cannot be closed while an array refers to it, and a device with mapped buffers does
-    not come back after an unplug. So `unmap` replaces the buffer with empty memory, in one atomic step.
+    Python's `mmap` cannot be closed while an array refers to it, and a device with mapped buffers does not
+    come back after being unplugged. So `unmap` atomically replaces the buffer with empty memory.
     """
 
     def __init__(self, fd: int, length: int, offset: int) -> None:
@@ -123,7 +123,7 @@ class _MappedPages:
         return self._array
 
     def unmap(self) -> None:
-        """Releases the device's memory at once; the address range follows with its last view."""
+        """Releases the device's memory at once, and the address range with its last view."""
         if self._array is not None:
             flags = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS | _MAP_FIXED
             _map(self._address, self._length, mmap.PROT_READ, flags, -1, 0)

@@ -12,11 +12,11 @@ Size = tuple[int, int]
 """Pixels per line, and lines."""
 
 LEAST_HZ = 5
-"""Slower streams look like a grabber that has stopped."""
+"""Minimum rate: slower streams look like a grabber that has stopped."""
 ENOUGH_HZ = 25
-"""A rate below it is not chosen unless asked for, as long as there is another."""
+"""Rate below which a mode is chosen only if requested, or if there is no faster one."""
 _NEAR = 2e-3
-"""Part by which a rate may differ from the one asked for: 59.94 is 60."""
+"""Relative tolerance of a requested rate: 59.94 is accepted as 60."""
 _MOST_IN_WORDS = 24
 _SQUARE = (640, 480)
 
@@ -25,9 +25,9 @@ class Mode(NamedTuple):
     """A size in a pixel format.
 
     Attributes:
-        fourcc: pixel format.
-        columns, lines: size.
-        rates_hz: pictures per second, the highest first; empty if the camera does not tell.
+        fourcc: Pixel format.
+        columns, lines: Size.
+        rates_hz: Pictures per second, the highest first; empty if the camera does not report them.
     """
 
     fourcc: str
@@ -45,8 +45,8 @@ class Wish(NamedTuple):
     """A stream that may be requested.
 
     Attributes:
-        mode: size and format.
-        rate_hz: pictures per second; None leaves it to the camera.
+        mode: Size and format.
+        rate_hz: Pictures per second; None leaves it to the camera.
     """
 
     mode: Mode
@@ -56,10 +56,9 @@ class Wish(NamedTuple):
 def offered(
     node: Node, formats: Iterable[str], size: Size | None = None, rate_hz: float | None = None
 ) -> Iterator[Mode]:
-    """All modes of these formats.
+    """All modes with these formats.
 
-    Where the camera tells a range, `size` and `rate_hz` are taken from it if they are within, else the
-    largest.
+    If the camera reports a range, `size` and `rate_hz` are used if they are within it, otherwise the largest.
     """
     for fourcc in formats:
         sizes = [_size_of(one, size) for one in node.frame_sizes(fourcc)] or [size or _SQUARE]
@@ -74,13 +73,13 @@ def wishes(
 ) -> list[Wish]:
     """The streams to request, the best first.
 
-    A rate of `ENOUGH_HZ` comes before all else, then the format's rank, then the size and the rate.
+    They are sorted by whether the rate reaches `ENOUGH_HZ`, then by the format's rank, the size and the rate.
 
     Args:
-        modes: what the camera offers.
-        ranks: formats that may be used, with their rank; the lowest is the best.
-        size: the only size, or None for any.
-        rate_hz: the only rate, or None for any of at least `LEAST_HZ`.
+        modes: Modes that the camera offers.
+        ranks: Allowed formats with their rank; the lowest is the best.
+        size: The only size, or None for any.
+        rate_hz: The only rate, or None for any of at least `LEAST_HZ`.
     """
     found = [
         Wish(mode, rate)
@@ -92,7 +91,7 @@ def wishes(
 
 
 def is_near(rate_hz: float | Fraction, wanted_hz: float | Fraction) -> bool:
-    """True if a rate is the one that was asked for, as exactly as people write it."""
+    """True if a rate is the requested one within the tolerance."""
     return abs(float(rate_hz) / float(wanted_hz) - 1) <= _NEAR
 
 
@@ -103,10 +102,10 @@ def in_words(modes: Sequence[Mode]) -> str:
     return ("; ".join(words[:_MOST_IN_WORDS]) + more) or "nothing"
 
 
-def _size_of(told: abi.FrmSizeEnum, wanted: Size | None) -> Size:
-    if told.type == abi.FRMSIZE_TYPE_DISCRETE:
-        return int(told.discrete.width), int(told.discrete.height)
-    span = told.stepwise
+def _size_of(entry: abi.FrmSizeEnum, wanted: Size | None) -> Size:
+    if entry.type == abi.FRMSIZE_TYPE_DISCRETE:
+        return int(entry.discrete.width), int(entry.discrete.height)
+    span = entry.stepwise
     if wanted is not None:
         columns, lines = wanted
         fits = (
@@ -120,11 +119,11 @@ def _size_of(told: abi.FrmSizeEnum, wanted: Size | None) -> Size:
     return int(span.max_width), int(span.max_height)
 
 
-def _rates_of(told: abi.FrmIvalEnum, wanted_hz: float | None) -> Iterator[Fraction]:
-    if told.type == abi.FRMIVAL_TYPE_DISCRETE:
-        yield from _rate(told.discrete)
+def _rates_of(entry: abi.FrmIvalEnum, wanted_hz: float | None) -> Iterator[Fraction]:
+    if entry.type == abi.FRMIVAL_TYPE_DISCRETE:
+        yield from _rate(entry.discrete)
         return
-    span = told.stepwise
+    span = entry.stepwise
     for most in _rate(span.min):
         least = next(_rate(span.max), Fraction(0))
         if wanted_hz is not None and least <= wanted_hz <= most:
@@ -134,7 +133,7 @@ def _rates_of(told: abi.FrmIvalEnum, wanted_hz: float | None) -> Iterator[Fracti
 
 
 def _rate(interval: abi.Fraction) -> Iterator[Fraction]:
-    """The rate of an interval; none if the driver fills it with zeros."""
+    """The rate of an interval; nothing if the driver fills it with zeros."""
     if interval.numerator and interval.denominator:
         yield Fraction(interval.denominator, interval.numerator)
 

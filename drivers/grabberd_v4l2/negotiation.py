@@ -1,8 +1,8 @@
 """Negotiation of a stream: the input, then fields of a video standard or progressive pictures.
 
-What is set is read back before the next is set: standard, pixel format and field order of an interlaced
+Each setting is read back before the next one is made: standard, pixel format and field order of an interlaced
 stream; size, pixel format and rate of a progressive one. A camera without a video standard, such as a USB
-(UVC) one, delivers progressive pictures.
+(UVC) camera, delivers progressive pictures.
 """
 
 import errno
@@ -33,10 +33,10 @@ _OTHER_KINDS = {
 
 
 def capture_node(node: Node) -> Capability:
-    """Capabilities of the node; raises if it cannot stream pictures.
+    """Capabilities of a node that can stream pictures.
 
     Raises:
-        DeviceRefused: the node cannot stream pictures.
+        DeviceRefused: The node cannot stream pictures.
     """
     capability = node.capability()
     if not capability.flags & abi.CAP_VIDEO_CAPTURE:
@@ -59,8 +59,8 @@ def negotiate(node: Node, capability: Capability, options: V4l2Options, profile:
     """Sets input, standard and format, and reads them back; no buffers are allocated yet.
 
     Raises:
-        DeviceRefused: the card is unsuitable, or grants no usable stream.
-        OSError: a call failed.
+        DeviceRefused: The card is unsuitable, or grants no usable stream.
+        OSError: A call failed.
     """
     if profile.verdict is Verdict.UNUSABLE:
         raise DeviceRefused(f"{node.path} ({capability.card}): {'; '.join(profile.remarks)}", profile.advice)
@@ -70,7 +70,7 @@ def negotiate(node: Node, capability: Capability, options: V4l2Options, profile:
     else:
         pix, scan, standard = _set_up_interlaced(node, options, profile)
     columns, fourcc = int(pix.width), abi.fourcc_name(pix.pixelformat)
-    # A JPEG has lines only once it is decoded, and then without padding.
+    # A JPEG has lines only after decoding, and then without padding.
     bytes_per_line = 0 if FORMATS[fourcc].is_compressed else int(pix.bytesperline)
     return Granted(
         columns=columns,
@@ -86,14 +86,14 @@ def negotiate(node: Node, capability: Capability, options: V4l2Options, profile:
 
 
 def _is_progressive(node: Node, options: V4l2Options, profile: Profile) -> bool:
-    """True if whole pictures are to be requested: by the installer's word, or where there is no standard."""
+    """True for progressive pictures: if the installer requests them, or if there is no standard."""
     if options.arrangement is Arrangement.NONE:
         return not profile.none_is_woven
     return options.standard is None and options.arrangement is None and not node.standards()
 
 
 def picture_bytes(granted: Granted) -> int:
-    """Bytes of a whole picture in its buffer; 0 of a JPEG, whose pictures differ."""
+    """Bytes of a complete picture in its buffer; 0 for JPEG, whose size varies."""
     if FORMATS[granted.fourcc].is_compressed:
         return 0
     return needed_bytes(granted.fourcc, granted.lines, granted.columns, granted.bytes_per_line)
@@ -102,9 +102,9 @@ def picture_bytes(granted: Granted) -> int:
 def _set_input(node: Node, options: V4l2Options) -> None:
     inputs = node.inputs()
     if not inputs and options.input is None and not node.standards():
-        return  # a camera on a chip: drivers of some enumerate nothing
+        return  # drivers of some camera chips enumerate no inputs
     if not inputs:
-        raise DeviceRefused(f"{node.path} has no inputs, so it is no grabber", _LIST)
+        raise DeviceRefused(f"{node.path} has no inputs, so it is not a grabber", _LIST)
     wanted = _best(inputs, options) if options.input is None else _named(node, inputs, str(options.input))
     node.set_input(wanted.index)
     granted = node.input()
@@ -116,7 +116,7 @@ def _set_input(node: Node, options: V4l2Options) -> None:
 
 
 def _best(inputs: Sequence[abi.Input], options: V4l2Options) -> abi.Input:
-    """First input for a camera of this standard, or else the first that is no tuner."""
+    """The first input for a camera of this standard, or else the first that is not a tuner."""
     for_cameras = [one for one in inputs if one.type != abi.INPUT_TYPE_TUNER]
     if options.arrangement is Arrangement.NONE:
         fitting = [one for one in for_cameras if not one.std]
@@ -126,7 +126,7 @@ def _best(inputs: Sequence[abi.Input], options: V4l2Options) -> abi.Input:
 
 
 def _named(node: Node, inputs: Sequence[abi.Input], wanted: str) -> abi.Input:
-    """Find an input by number or name; a unique prefix of a name is enough."""
+    """Finds an input by number, name or unique prefix of a name."""
     folded = wanted.casefold()
     exact = [one for one in inputs if folded in (str(one.index), _name(one).casefold())]
     begun = [one for one in inputs if _name(one).casefold().startswith(folded)]
@@ -145,7 +145,7 @@ def _name(one: abi.Input) -> str:
 
 
 COLUMNS = 720
-# Only lines have to be whole: cards that sample square pixels (768 columns) or fewer ones are usable.
+# All lines are required, but not all columns: cards with square pixels (768 columns) or fewer are usable.
 FEWEST_COLUMNS, MOST_COLUMNS = 640, 1024
 
 
@@ -153,26 +153,26 @@ def _set_up_interlaced(node: Node, options: V4l2Options, profile: Profile) -> tu
     """Sets standard and format.
 
     Returns:
-        The granted format, what a camera of the granted standard scans, and the standard's name.
+        The granted format, the scan of the granted standard, and the standard's name.
 
     Raises:
-        DeviceRefused: the card has no such standard, or grants no usable stream.
-        OSError: a call failed.
+        DeviceRefused: The card does not support the standard, or grants no usable stream.
+        OSError: A call failed.
     """
     standard, scan = _set_standard(node, options)
     return _set_format(node, _Wanted.of(node, options, profile, scan)), scan, standard
 
 
 def _set_standard(node: Node, options: V4l2Options) -> tuple[str, Scan]:
-    """The standard in force, and what its cameras scan."""
+    """Sets the standard; returns its name and scan."""
     name = options.standard or DEFAULT
     wanted, offered = standards.bits(name), node.standards()
     if not any(one.id & wanted for one in offered):
         raise _no_such_standard(node, name, offered)
-    # Always, whatever it is at now: stk1160 and usbtv start up in NTSC.
+    # Always, whatever the present standard: stk1160 and usbtv start up in NTSC.
     node.set_standard(wanted)
     granted, scan = node.standard(), standards.scan(wanted)
-    assert scan is not None, "every standard that has a name has a scan"
+    assert scan is not None, "every named standard has a scan"
     if standards.scan(granted) != scan:
         other = standards.scan(granted)
         raise DeviceRefused(
@@ -196,7 +196,7 @@ def _no_such_standard(node: Node, name: str, offered: Sequence[abi.Standard]) ->
 
 
 class _Wanted(NamedTuple):
-    """An interlaced stream to be requested: columns, formats and field orders, the preferred first."""
+    """An interlaced stream to request: columns, formats and field orders, the preferred first."""
 
     scan: Scan
     columns: int
@@ -237,10 +237,10 @@ class _Wanted(NamedTuple):
 
 
 def _check_kept_to(node: Node, options: V4l2Options, scan: Scan) -> None:
-    """Checks that size and rate, if they are asked for, are those of the standard.
+    """Checks that size and rate, if given, match the standard.
 
     Raises:
-        DeviceRefused: they are not.
+        DeviceRefused: They do not match.
     """
     family = standards.family(scan)
     others = " or ".join(
@@ -257,15 +257,15 @@ def _check_kept_to(node: Node, options: V4l2Options, scan: Scan) -> None:
 
 
 def _set_format(node: Node, wanted: _Wanted) -> abi.PixFormat:
-    """First request that is granted exactly, or else the first usable answer."""
-    # Never FIELD_ANY: with it several drivers silently deliver one field at half height.
+    """The first request that is granted exactly, or else the first usable answer."""
+    # Never FIELD_ANY: with it, several drivers silently deliver one field at half height.
     answers = []
     for order, fourcc in product(wanted.orders, wanted.formats):
         answer = _granted(node, wanted.columns, wanted.lines(order), fourcc, order)
         if answer is not None and wanted.is_our_size(answer) and _format_of(answer) == (fourcc, order):
             return answer
         answers.append(answer)
-    # Later requests have changed the card's state: a usable answer has to be requested once more.
+    # Later requests have changed the card's state, so a usable answer must be requested again.
     if not wanted.own_order:
         for answer in filter(None, answers):
             if wanted.is_of_use(answer) and _is_granted_again(node, answer, wanted):
@@ -274,7 +274,7 @@ def _set_format(node: Node, wanted: _Wanted) -> abi.PixFormat:
 
 
 def _common_formats(node: Node, options: V4l2Options, readable: Collection[str], whose: str) -> Sequence[str]:
-    """Formats that the node delivers and the options allow, of those that can be read."""
+    """Readable formats that the node delivers and the options allow."""
     delivered = node.pixel_formats()
     wanted = [fourcc for fourcc in options.format if fourcc in readable]
     common = [fourcc for fourcc in wanted if fourcc in delivered]
@@ -288,7 +288,7 @@ def _common_formats(node: Node, options: V4l2Options, readable: Collection[str],
 
 
 def _granted(node: Node, columns: int, lines: int, fourcc: str, order: int) -> abi.PixFormat | None:
-    """Format that the card offers for a requested one; None if it refuses."""
+    """The format granted for a request; None if it is refused."""
     try:
         node.set_format(columns, lines, fourcc, order)
     except OSError as error:
@@ -329,7 +329,7 @@ def _order_name(order: int) -> str:
 
 
 _MOST_TRIES = 8
-"""Of cameras that grant something else than they offer."""
+"""Limit of requests for cameras that do not grant what they offer."""
 _CANNOT = (errno.EINVAL, errno.ENOTTY)
 
 
@@ -337,11 +337,11 @@ def _set_up_progressive(node: Node, options: V4l2Options) -> tuple[abi.PixFormat
     """Sets format and rate.
 
     Returns:
-        The granted format, and what the camera scans with it.
+        The granted format, and the camera's scan.
 
     Raises:
-        DeviceRefused: the camera offers no such stream, or does not grant it.
-        OSError: a call failed.
+        DeviceRefused: The camera does not offer such a stream, or does not grant it.
+        OSError: A call failed.
     """
     formats = _common_formats(node, options, FORMATS, "; a camera")
     modes = list(offered(node, formats, options.columns_lines, options.rate_hz))
@@ -355,14 +355,14 @@ def _set_up_progressive(node: Node, options: V4l2Options) -> tuple[abi.PixFormat
 
 
 def _ranks(options: V4l2Options) -> dict[str, int]:
-    """Formats by preference: the installer's order, or else what is not compressed before what is."""
+    """Formats by preference: the installer's order, or else uncompressed before compressed."""
     if "format" in options.model_fields_set:
         return {fourcc: rank for rank, fourcc in enumerate(options.format)}
     return {fourcc: int(FORMATS[fourcc].is_compressed) for fourcc in options.format}
 
 
 def _granted_wish(node: Node, wish: Wish, answers: list[str]) -> tuple[abi.PixFormat, Scan] | None:
-    """The stream as granted, if it is the one wished for; else the answer is noted."""
+    """The granted stream if it is the requested one; otherwise adds the answer to `answers`."""
     mode = wish.mode
     pix = _granted(node, *mode.size, mode.fourcc, Arrangement.NONE)
     if pix is None:
@@ -381,7 +381,7 @@ def _keeps_to(wish: Wish, rate_hz: Fraction) -> bool:
 
 
 def _set_rate(node: Node, rate_hz: Fraction | None) -> Fraction | None:
-    """The rate in force after one was requested; None if the camera does not tell."""
+    """Requests a rate; returns the granted one, or None if the camera does not report it."""
     try:
         if rate_hz is not None:
             node.set_interval(1 / rate_hz)
@@ -399,7 +399,7 @@ def _set_rate(node: Node, rate_hz: Fraction | None) -> Fraction | None:
 
 def _stream_in_words(got: tuple[str, int, int, int], rate_hz: Fraction | None) -> str:
     fourcc, columns, lines, field = got
-    rate = "a rate that it does not tell" if rate_hz is None else f"{float(rate_hz):.4g} a second"
+    rate = "an unknown rate" if rate_hz is None else f"{float(rate_hz):.4g} a second"
     fields = "" if field == Arrangement.NONE else f" in field order {_arrangement_name(field)}"
     return f"{fourcc} {columns}×{lines}{fields} at {rate}"
 

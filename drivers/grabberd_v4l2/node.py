@@ -10,12 +10,12 @@ from grabberd_v4l2 import abi
 from grabberd_v4l2.kernel import Kernel, Pages
 
 T = TypeVar("T")
-# No card has as many inputs or formats: a driver that never ends its list must not hang the thread.
+# More inputs or formats than any card has: a driver whose list never ends must not hang the thread.
 _ENDLESS = 256
 
 
 class Capability(NamedTuple):
-    """Names of a node, and the capabilities of this very node (`CAP_*`)."""
+    """Names of a node, and its own capabilities (`CAP_*`)."""
 
     driver: str
     card: str
@@ -27,8 +27,8 @@ class Node:
     """A descriptor of a video node.
 
     Attributes:
-        path: path of the node.
-        called_ns: time spent in its calls, without `poll`.
+        path: Path of the node.
+        called_ns: Total time spent in its calls, except `poll`.
     """
 
     def __init__(self, kernel: Kernel, path: Path) -> None:
@@ -44,13 +44,13 @@ class Node:
             self._kernel.close(fd)
 
     def poll(self, timeout_s: float) -> int:
-        """Poll for POLL_* events."""
+        """Polls for POLL_* events."""
         return self._kernel.poll(self._open_fd(), timeout_s)
 
     def capability(self) -> Capability:
-        """Query the capabilities of the node."""
+        """Queries the capabilities of the node."""
         found = self._call(abi.QUERYCAP, abi.Capability())
-        # `capabilities` are those of the whole device, `device_caps` those of this node, on newer kernels.
+        # On newer kernels, `device_caps` are those of this node, `capabilities` those of the whole device.
         own = found.capabilities & abi.CAP_DEVICE_CAPS
         flags = found.device_caps if own else found.capabilities
         return Capability(_text(found.driver), _text(found.card), _text(found.bus_info), flags)
@@ -65,7 +65,7 @@ class Node:
         return self._call(abi.ENUMINPUT, abi.Input(index=number))
 
     def set_input(self, index: int) -> None:
-        """Select an input."""
+        """Selects an input."""
         self._call(abi.S_INPUT, abi.Integer(index))
 
     def standards(self) -> tuple[abi.Standard, ...]:
@@ -77,7 +77,7 @@ class Node:
         return int(self._call(abi.G_STD, abi.StandardSet()).value)
 
     def set_standard(self, standard: int) -> None:
-        """Set a standard."""
+        """Sets a standard."""
         self._call(abi.S_STD, abi.StandardSet(standard))
 
     def seen_standard(self) -> int:
@@ -90,12 +90,12 @@ class Node:
         return tuple(abi.fourcc_name(one.pixelformat) for one in described)
 
     def set_format(self, columns: int, lines: int, fourcc: str, field: int) -> None:
-        """Request a picture format; `format` reads the granted one."""
+        """Requests a picture format; `format` reads the granted one."""
         self._call(abi.S_FMT, _format(columns, lines, fourcc, field))
 
     def tried_format(self, columns: int, lines: int, fourcc: str, field: int) -> abi.PixFormat:
-        """Format that would be granted, without setting it."""
-        # TRY_FMT is never refused as busy: it works while another program streams, unlike S_FMT.
+        """The format that would be granted, without setting it."""
+        # Unlike S_FMT, TRY_FMT works while another program is streaming.
         return self._call(abi.TRY_FMT, _format(columns, lines, fourcc, field)).fmt.pix
 
     def format(self) -> abi.PixFormat:
@@ -103,40 +103,40 @@ class Node:
         return self._call(abi.G_FMT, abi.Format(type=abi.CAPTURE)).fmt.pix
 
     def frame_sizes(self, fourcc: str) -> tuple[abi.FrmSizeEnum, ...]:
-        """Sizes that a pixel format can have: many entries, or one with a range; none if nobody tells."""
+        """Sizes of a pixel format: many entries, or one with a range; empty if the driver reports none."""
         number = abi.fourcc(fourcc)
         return self._until_a_range(
             abi.ENUM_FRAMESIZES, lambda index: abi.FrmSizeEnum(index=index, pixel_format=number)
         )
 
     def frame_intervals(self, fourcc: str, columns: int, lines: int) -> tuple[abi.FrmIvalEnum, ...]:
-        """Times from picture to picture that a size can have: many entries, or one with a range."""
+        """Times from picture to picture for a size: many entries, or one with a range."""
         asked = {"pixel_format": abi.fourcc(fourcc), "width": columns, "height": lines}
         return self._until_a_range(
             abi.ENUM_FRAMEINTERVALS, lambda index: abi.FrmIvalEnum(index=index, **asked)
         )
 
     def set_interval(self, seconds: Fraction) -> None:
-        """Request a time from picture to picture; `interval` reads the granted one."""
+        """Requests a time from picture to picture; `interval` reads the granted one."""
         wanted = abi.StreamParm(type=abi.CAPTURE)
         period = wanted.parm.capture.timeperframe
         period.numerator, period.denominator = seconds.numerator, seconds.denominator
         self._call(abi.S_PARM, wanted)
 
     def interval(self) -> Fraction | None:
-        """The granted time from picture to picture, or None if the card does not tell."""
+        """The granted time from picture to picture, or None if the card does not report it."""
         period = self._call(abi.G_PARM, abi.StreamParm(type=abi.CAPTURE)).parm.capture.timeperframe
         if not period.numerator or not period.denominator:
             return None
         return Fraction(period.numerator, period.denominator)
 
     def request_buffers(self, count: int) -> int:
-        """Allocate this many buffers, or as many as the driver grants; 0 frees them."""
+        """Allocates buffers; returns the number granted. 0 frees them."""
         wanted = abi.RequestBuffers(count=count, type=abi.CAPTURE, memory=abi.MEMORY_MMAP)
         return int(self._call(abi.REQBUFS, wanted).count)
 
     def buffer(self, index: int) -> abi.Buffer:
-        """Query the position and the state of a buffer."""
+        """Queries the position and the state of a buffer."""
         return self._call(abi.QUERYBUF, _mapped(index))
 
     def map(self, buffer: abi.Buffer) -> Pages:
@@ -144,23 +144,23 @@ class Node:
         return self._kernel.mmap(self._open_fd(), buffer.length, buffer.m.offset)
 
     def queue(self, index: int) -> None:
-        """Hand a buffer to the kernel to be filled."""
+        """Hands a buffer to the kernel to be filled."""
         self._call(abi.QBUF, _mapped(index))
 
     def dequeue(self) -> abi.Buffer:
-        """Take the oldest filled buffer; `BlockingIOError` if there is none."""
+        """Takes the oldest filled buffer; `BlockingIOError` if there is none."""
         return self._call(abi.DQBUF, _mapped(0))
 
     def stream_on(self) -> None:
-        """Start the stream."""
+        """Starts the stream."""
         self._call(abi.STREAMON, abi.Integer(abi.CAPTURE))
 
     def stream_off(self) -> None:
-        """Stop the stream; the kernel then releases all queued buffers."""
+        """Stops the stream; the kernel then releases all queued buffers."""
         self._call(abi.STREAMOFF, abi.Integer(abi.CAPTURE))
 
     def subscribe(self, event: int) -> None:
-        """Subscribe to an event."""
+        """Subscribes to an event."""
         self._call(abi.SUBSCRIBE_EVENT, abi.EventSubscription(type=event))
 
     def event(self) -> abi.Event:
@@ -168,7 +168,7 @@ class Node:
         return self._call(abi.DQEVENT, abi.Event())
 
     def pause(self, seconds: float) -> None:
-        """Sleep."""
+        """Sleeps."""
         self._kernel.sleep(seconds)
 
     def now_ns(self) -> int:
@@ -176,7 +176,7 @@ class Node:
         return self._kernel.now_ns()
 
     def _until_a_range(self, request: int, at: Any) -> tuple[Any, ...]:
-        """Items of an enumeration of single values, or its first item, a range, which stands for all."""
+        """Items of an enumeration of single values, or only its first item if that is a range."""
         found: list[Any] = []
         for one in self._enumerated(request, at):
             found.append(one)
@@ -185,7 +185,7 @@ class Node:
         return tuple(found)
 
     def _enumerated(self, request: int, at: Any) -> Iterator[Any]:
-        """Items of an enumeration; none if the card does not support it."""
+        """Items of an enumeration; empty if the card does not support it."""
         for index in range(_ENDLESS):
             try:
                 yield self._call(request, at(index))
@@ -195,7 +195,7 @@ class Node:
                 raise
 
     def _call(self, request: int, argument: T) -> T:
-        """Make a call; returns its argument as the kernel filled it. An error names the call."""
+        """Makes a call; returns the argument as filled by the kernel. An error has the name of the call."""
         begin_ns = self._kernel.now_ns()
         try:
             self._kernel.ioctl(self._open_fd(), request, argument)

@@ -29,20 +29,20 @@ class V4l2Options(BaseModel):
     """All options; one of `device` and `usb` is required.
 
     Attributes:
-        device: node or link to it, preferably in /dev/v4l/by-path.
-        usb: "VENDOR:PRODUCT"; `serial` and `port` tell identical ones apart.
-        input: input by name or number; by default the first that is no tuner.
-        standard: video standard, see `standards.NAMES`; by default PAL where the card has standards.
+        device: Node or link to it, preferably in /dev/v4l/by-path.
+        usb: "VENDOR:PRODUCT"; `serial` and `port` distinguish identical devices.
+        input: Input by name or number; by default the first that is not a tuner.
+        standard: Video standard, see `standards.NAMES`; by default PAL if the card has standards.
         size: "COLUMNSxLINES" of a frame or a progressive picture; by default that of the standard, or the
-            largest that comes often enough.
-        rate_hz: progressive pictures per second; by default the highest. Fields have that of the standard.
-        format: pixel formats, the preferred first; one or a list.
-        field_order: field order to request, "none" for progressive pictures; by default the best for this
+            largest with a sufficient rate.
+        rate_hz: Progressive pictures per second; by default the highest. Fields have the standard's rate.
+        format: Pixel formats, the preferred first; one or a list.
+        field_order: Field order to request, "none" for progressive pictures; by default the best for this
             card.
         older_field: "top" or "bottom": older field of a frame, if the card's profile is wrong.
-        exposure_ms: exposure time of the camera's shutter; by default a camera without shutter is assumed.
-        buffers: number of buffers to request of the kernel.
-        profiles: directory of the installer's own card profiles.
+        exposure_ms: Exposure time of the camera's shutter; by default a camera without shutter is assumed.
+        buffers: Number of buffers to request from the kernel.
+        profiles: Directory of the installer's own card profiles.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -123,7 +123,7 @@ class V4l2Options(BaseModel):
         """Reads the `options` of a configuration.
 
         Raises:
-            ValueError: an option is unknown or not allowed; the message has a line for each.
+            ValueError: An option is unknown or not allowed; the message has a line for each.
         """
         problems = []
         try:

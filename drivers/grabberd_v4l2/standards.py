@@ -1,4 +1,4 @@
-"""Video standards by their names and the kernel's bits, and the scan of each."""
+"""Video standards with their names, the kernel's bits and their scans."""
 
 from typing import NamedTuple
 
@@ -29,16 +29,16 @@ NAMES = {
     "PAL-M": 0x0100,
     "PAL-60": 0x0800,
 }
-"""Standards that can be requested; "PAL" lets the card choose one of B to K, "NTSC" one of the three M."""
+"""Standards that can be requested; for "PAL" the card chooses one of B to K, for "NTSC" an M type."""
 
 
 class Scan(NamedTuple):
     """Lines and rate of a camera's scan, and the order of its fields.
 
     Attributes:
-        lines: lines of a frame, or of a progressive picture.
-        rate_hz: fields per second, or progressive pictures.
-        older: parity of the older field of a frame, as V4L2 defines it for the standard, or `PROGRESSIVE`.
+        lines: Lines of a frame, or of a progressive picture.
+        rate_hz: Fields or progressive pictures per second.
+        older: Parity of the older field of a frame, as defined by V4L2 for the standard, or `PROGRESSIVE`.
     """
 
     lines: int
@@ -47,7 +47,7 @@ class Scan(NamedTuple):
 
     @classmethod
     def progressive(cls, lines: int, rate_hz: float) -> "Scan":
-        """Whole pictures of so many lines."""
+        """The scan of progressive pictures."""
         return cls(lines, rate_hz, PROGRESSIVE)
 
     @property
@@ -72,7 +72,7 @@ def bits(name: str) -> int:
     """The kernel's bits of a standard; "PAL-B/G" is "PAL-BG".
 
     Raises:
-        ValueError: the name is not in `NAMES`.
+        ValueError: The name is not in `NAMES`.
     """
     known = NAMES.get(name.upper().replace("/", ""))
     if known is None:
@@ -87,7 +87,7 @@ def name(standard: int) -> str:
 
 
 def scan(standard: int) -> Scan | None:
-    """Lines and rate of a set of standard bits, or None if it is mixed or has neither."""
+    """The scan of a set of standard bits; None if it is empty or has both rates."""
     at_50, at_60 = bool(standard & abi.STD_625_50), bool(standard & abi.STD_525_60)
     if at_50 == at_60:
         return None
@@ -95,5 +95,5 @@ def scan(standard: int) -> Scan | None:
 
 
 def family(scanned: Scan) -> str:
-    """The name by which people know a scan, as the option `standard` takes it."""
+    """The common name of a scan, as used in the option `standard`."""
     return "PAL" if scanned == SCAN_625 else "NTSC"

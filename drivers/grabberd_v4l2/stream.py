@@ -1,6 +1,6 @@
-"""Stream of filled buffers, with the kernel's events and errors.
+"""Streaming: a queue of mapped buffers, with the kernel's events and errors.
 
-Buffers are mapped once, and their owner, kernel or us, is always known.
+Buffers are mapped once, and their owner, the kernel or this process, is always known.
 """
 
 import contextlib
@@ -20,9 +20,9 @@ from grabberd_v4l2.kernel import POLL_ERR, POLL_HUP, POLL_IN, POLL_NVAL, POLL_PR
 from grabberd_v4l2.node import Node
 
 _IO_ERRORS = 3
-"""EIO of a dequeue may be temporary, as after a lost USB packet; more in a row are a failure."""
+"""Consecutive EIO that are tolerated: one may be temporary, e.g. after a lost USB packet."""
 _PAUSE_S = 0.001
-"""Pause after a poll that woke for nothing, so that such a driver does not take a whole core."""
+"""Pause after a spurious wake-up of poll, so that such a driver does not occupy a processor."""
 _EVENTS = (abi.EVENT_SOURCE_CHANGE, abi.EVENT_EOS)
 _MOST_EVENTS = 256
 _AGAIN = "grabberd restarts it; if that does not help, it reopens and resets the device"
@@ -33,9 +33,9 @@ class Filled(NamedTuple):
 
     Attributes:
         picture: (bytes,) all of its memory, valid until the buffer is given back.
-        bytes_used: number of bytes that this picture fills.
+        bytes_used: Number of bytes used by this picture.
         field: FIELD_*.
-        stamp: its time, flags and number.
+        stamp: Its time, flags and number.
     """
 
     picture: NDArray[np.uint8]
@@ -48,16 +48,16 @@ class Stream:
     """A node that streams into mapped buffers.
 
     Attributes:
-        buffers: number of buffers.
-        found_empty: True if no buffer was filled when the last `dequeue` began.
+        buffers: Number of buffers.
+        found_empty: True if no buffer was filled when the last `dequeue` started.
     """
 
     def __init__(self, node: Node, count: int, picture_bytes: int) -> None:
         """Allocates and queues the buffers, and starts the stream.
 
         Raises:
-            DeviceRefused: the buffers are too few or too small.
-            OSError: a call failed; everything is released again.
+            DeviceRefused: The buffers are too few or too small.
+            OSError: A call failed; everything is released again.
         """
         self._node = node
         self.found_empty = False
@@ -81,7 +81,7 @@ class Stream:
         self._node.stream_on()
 
     def stop(self) -> None:
-        """Stops the stream and releases its buffers; may be called twice, and on a node that is gone."""
+        """Stops the stream and releases its buffers; may be called twice, and on a missing node."""
         # In this order: the kernel refuses to free the buffers of a queue that streams.
         with contextlib.suppress(OSError):
             self._node.stream_off()
@@ -97,8 +97,8 @@ class Stream:
         """The oldest filled buffer, or None after the timeout; leaving the block gives it back.
 
         Raises:
-            DeviceLost: the node is gone.
-            StreamFailed: the node is there, but delivers no more pictures.
+            DeviceLost: The node is missing.
+            StreamFailed: The node exists, but delivers no more pictures.
         """
         taken = self._wait(timeout_s)
         try:
@@ -110,14 +110,14 @@ class Stream:
     def _wait(self, timeout_s: float) -> tuple[int, Filled] | None:
         deadline_ns = self._node.now_ns() + round(timeout_s * 1e9)
         self._keep_queue_filled()
-        self.found_empty, left_s = False, 0.0  # at first without waiting, to see whether one is there
+        self.found_empty, left_s = False, 0.0  # first without waiting, to check whether a buffer is filled
         while True:
             ready = self._poll(left_s)
             taken = self._take() if ready & POLL_IN else None
             now_ns = self._node.now_ns()
             if taken is not None or (self.found_empty and now_ns >= deadline_ns):
                 return taken
-            if ready:  # woken for nothing, which such a driver may do again and again
+            if ready:  # a spurious wake-up, which such a driver may repeat
                 self._node.pause(_PAUSE_S)
             self.found_empty, left_s = True, max(deadline_ns - now_ns, 0) / 1e9
 
@@ -142,7 +142,7 @@ class Stream:
         return ready
 
     def _broken(self, ready: int) -> DeviceError:
-        # ERR alone may also mean that the queue has failed while the device is there: a harmless call tells.
+        # ERR alone may also mean that the queue has failed while the device exists; a harmless call shows.
         gone = bool(ready & (POLL_HUP | POLL_NVAL))
         if not gone:
             try:
@@ -156,7 +156,7 @@ class Stream:
         return StreamFailed(f"{self._node.path} has stopped streaming with an error", _AGAIN)
 
     def _drain_events(self) -> None:
-        """Read all pending events: one that is left would wake every poll from now on."""
+        """Reads all pending events, since a remaining one would wake every poll."""
         for _ in range(_MOST_EVENTS):
             try:
                 event = self._node.event()
@@ -180,7 +180,7 @@ class Stream:
         return buffer.index, self._filled(buffer)
 
     def _after_failed_dequeue(self, error: OSError) -> None:
-        """Tolerate a few EIO in a row; a buffer lost to one is queued again."""
+        """Tolerates a few consecutive EIO, and queues buffers lost by them again."""
         self._io_errors += 1
         if error.errno != errno.EIO or self._io_errors > _IO_ERRORS:
             raise stream_failure(error, self._node.path, _AGAIN)
@@ -201,21 +201,21 @@ class Stream:
 
 
 FEWEST = 2
-"""With a single buffer the driver has none to fill while that one is being read."""
+"""Minimum number of buffers, so that the driver has one to fill while another is being read."""
 
 
 class Buffers:
     """Buffers of a node, allocated and mapped, initially not queued.
 
-    A buffer that the kernel refuses is kept and offered again, so that the queue cannot run dry unnoticed.
+    A buffer refused by the kernel is kept and offered again, so that the queue cannot run dry unnoticed.
     """
 
     def __init__(self, node: Node, count: int, picture_bytes: int) -> None:
         """Allocates the buffers and maps them.
 
         Raises:
-            DeviceRefused: the driver grants fewer than `FEWEST`, or they are too small for a picture.
-            OSError: the kernel refused a call; buffers allocated so far are released.
+            DeviceRefused: The driver grants fewer than `FEWEST`, or they are too small for a picture.
+            OSError: The kernel refused a call; buffers allocated so far are released.
         """
         self._node = node
         self._pages: list[Pages] = []
@@ -243,7 +243,7 @@ class Buffers:
 
     @property
     def queued(self) -> int:
-        """Number of buffers that the kernel holds."""
+        """Number of buffers owned by the kernel."""
         return len(self._pages) - len(self._idle) - len(self._taken)
 
     def queue_idle(self) -> OSError | None:
@@ -258,28 +258,28 @@ class Buffers:
         return refusal
 
     def take(self, index: int) -> NDArray[np.uint8]:
-        """A buffer that the kernel has filled: (bytes,) read-only."""
+        """Takes a filled buffer: (bytes,) read-only."""
         self._taken.add(index)
         return self._pages[index].array
 
     def give_back(self, index: int) -> None:
-        """Returns a buffer to be refilled; if the kernel refuses it, it is offered again with the next."""
+        """Returns a buffer to the kernel; if it is refused, it is offered again with the next."""
         if index in self._taken:
             self._taken.discard(index)
             self._idle.add(index)
             self.queue_idle()
 
     def find_lost(self) -> None:
-        """Finds buffers that the kernel released without naming them, after a failed dequeue."""
+        """Finds buffers that the kernel released in a failed dequeue."""
         ours = self._idle | self._taken
         held = abi.BUF_FLAG_QUEUED | abi.BUF_FLAG_DONE
         lost = (i for i in range(len(self)) if i not in ours and not self._node.buffer(i).flags & held)
         self._idle.update(lost)
 
     def release(self) -> None:
-        """Unmaps and frees all buffers; may be called twice, and on a node that is gone."""
-        # Unmapped first: except where V4L2_BUF_CAP_SUPPORTS_ORPHANED_BUFS is set, the kernel refuses to free
-        # buffers that are mapped.
+        """Unmaps and frees all buffers; may be called twice, and on a missing node."""
+        # Unmapped first: without V4L2_BUF_CAP_SUPPORTS_ORPHANED_BUFS, the kernel refuses to free mapped
+        # buffers.
         for pages in self._pages:
             pages.unmap()
         self._pages.clear()

@@ -18,7 +18,7 @@ RULE = "72-grabberd.rules"
 """The udev rule in the driver's folder `udev`."""
 
 GONE = (errno.ENODEV, errno.ENOENT)
-"""Error numbers of a reset after which the device has returned as another one; the next open finds it."""
+"""Error numbers of a reset after which the device re-enumerates; the next open finds it."""
 
 
 def libusb() -> Any | None:
@@ -31,13 +31,13 @@ def libusb() -> Any | None:
 def reset_of(
     identity: Identity, roots: Roots = SYSTEM, find_backend: Callable[[], Any | None] = libusb
 ) -> None:
-    """Resets a grabber as pulling its plug would; it returns, maybe as another node, in about half a second.
+    """Resets a grabber like unplugging it; it returns, possibly as another node, in about half a second.
 
     No program may have its node open.
 
     Raises:
-        DeviceAbsent: the grabber is not there.
-        DeviceRefused: the grabber is not on USB, or libusb or permissions are missing.
+        DeviceAbsent: The grabber is not connected.
+        DeviceRefused: The grabber is not on USB, or libusb or permissions are missing.
     """
     place = _place_of(identity, roots)
     device = _device_at(place, find_backend())
@@ -95,7 +95,7 @@ def _only(places: list[UsbPlace], identity: Identity) -> UsbPlace:
 
 
 def _device_at(place: UsbPlace, backend: Any | None) -> Any:
-    """Pyusb's own object for a device."""
+    """The pyusb object for a device."""
     import usb.core  # type: ignore[import-untyped] # noqa: PLC0415 - only a reset needs it
 
     if backend is None:

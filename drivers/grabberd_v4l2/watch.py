@@ -14,16 +14,16 @@ _RECHECK_NS = 250_000_000
 class Watch:
     """Queries signal and standard, if the card is known to report them.
 
-    A wrong standard has to be seen twice, since decoders guess while they lock. A camera without a standard
+    A wrong standard must be seen twice, since decoders guess while they lock. A camera without a standard
     cannot have a wrong one.
 
     Args:
-        node: the streaming node.
-        source: query that reports a missing camera.
-        scan: what the camera of the granted standard scans.
+        node: The streaming node.
+        source: Query that reports a missing camera.
+        scan: Scan of the granted standard.
 
     Attributes:
-        trouble: reason why the stream has become unusable, or None; `remedy`: what to do about it.
+        trouble: Reason why the stream has become unusable, or None; `remedy`: what to do about it.
         tells: True if the card reported a signal status when last queried.
     """
 
@@ -65,7 +65,7 @@ class Watch:
         return self.trouble
 
     def _signal(self) -> Signal:
-        # Polled, since hardly any analog card announces a change of its source (SOURCE_CHANGE).
+        # Polled, since hardly any analog card reports a change of its source (SOURCE_CHANGE).
         try:
             if self._source is SignalSource.ENUMINPUT:
                 return _present(not self._node.input().status & _NO_SIGNAL)
@@ -86,9 +86,7 @@ class Watch:
         return said, f"grabberd restarts it at {self._scan}; end that program"
 
     def _wrong_camera(self, signal: Signal) -> tuple[str, str] | None:
-        """The problem with the camera's standard, and its remedy; only with a signal, without one many cards
-        guess 60 Hz.
-        """
+        """A problem with the camera's standard, and its remedy; without a signal, many cards guess 60 Hz."""
         if signal is not Signal.PRESENT:
             return None
         try:

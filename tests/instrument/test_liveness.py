@@ -104,7 +104,7 @@ def test_it_is_said_once_and_taken_back_when_the_thread_goes_on(caplog: pytest.L
     said = [record.message for record in caplog.records]
     assert len(said) == 2
     assert "has not answered for 6 s" in said[0]
-    assert "goes on after 12 s" in said[1]
+    assert "continues after 12 s" in said[1]
 
 
 def test_a_whole_program_that_stood_still_has_no_stuck_thread() -> None:

@@ -192,10 +192,17 @@ def jobs_in(
     context: Contexts = lambda job, spec: JobContext(job=job),
     memory_bytes: int = MEMORY_BYTES,
     ended: Callable[[JobDocument, Sequence[str]], None] = lambda job, captures: None,
+    interrupt: Callable[[int], None] | None = None,
 ) -> Jobs:
     """The jobs of a state directory, opened but not started."""
     clock = clock or ManualClock()
     store, faults = JobStore(folder), FaultBoard(clock)
-    queue = JobQueue(clock, store, {**KINDS, **SIMPLE_KINDS} if kinds is None else kinds, faults, ended)
+
+    def stop(number: int) -> None:
+        runner.interrupt(number)
+
+    kinds = {**KINDS, **SIMPLE_KINDS} if kinds is None else kinds
+    queue = JobQueue(clock, store, kinds, faults, ended, interrupt or stop)
+    runner = JobRunner(queue, store, context, faults, memory_bytes)
     queue.open()
-    return Jobs(queue, JobRunner(queue, store, context, faults, memory_bytes), store, faults)
+    return Jobs(queue, runner, store, faults)

@@ -103,9 +103,9 @@ def test_a_job_that_has_ended_stays_as_it_is(jobs: Jobs) -> None:
     assert jobs.queue.get(done.id) == done
 
 
-def test_the_running_job_is_interrupted_once_it_is_cancelled_and_no_other(jobs: Jobs) -> None:
+def test_the_running_job_is_interrupted_once_it_is_cancelled_and_no_other(tmp_path: Path) -> None:
     interrupted: list[int] = []
-    jobs.queue.interrupt = interrupted.append
+    jobs = jobs_in(tmp_path, interrupt=interrupted.append)
     number, waiting = begun(jobs), jobs.queue.submit(Simple())
     jobs.queue.cancel(waiting.id)
     assert interrupted == []

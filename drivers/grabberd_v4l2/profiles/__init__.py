@@ -1,4 +1,4 @@
-"""Profiles of kernel drivers: a YAML file for each, built in here or the installer's own."""
+"""Profiles of kernel drivers, each a YAML file, built in or provided by the installer."""
 
 from collections.abc import Iterable, Mapping
 from enum import StrEnum
@@ -26,7 +26,7 @@ _BUILT_IN = files(__package__)
 
 
 class SignalSource(StrEnum):
-    """Query by which a driver reports that no camera is connected."""
+    """Query by which a driver reports a missing camera."""
 
     ENUMINPUT = "enuminput"
     QUERYSTD = "querystd"
@@ -37,22 +37,22 @@ class Profile(BaseModel):
     """Profile of a kernel driver; its fields are the keys of its file.
 
     Attributes:
-        driver: name of the driver in VIDIOC_QUERYCAP, and name of the file; with " VID:PID" after it the
-            profile is of that device alone.
-        also: other names of the driver.
-        older: "top" or "bottom": field of a woven frame that was exposed first, whatever the standard; by
-            default as V4L2 has it, the top one at 50 Hz and the bottom one at 60 Hz.
-        field_orders: arrangements to request, the best first; others are never requested.
-        none_is_woven: True if the driver reports NONE for frames that are woven of two fields.
+        driver: Name of the driver in VIDIOC_QUERYCAP, and name of the file; followed by " VID:PID" if the
+            profile applies only to that device.
+        also: Other names of the driver.
+        older: "top" or "bottom": the field of a woven frame that was exposed first, for any standard; by
+            default as defined by V4L2, top at 50 Hz and bottom at 60 Hz.
+        field_orders: Arrangements to request, the best first; others are never requested.
+        none_is_woven: True if the driver reports NONE for frames woven from two fields.
         trusts_sequence: True if the driver's count grows when a field is lost.
-        trusts_time: True if the driver stamps buffers at the end of their last field.
-        time_sigma_ms: standard deviation of the stamps.
+        trusts_time: True if the driver timestamps buffers at the end of their last field.
+        time_sigma_ms: Standard deviation of the timestamps.
         trusts_flags: True if damaged pictures are flagged; otherwise only their content shows damage.
-        signal_source: query that reports a missing camera.
-        verdict: verdict on the driver.
-        remarks: reasons for the verdict, as sentences.
-        advice: advice if the driver is not good enough.
-        usb_ids: "VID:PID" of devices that it drives.
+        signal_source: Query that reports a missing camera.
+        verdict: Verdict on the driver.
+        remarks: Reasons for the verdict, as sentences.
+        advice: Advice if the driver is not good enough.
+        usb_ids: "VID:PID" of devices that it supports.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -60,11 +60,11 @@ class Profile(BaseModel):
 
     driver: str = Field(min_length=1)
     also: tuple[str, ...] = ()
-    # usbtv, which closes a frame bottom field first at 50 Hz too and does not say so, has a profile.
+    # Needed by usbtv, whose frames are bottom field first even at 50 Hz without reporting it.
     older: str | None = Field(None, pattern="^(top|bottom)$")
     field_orders: tuple[Arrangement, ...] = Field(min_length=1)
     none_is_woven: bool = False
-    # Most drivers do not count what they lose: gaps in time tell first, the count only of a known driver.
+    # Most drivers do not count lost fields, so by default losses are detected by gaps in time.
     trusts_sequence: bool = False
     trusts_time: bool = True
     time_sigma_ms: float = Field(3.0, gt=0, le=40)
@@ -77,13 +77,13 @@ class Profile(BaseModel):
 
     @property
     def older_parity(self) -> int | None:
-        """`TOP` or `BOTTOM`: the older field of a woven frame; None if it is that of the standard."""
+        """`TOP` or `BOTTOM`: the older field of a woven frame; None: as defined by the standard."""
         return None if self.older is None else PARITIES[self.older]
 
     @field_validator("field_orders", mode="before")
     @classmethod
     def _named(cls, names: Any) -> Any:
-        """Arrangements by name, never ANY, with which several drivers give one field at half height."""
+        """Arrangements by name; never ANY, with which several drivers deliver one field at half height."""
         known = {a.name.lower(): a for a in Arrangement if a is not Arrangement.ANY}
         if not isinstance(names, list | tuple):
             raise ValueError("a list of field orders is expected")
@@ -97,8 +97,8 @@ class Profiles(NamedTuple):
     """All profiles.
 
     Attributes:
-        by_driver: profiles by each name of a driver.
-        remarks: problems of the installer's files that were not used.
+        by_driver: Profiles by each name of a driver.
+        remarks: Problems with files of the installer, which are not used.
     """
 
     by_driver: Mapping[str, Profile]
@@ -106,11 +106,11 @@ class Profiles(NamedTuple):
 
     @classmethod
     def load(cls, directory: Path = DIRECTORY) -> "Profiles":
-        """Load the built-in profiles, overridden key by key by the installer's file of the same driver.
+        """Loads the built-in profiles, with keys overridden by the installer's file for the same driver.
 
-        An invalid file is skipped and named in `remarks`.
+        An invalid file is skipped and reported in `remarks`.
         """
-        # Documents are merged, not profiles: a file that gives one key keeps the driver's other keys.
+        # Documents are merged, not profiles, so that a file can override single keys.
         documents = {document["driver"]: document for document in map(_read, _yaml_files(_BUILT_IN))}
         remarks = []
         for file in _yaml_files(directory):
@@ -125,11 +125,10 @@ class Profiles(NamedTuple):
         return cls({name: p for p in profiles for name in (p.driver, *p.also)}, tuple(remarks))
 
     def of(self, kernel_driver: str, usb_id: str = "") -> Profile:
-        """The profile of a device or else of its driver; for an unknown one, the default profile under its
-        name.
+        """The profile of a device, or of its driver, or the default profile under the driver's name.
 
         Args:
-            kernel_driver: name of the driver.
+            kernel_driver: Name of the driver.
             usb_id: "VID:PID" of the device; "" if it is not on USB.
         """
         known = self.by_driver.get(f"{kernel_driver} {usb_id}") or self.by_driver.get(kernel_driver)
@@ -137,10 +136,10 @@ class Profiles(NamedTuple):
 
 
 def _merged(documents: Mapping[str, dict[str, Any]], own: dict[str, Any]) -> dict[str, Any]:
-    """The document of the same driver, under any of its names, overridden by the installer's values."""
+    """The built-in document of the driver, under any of its names, overridden by the installer's values."""
     named = {name: d["driver"] for d in documents.values() for name in d.get("also", ())}
     driver = named.get(own["driver"], own["driver"])
-    family = driver.partition(" ")[0]  # a device's own profile has what its driver's has
+    family = driver.partition(" ")[0]  # a device's profile inherits from its driver's
     base = documents.get(driver) or documents.get(family) or documents[DEFAULT]
     return {**base, **own, "driver": driver}
 

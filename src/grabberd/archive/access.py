@@ -1,7 +1,7 @@
-"""Access: tokens with roles, the browser sessions they are traded for, and the key of the machine.
+"""Access: tokens with roles, the browser sessions they are traded for, and the machine key.
 
-Secrets are stored as digests alone. What is read of the database is remembered as long as the header of its
-file shows no change. That is looked at without SQLite, and no disk is waited for: the event loop asks.
+Only digests of secrets are stored. Values read from the database are cached until the header of its file
+changes. The header is read without SQLite and without waiting for a disk, because the event loop does it.
 """
 
 import errno
@@ -29,33 +29,33 @@ from grabberd.files.disk import OWNER_ONLY
 
 log = logging.getLogger(__name__)
 SECRET_BYTES = 32
-"""256 random bits, which nobody guesses; see `hash_of`."""
+"""256 random bits, which cannot be guessed; see `hash_of`."""
 SESSION_LIFE = timedelta(days=30)
 REMEMBERED = 256
-"""Tokens and sessions whose holders are remembered."""
+"""Number of tokens and sessions whose holders are cached."""
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 FILE = "machine.key"
-"""Name of the file with the key of the machine."""
+"""Name of the file with the machine key."""
 PREFIX = "grabberd_"
-"""Prefix of every secret, by which one that strays into a file or a log is recognised."""
+"""Prefix of every secret, so that one in a file or a log is recognised."""
 T = TypeVar("T")
 _HEAD = 40
-"""Bytes of the database's header that hold all that is read here."""
+"""Length of the part of the database's header that is read."""
 _FORMATS = slice(18, 20)
 _ROLLBACK_JOURNAL = b"\x01\x01"
-"""Write and read format of a file without a write-ahead log, which would not count its changes here."""
+"""Write and read format of a file without a write-ahead log, which would not update the counter."""
 _CHANGES = slice(24, 40)
-"""The change counter and what follows it: the bytes by which SQLite itself knows that its cache is old."""
+"""The change counter and the bytes after it, by which SQLite itself detects that its cache is stale."""
 
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Identity of whoever sends a request.
+    """Identity of the sender of a request.
 
     Attributes:
-        role: Role, which says what they may do.
+        role: Role, which determines what they may do.
         by: Proof of identity: a token, the session it was traded for, the private socket itself, or the
-            machine's key.
+            machine key.
         token: Name of the token; None for the socket and the key.
         expires_utc: Time until which the token is valid; None: until it is removed.
     """
@@ -66,23 +66,22 @@ class Identity:
     expires_utc: str | None = None
 
     def covers(self, least: Role) -> bool:
-        """True if the role is enough where `least` is required; each role includes the ones before it."""
+        """True if the role suffices where `least` is required; each role includes the ones before it."""
         ascending = list(Role)
         return ascending.index(self.role) >= ascending.index(least)
 
 
 AT_THE_MACHINE = Identity(Role.OPERATOR, "socket")
-"""Identity of whoever reaches a private socket, as long as there are no tokens."""
+"""Identity of any client of a private socket, as long as there are no tokens."""
 AS_THE_DAEMON = Identity(Role.ADMIN, "machine")
-"""Identity of whoever can read the daemon's own files (docs/decisions/interfaces.md)."""
+"""Identity of a client that can read the daemon's own files (docs/decisions/interfaces.md)."""
 
 
 def hash_of(secret: str) -> bytes:
-    """Digest of a secret, which is all that is stored of it.
+    """Digest of a secret; the secret itself is never stored.
 
-    One round of SHA-256 is right here: a slow, salted hash protects passwords that people think up, and
-    nobody guesses 256 random bits. Secrets are looked up by their digest, so the time that takes reveals
-    nothing of a secret.
+    One round of SHA-256 suffices: slow, salted hashes protect passwords chosen by people, but 256 random bits
+    cannot be guessed. Secrets are looked up by digest, so the duration of a look-up reveals nothing.
     """
     return hashlib.sha256(secret.encode("utf-8", "replace")).digest()
 
@@ -90,8 +89,8 @@ def hash_of(secret: str) -> bytes:
 class Access:
     """Tokens and sessions of a state directory; any thread may call.
 
-    What is read is remembered only until anything in the database changes: a token that another program adds
-    or removes counts from the next request on.
+    The cache is valid only until anything in the database changes: a token added or removed by another
+    program takes effect with the next request.
 
     Args:
         directory: The state directory.
@@ -99,7 +98,7 @@ class Access:
         heal: Recovers a damaged state database; see `StateDatabase`.
 
     Attributes:
-        key: Key of the machine, valid while a daemon runs.
+        key: The machine key, valid while the daemon runs.
     """
 
     def __init__(
@@ -117,7 +116,7 @@ class Access:
         self._clock = clock or SystemClock()
 
     def open(self) -> None:
-        """Creates the store if it does not exist; safe twice.
+        """Creates the store if it does not exist; may be called twice.
 
         Raises:
             StorageError: It cannot be used.
@@ -125,16 +124,16 @@ class Access:
         self._store.open()
 
     def needs_token(self, *, at_once: bool = False) -> bool:
-        """True if nobody is let in without a token.
+        """True if access requires a token.
 
-        There are some, expired ones included, or there may have been before they were lost with the database.
+        It does if there are tokens, even expired ones, or may have been some before the database was lost.
 
         Args:
-            at_once: True if the disk must not be waited for, as in all the following.
+            at_once: True if only the cache may be used; likewise in the following methods.
 
         Raises:
-            NotRemembered: It would have to be.
-            StorageError: The tokens cannot be read, and there were some when they could be.
+            NotRemembered: The value is not cached.
+            StorageError: The tokens cannot be read, and existed when they were last read.
         """
         try:
             self._is_open = not self._guarded.get(GUARDED, self._store.guards, at_once=at_once)
@@ -153,7 +152,7 @@ class Access:
 
         Raises:
             InputError: The name is invalid.
-            Conflict: There is a token of that name already.
+            Conflict: A token with that name already exists.
         """
         if not _NAME.fullmatch(name):
             raise InputError(
@@ -170,7 +169,7 @@ class Access:
         """Removes a token and ends its sessions.
 
         Raises:
-            NotFound: There is no token of that name.
+            NotFound: No token has that name.
         """
         self._store.remove(name)
 
@@ -179,7 +178,7 @@ class Access:
         return self._store.list(self._now())
 
     def of_token(self, secret: str, *, at_once: bool = False) -> Identity | None:
-        """Identity of a token's holder; None if there is no such token.
+        """Identity of a token's holder; None if the token is unknown.
 
         Raises:
             AccessExpired: The token has expired.
@@ -197,7 +196,7 @@ class Access:
         return _identity(found, "token")
 
     def of_session(self, secret: str, *, at_once: bool = False) -> Identity | None:
-        """Identity of a session's holder; None if there is no such session, or it has ended.
+        """Identity of a session's holder; None if the session is unknown or has ended.
 
         Raises:
             NotRemembered: See `needs_token`.
@@ -214,7 +213,7 @@ class Access:
         """Trades a token for a session and returns the session's secret.
 
         Raises:
-            Conflict: The identity has no token.
+            Conflict: The identity is not based on a token.
             NotFound: The token has just been removed.
         """
         if identity.by != "token" or identity.token is None:
@@ -227,7 +226,7 @@ class Access:
         return secret
 
     def close_session(self, secret: str) -> None:
-        """Ends a session; safe twice."""
+        """Ends a session; may be called twice."""
         self._store.remove_session(hash_of(secret))
 
     def _now(self) -> str:
@@ -239,9 +238,9 @@ def _identity(found: Holder | None, by: Literal["token", "session"]) -> Identity
 
 
 class MachineKey:
-    """A file with a secret that is created anew at every start and is valid until the daemon ends.
+    """A file with a secret that is created at every start and is valid until the daemon ends.
 
-    Whoever can read it can write the tokens beside it, too: it gives nobody more than they have.
+    Whoever can read it can also write the tokens beside it, so it grants no additional access.
 
     Args:
         directory: The daemon's state directory, which it has locked.
@@ -252,10 +251,10 @@ class MachineKey:
         self._hash: bytes | None = None
 
     def make(self) -> None:
-        """Creates a new key; if the disk cannot be written there is none, and a warning is logged."""
+        """Creates a new key; if the disk cannot be written, logs a warning and continues without one."""
         secret = PREFIX + secrets.token_urlsafe(SECRET_BYTES)
         try:
-            # Never written into an existing file: somebody may hold that open, with other rights.
+            # Never written into an existing file, which another process may hold open.
             self.path.unlink(missing_ok=True)
             descriptor = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, OWNER_ONLY)
             with os.fdopen(descriptor, "w", encoding="ascii") as file:
@@ -266,28 +265,28 @@ class MachineKey:
         self._hash = hash_of(secret)
 
     def remove(self) -> None:
-        """Invalidates the key and removes its file; safe twice."""
+        """Invalidates the key and removes its file; may be called twice."""
         if self._hash is not None:
             self._hash = None
             with suppress(OSError):
                 self.path.unlink(missing_ok=True)
 
     def fits(self, secret: str) -> bool:
-        """True if a secret is the key; takes the same time whichever part of it is wrong."""
+        """True if a secret is the key, compared in constant time."""
         return self._hash is not None and hmac.compare_digest(self._hash, hash_of(secret))
 
 
 def readable_key(directory: Path) -> Path | None:
-    """Path of a daemon's key, or None if there is none or this user may not read it."""
+    """Path of a daemon's key, or None if it does not exist or this user may not read it."""
     path = directory / FILE
     return path if os.access(path, os.R_OK) else None
 
 
 class Version(NamedTuple):
-    """A file and its content at one moment; two that are equal are of the same content.
+    """Version of a file's content; equal versions mean equal content.
 
     Attributes:
-        identity: Device, inode, size and times of the file, which tell one that was put in its place.
+        identity: Device, inode, size and times of the file, which reveal a replaced file.
         changes: Bytes of the header that every transaction changes.
     """
 
@@ -296,10 +295,10 @@ class Version(NamedTuple):
 
 
 class FileVersion:
-    """Tells the version of a database file from moment to moment; it never waits for the disk.
+    """Reads the present version of a database file without ever waiting for the disk.
 
-    The file is held open: SQLite's locks belong to the process, and closing any descriptor of a file would
-    drop those that other threads have on it.
+    The file is held open: SQLite's locks belong to the process, and closing any descriptor of the file would
+    release the locks of other threads.
 
     Args:
         path: The file.
@@ -313,14 +312,14 @@ class FileVersion:
         self._close: Callable[[], object] = lambda: None
 
     def now(self) -> Version | None:
-        """The present version; None if it is not known at once, or the file does not count its changes.
+        """The present version; None if it cannot be read at once, or the file has a write-ahead log.
 
-        Contents are read only if they are in memory; the name is looked up, which in general it is, too.
+        The content is read only if it is in the page cache; the name usually is in memory as well.
         """
         with suppress(OSError), self._lock:
             found = os.stat(self._path)
             head = bytearray(_HEAD)
-            # What is not in memory is not waited for: the event loop asks, and a disk may hang.
+            # NOWAIT: this runs in the event loop, and a disk may hang.
             read = os.preadv(self._opened(found), [head], 0, os.RWF_NOWAIT)
             if read == _HEAD and head[_FORMATS] == _ROLLBACK_JOURNAL:
                 identity = (found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
@@ -328,7 +327,7 @@ class FileVersion:
         return None
 
     def _opened(self, found: os.stat_result) -> int:
-        """A descriptor of the file; another one if another file has taken its place."""
+        """A descriptor of the file, reopened if the file has been replaced."""
         if self._descriptor is None or self._of != (found.st_dev, found.st_ino):
             self._close()
             self._descriptor = descriptor = os.open(self._path, os.O_RDONLY | os.O_CLOEXEC)
@@ -341,15 +340,15 @@ class FileVersion:
 
 
 class NotRemembered(Exception):
-    """A value cannot be told without reading the database."""
+    """A value is not cached, so the database would have to be read."""
 
 
 class Remembered(Generic[T]):
-    """Values read of a database, kept as long as nobody changes anything in it; any thread may call.
+    """A cache of values read from a database, valid until anything in it changes; any thread may call.
 
     Args:
-        version: Tells the version of the database's file.
-        most: Number of values; the one that was asked for least recently is dropped.
+        version: Version of the database's file.
+        most: Maximum number of values; the least recently used one is dropped.
     """
 
     def __init__(self, version: FileVersion, most: int) -> None:
@@ -360,15 +359,15 @@ class Remembered(Generic[T]):
         self._values: OrderedDict[Hashable, T] = OrderedDict()
 
     def get(self, key: Hashable, read: Callable[[], T | None], *, at_once: bool = False) -> T | None:
-        """The value of a key, remembered or read; that there is none is not remembered.
+        """The value of a key, from the cache or the database; None is not cached.
 
         Args:
-            key: Its key.
-            read: Reads it from the database.
+            key: Key of the value.
+            read: Reads the value from the database.
             at_once: True if the database must not be read.
 
         Raises:
-            NotRemembered: It would have to be.
+            NotRemembered: The value is not cached.
         """
         before = self._version.now()
         with self._lock:
@@ -378,8 +377,8 @@ class Remembered(Generic[T]):
         if at_once:
             raise NotRemembered
         value = read()
-        # One before, another after: what was read is of either. After a transaction that is rolled back, the
-        # next one makes the counter again what it was meanwhile, of another content.
+        # Cached only if the version is the same before and after: otherwise the value may belong to either.
+        # After a rollback, the next transaction reaches the same counter again with different content.
         if value is not None and before is not None and before == self._version.now():
             self._enter(key, value, before)
         return value

@@ -1,13 +1,13 @@
-"""Contents of captures, as a process of its own reads them: all at once, or piece by piece.
+"""Contents of captures as read by a separate process: as a whole or in pieces.
 
-Readers of sealed captures stay open between two questions: a page asks for one field after the other, and to
-open the file, to check that it is a capture and to decode half a second of fields takes far longer than that.
+Readers of sealed captures stay open between two requests: a page requests one field after the other, and
+opening the file, checking it and decoding half a second of fields takes far longer than reading one.
 """
 
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -26,13 +26,13 @@ from grabberd.archive.guarded_database import read_header
 from grabberd.work.child import Limits
 
 MOST = 4
-"""Captures that are kept open; each may hold a group of pictures and one of points, some ten megabytes."""
+"""Maximum number of open captures; each may hold a group of pictures and one of points, some 10 MB."""
 KEPT_S = 5.0
-"""Time after its last use until a capture is closed: the room of a deleted one is free only then."""
+"""Time after its last use until a capture is closed; until then, a deleted one still occupies the disk."""
 
 
 class _Identity(NamedTuple):
-    """Signs of a file of which one changes when it is replaced, written or given other rights."""
+    """Properties of a file; at least one changes when it is replaced or written, or its mode is changed."""
 
     device: int
     inode: int
@@ -42,13 +42,13 @@ class _Identity(NamedTuple):
 
     @classmethod
     def of(cls, path: Path) -> "_Identity":
-        """The identity of the file at a path, or of a link itself."""
+        """The identity of the file at a path; of a link, its own."""
         found = path.lstat()
         return cls(found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
 
 
 class _Kept(NamedTuple):
-    """A reader that nobody uses at present."""
+    """A reader that is not in use."""
 
     reader: CaptureReader
     identity: _Identity
@@ -56,7 +56,7 @@ class _Kept(NamedTuple):
 
 
 class KeptReaders:
-    """Gives readers of captures, one user at a time, and keeps those of sealed ones; any thread may call.
+    """A cache of readers of sealed captures, each for one user at a time; any thread may call.
 
     Args:
         now_s: Source of monotonic time.
@@ -70,30 +70,30 @@ class KeptReaders:
 
     @contextmanager
     def opened(self, path: Path) -> Iterator[CaptureReader]:
-        """A reader for the duration of the block: the one that was kept, if the file is what it was then.
+        """A reader for the duration of the block; a cached one if the file has not changed.
 
         Raises:
-            CaptureFileError, StorageError, ReadingGivenUp: As `CaptureReader` does.
+            CaptureFileError, StorageError, ReadingGivenUp: See `CaptureReader`.
         """
         with reading_errors(path):
             reader, identity = self._found(path)
         try:
             yield reader
-        except BaseException:  # it may be in the middle of a statement
+        except BaseException:  # a statement may still be open
             reader.close()
             raise
         self._keep(reader, identity)
 
     def close_old(self) -> None:
-        """Closes what nobody has used for `KEPT_S`; a thread calls it as long as there is anything."""
+        """Closes readers that have been unused for `KEPT_S`; called by a timer."""
         self._close_until(self._now_s())
 
     def close(self) -> None:
-        """Closes all that is kept."""
+        """Closes all cached readers."""
         self._close_until(float("inf"))
 
     def _found(self, path: Path) -> tuple[CaptureReader, _Identity]:
-        """Takes a reader; of a capture that has been sealed since its path was looked up, by its name now."""
+        """Takes a reader, under the final name if the capture was sealed after its path was looked up."""
         try:
             return self._taken(path)
         except FileNotFoundError:
@@ -108,15 +108,13 @@ class KeptReaders:
         try:
             identity = _Identity.of(path)
             if kept is not None and kept.identity == identity:
-                # What SQLite would find beside the file, it finds now and not when the file was opened.
+                # Checked again: SQLite would use a journal that has appeared beside the file meanwhile.
                 read_header(path)
                 return kept.reader, identity
         except BaseException:
-            if kept is not None:
-                kept.reader.close()
+            _close([kept])
             raise
-        if kept is not None:
-            kept.reader.close()
+        _close([kept])
         return _new(path), identity
 
     def _keep(self, reader: CaptureReader, identity: _Identity) -> None:
@@ -128,42 +126,41 @@ class KeptReaders:
             self._kept[reader.path] = _Kept(reader, identity, self._now_s() + KEPT_S)
             if len(self._kept) > MOST:
                 closed.append(self._kept.pop(next(iter(self._kept))))
-            if not self._will_look():
-                closed += self._kept.values()
-                self._kept.clear()
-        for one in filter(None, closed):
-            one.reader.close()
+            closed += self._look_later()
+        _close(closed)
 
-    def _will_look(self) -> bool:
-        """True if a thread will close what is old; False if the computer has no thread left to give."""
-        if self._timer is None:
+    def _look_later(self) -> list[_Kept]:
+        """Makes sure that a timer will close old readers; returns all if no thread can be started."""
+        if self._timer is None and self._kept:
             oldest_s = min(kept.until_s for kept in self._kept.values())
             timer = threading.Timer(max(0.0, oldest_s - self._now_s()), self._look)
             timer.daemon = True
             try:
                 timer.start()
             except RuntimeError:
-                return False
+                closed = list(self._kept.values())
+                self._kept.clear()
+                return closed
             self._timer = timer
-        return True
+        return []
 
     def _look(self) -> None:
         self.close_old()
         with self._lock:
             self._timer = None
-            closed: list[_Kept] = []
-            if self._kept and not self._will_look():
-                closed = list(self._kept.values())
-                self._kept.clear()
-        for one in closed:
-            one.reader.close()
+            closed = self._look_later()
+        _close(closed)
 
     def _close_until(self, now_s: float) -> None:
         with self._lock:
             old = [path for path, kept in self._kept.items() if kept.until_s <= now_s]
             closed = [self._kept.pop(path) for path in old]
-        for one in closed:
-            one.reader.close()
+        _close(closed)
+
+
+def _close(closed: Iterable[_Kept | None]) -> None:
+    for one in filter(None, closed):
+        one.reader.close()
 
 
 def _new(path: Path) -> CaptureReader:
@@ -183,20 +180,20 @@ def _is_still(path: Path, identity: _Identity) -> bool:
 log = logging.getLogger(__name__)
 
 LIMITS = Limits(niceness=10, data_bytes=700_000_000)
-"""Of the process: eight of the largest answers, 200 000 points as JSON of 50 MB each, and the stacks of as
-many threads."""
+"""Limits of the process: memory for eight of the largest answers, 200 000 points as JSON of 50 MB each, and
+the stacks of as many threads."""
 _KEPT = KeptReaders()
-_LEAFED: tuple[Callable[..., Any], ...] = (
+_RANDOM_ACCESS: tuple[Callable[..., Any], ...] = (
     *(points_json, field_png, thumbnail_png, channels_json),
     *(replay_points, replay_pictures),
 )
 CONTENTS: dict[str, Callable[..., Any]] = {
-    **{read.__name__: partial(read, opened=_KEPT.opened) for read in _LEAFED},
+    **{read.__name__: partial(read, opened=_KEPT.opened) for read in _RANDOM_ACCESS},
     **{read.__name__: read for read in (points_csv, points_ply, points_c3d, channels_csv)},
 }
-"""What can be read, by name: as bytes, or as a generator of pieces."""
+"""All contents by name: functions that return bytes, or a generator of pieces."""
 
 
 def read(name: str, *arguments: Any) -> Any:
-    """One of `CONTENTS`; the process calls it."""
+    """Reads one of `CONTENTS`; called in the process."""
     return CONTENTS[name](*arguments)

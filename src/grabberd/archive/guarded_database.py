@@ -1,8 +1,8 @@
-"""The door through which database files from outside are opened: their content is data, never a program.
+"""Opening untrusted database files: their content is treated as data, never as code.
 
-A file in the folder of captures may come from a USB stick, a network share or a broken disk. SQLite itself
-would run what such a file holds: a view in place of a table can be endless, a journal beside it can name
-another file to be deleted, a link can lead to a file that is nobody's business.
+A file in the captures folder may come from a USB stick, a network share or a broken disk. SQLite itself would
+execute what such a file contains: a view instead of a table can be endless, a journal beside it can cause
+another file to be deleted, and a link can lead to a confidential file.
 """
 
 import os
@@ -19,28 +19,28 @@ from grabberd.files.patience import is_over
 
 JOURNAL = "-journal"
 LONGEST_S = 300.0
-"""Time that one statement may take: it reads all rows of a day's capture from a slow disk, and ends."""
+"""Time limit for a statement: enough to read all rows of a day's capture from a slow disk."""
 LARGEST_CELL = 64 << 20
-"""Bytes of one value: four times the largest picture."""
+"""Largest value in bytes: four times the largest picture."""
 LARGEST_SQL = 100_000
 _OPCODES = 10_000
-"""Instructions of SQLite between two looks at the clock, about a millisecond."""
+"""SQLite instructions between two checks of the time limit, about a millisecond."""
 _WAIT_S = 10.0
-"""Time to wait for another program's lock."""
+"""Longest wait for another program's lock."""
 _MAGIC = b"SQLite format 3\0"
 _JOURNAL_MAGIC = bytes.fromhex("d9d505f920a163d7")
 _HEAD = 108
-"""Bytes of a database's header and of the head of its first page, which holds the schema."""
+"""Bytes of a database's header and of the header of its first page, which contains the schema."""
 _LEAF = 0x0D
 _UTF_8 = 1
 _ROLLBACK_JOURNAL = (1, 1)
 
 
 class Header(NamedTuple):
-    """First bytes of a database file, decoded.
+    """Decoded header of a database file.
 
     Attributes:
-        application_id: Program that the file belongs to.
+        application_id: Id of the program that wrote the file.
         user_version: Version of its tables.
     """
 
@@ -49,10 +49,10 @@ class Header(NamedTuple):
 
 
 class GuardedConnection(HeldConnection):
-    """A connection whose every statement ends: in time, or when nobody waits for it any longer.
+    """A connection whose statements are interrupted by a time limit, or when the reading is cancelled.
 
     Attributes:
-        longest_s: Time that one statement may take.
+        longest_s: Time limit for one statement.
     """
 
     def __init__(self, *args: Any, **options: Any) -> None:
@@ -64,7 +64,7 @@ class GuardedConnection(HeldConnection):
         self.setlimit(sqlite3.SQLITE_LIMIT_SQL_LENGTH, LARGEST_SQL)
         self.setlimit(sqlite3.SQLITE_LIMIT_ATTACHED, 0)
         self.setlimit(sqlite3.SQLITE_LIMIT_TRIGGER_DEPTH, 1)
-        # Functions of a file's own schema would run with the rights of the program.
+        # Functions in a file's schema would run with the rights of this process.
         self.execute("PRAGMA trusted_schema = OFF")
         self.execute("PRAGMA cell_size_check = ON")
 
@@ -83,12 +83,12 @@ class GuardedConnection(HeldConnection):
 
 
 def read_header(path: Path) -> Header:
-    """The header of a file that may be opened.
+    """Reads and checks the header of a file.
 
     Raises:
-        FileNotFoundError: It does not exist.
-        ValueError: It, or the journal beside it, is none that this program has written.
-        OSError: It cannot be read.
+        FileNotFoundError: The file does not exist.
+        ValueError: The file or its journal cannot have been written by this program.
+        OSError: The file cannot be read.
     """
     check_kind(path)
     _check_journal(path.with_name(path.name + JOURNAL))
@@ -96,23 +96,23 @@ def read_header(path: Path) -> Header:
 
 
 def open_tables(path: Path, tables: str, *, writable: bool = True) -> GuardedConnection:
-    """Opens an existing database of exactly these tables.
+    """Opens an existing database with exactly these tables.
 
     Args:
         path: The file.
-        tables: The statements that its tables were made by; spaces and line breaks are ignored.
-        writable: False if not even what a crash left unfinished may be rolled back.
+        tables: The statements that created its tables; whitespace is ignored.
+        writable: False if not even an interrupted transaction may be rolled back.
 
     Returns:
         A connection in autocommit mode, which any thread may use in turn.
 
     Raises:
-        FileNotFoundError: It does not exist.
-        ValueError: It holds anything else.
-        sqlite3.Error: It is damaged, or cannot be read.
-        OSError: It cannot be read.
+        FileNotFoundError: The file does not exist.
+        ValueError: The file has a different schema.
+        sqlite3.Error: The file is damaged, or cannot be read.
+        OSError: The file cannot be read.
     """
-    with hold(path):  # opened once for all that follows
+    with hold(path):  # the file is opened only once
         read_header(path)
         _check_schema_page(_head(path), len(_schema(tables)))
         connection = connect(path, GuardedConnection, writable=writable, timeout=_WAIT_S)
@@ -120,7 +120,7 @@ def open_tables(path: Path, tables: str, *, writable: bool = True) -> GuardedCon
         found = _schema_of(connection)
         if found != _schema(tables):
             other = sorted({name for _, name, _ in found ^ _schema(tables)})
-            raise ValueError(f"its schema is another one: {', '.join(other)[:200]}")
+            raise ValueError(f"its schema differs: {', '.join(other)[:200]}")
     except BaseException:
         connection.close()
         raise
@@ -128,20 +128,20 @@ def open_tables(path: Path, tables: str, *, writable: bool = True) -> GuardedCon
 
 
 def check_kind(path: Path) -> None:
-    """Checks that a path leads to a file of its own.
+    """Checks that a path is a regular file.
 
     Raises:
-        FileNotFoundError: It leads nowhere.
+        FileNotFoundError: It does not exist.
         ValueError: It is a link, a folder or a device.
         OSError: It cannot be looked up.
     """
-    # A link could lead to any file that this program may read, which clients could then download.
+    # A link could lead to any file that this process may read, and clients could download that.
     if not stat.S_ISREG(path.lstat().st_mode):
-        raise ValueError("it is a link, a folder or a device, and not a file of its own")
+        raise ValueError("it is a link, a folder or a device, not a regular file")
 
 
 def _check_journal(journal: Path) -> None:
-    """Checks that a journal belongs to its database alone."""
+    """Checks that a journal is not part of a multi-file transaction."""
     try:
         check_kind(journal)
         with journal.open("rb") as file:
@@ -149,7 +149,7 @@ def _check_journal(journal: Path) -> None:
             end = file.read(len(_JOURNAL_MAGIC))
     except FileNotFoundError:
         return
-    # It names a file that all journals of one transaction share. SQLite deletes that file, whatever it is.
+    # Such a journal names a file shared by all journals of the transaction, which SQLite would delete.
     if end == _JOURNAL_MAGIC:
         raise ValueError(f"{journal.name} belongs to another database as well")
 

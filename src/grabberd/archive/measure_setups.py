@@ -1,4 +1,4 @@
-"""Setups that points are measured with, from the documents and settings that a capture stores."""
+"""Setups for measuring points, from the documents and settings stored in a capture."""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -17,15 +17,15 @@ from grabberd.errors import CalibrationMismatch, DriverMissing, InputError
 from grabberd.registry import Registry
 
 INSTALLED_LOCATORS: Registry[Locator] = Registry("grabberd.locators", "locator")
-"""Locators beside those of `measurement`."""
+"""Locators from other packages."""
 INCLUDE_DAMAGED = "include_damaged"
-"""Setting of a run: True if damaged fields were measured too."""
+"""Setting of a run: True if damaged fields were measured, too."""
 TARGETS = "targets"
 """Setting of a measurement: limits of the targets' sizes on the object."""
 
 
 def measure_setup(documents: JsonObject, settings: JsonObject) -> MeasureSetup:
-    """Makes a measuring setup from documents and settings as a capture file stores them.
+    """Makes a setup from documents and settings as stored in a capture file.
 
     Raises:
         InputError: A document or a setting is invalid.
@@ -41,25 +41,24 @@ def measure_setup(documents: JsonObject, settings: JsonObject) -> MeasureSetup:
 
 
 def settings_of(config: DeviceConfig) -> JsonObject:
-    """The settings of a measurement as a capture file stores them."""
+    """The settings of a measurement as stored in a capture file."""
     own: JsonObject = {"line_jitter_px": config.line_jitter_px, "spread_px": config.spread_px}
     limits = config.targets.model_dump(exclude_none=True)
     return own | config.location.model_dump() | ({TARGETS: limits} if limits else {})
 
 
 def settings_of_capture(config: Mapping[str, Any]) -> JsonObject:
-    """The same settings, from a device's configuration as a capture file stores it."""
+    """The same settings, from a device's configuration stored in a capture file."""
     own = {key: config[key] for key in ("line_jitter_px", "spread_px", TARGETS) if key in config}
     return own | dict(config.get("location") or {})
 
 
 def location_settings(settings: JsonObject, scale: float | None = None) -> LocationSettings:
-    """Settings of the locators; missing ones take the defaults of `LocationSettings`.
+    """Settings of the locators; missing ones get the defaults of `LocationSettings`.
 
     Args:
-        settings: As a capture file stores them.
-        scale: Pixels of the picture for a millimetre on the object; without it, limits of the targets' sizes
-            are left out.
+        settings: Settings as stored in a capture file.
+        scale: Pixels per millimetre on the object; without it, limits of the targets' sizes are ignored.
 
     Raises:
         InputError: A setting is invalid.
@@ -77,10 +76,10 @@ def location_settings(settings: JsonObject, scale: float | None = None) -> Locat
 
 
 def _installed_locator(method: str) -> Locator | None:
-    """The locator of another package by its name; None for those of the program.
+    """The locator of another package, by name; None for built-in methods.
 
     Raises:
-        InputError: There is none of that name, or its package is broken.
+        InputError: The name is unknown, or the package is broken.
     """
     if method in METHODS:
         return None
@@ -99,7 +98,7 @@ def _installed_locator(method: str) -> Locator | None:
 
 
 def misfit(rig: RigConfig, columns: int, lines: int) -> InputError:
-    """The error for pictures of another size than the rig's."""
+    """The error for pictures that do not have the rig's size."""
     return InputError(
         f"the pictures have {columns}x{lines} pixels, the rig's {rig.columns}x{rig.lines}: its views "
         "would be in the wrong places",
@@ -108,7 +107,7 @@ def misfit(rig: RigConfig, columns: int, lines: int) -> InputError:
 
 
 def nominal_rig(rig: RigConfig) -> NominalRig:
-    """Converts a configured rig to the type that the core takes."""
+    """Converts a configured rig to the core's type."""
     return NominalRig(
         columns=rig.columns,
         lines=rig.lines,

@@ -37,8 +37,8 @@ class _Choice:
 class ActiveCalibrations:
     """Keeps each device's active calibration: the configuration's until another one is activated.
 
-    The choice survives restarts. A calibration that can no longer be used is not replaced behind the
-    operator's back: the device then has none, and a warning says why.
+    The choice survives restarts. A calibration that can no longer be used is not replaced silently: the
+    device then has none, and a warning says why.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class ActiveCalibrations:
                 self._chosen[instrument.name] = self._restored(instrument, **chosen)
 
     def keep(self) -> None:
-        """Stores the choices again, after the stored ones were lost.
+        """Stores the choices again after the stored ones were lost.
 
         Raises:
             StorageError: They cannot be stored.
@@ -76,7 +76,7 @@ class ActiveCalibrations:
             self._state.put({_key(device): {"id": chosen.id, "activated_utc": chosen.activated_utc}})
 
     def activate(self, calibration_id: str, instrument: Instrument, *, despite_failure: bool = False) -> None:
-        """Has a device measure with a calibration from the next field on, and after every restart.
+        """Makes a device measure with a calibration from the next field on, also after a restart.
 
         Args:
             calibration_id: Its id.
@@ -88,25 +88,25 @@ class ActiveCalibrations:
             StorageError: The calibration is damaged.
             CalibrationMismatch: The calibration does not fit the device.
             Conflict: Its acceptance failed.
-            CaptureRunning: A capture is made with one calibration from its first field to its last.
+            CaptureRunning: A capture is running, which keeps its calibration.
         """
         document = self._calibrations.find(calibration_id)
         self._check_owner(calibration_id, instrument)
         if not despite_failure and (failure := failure_of(document)) is not None:
             raise Conflict(
-                failure, "put the reasons right and calibrate again; an admin may use it with despite_failure"
+                failure, "correct the causes and calibrate again; an admin may use it with despite_failure"
             )
         with instrument.between_captures():
             instrument.check_fits(Calibration.from_document(document))
             setup = instrument.setup.with_calibration(document)
-            # Stored before it is used: after a failed write the device goes on with what a restart finds.
+            # Stored before it is used: after a failed write, device and stored choice must agree.
             self._remember(calibration_id, instrument.name)
             instrument.use(setup)
         self._rejections.lift(calibration_id)
         log.info("device %s measures with calibration %s", instrument.name, calibration_id)
 
     def reject(self, calibration_id: str, note: str) -> None:
-        """Rejects a calibration; activating it takes that back.
+        """Rejects a calibration; activating it undoes that.
 
         Raises:
             NotFound: No calibration has that id.
@@ -193,7 +193,7 @@ class ActiveCalibrations:
         return measuring
 
     def _misfit(self, row: CalibrationRow) -> str | None:
-        """Says why a calibration does not fit its device as it is now; None if the device is gone, too."""
+        """Reason why a calibration does not fit its device as it is now; None also if the device is gone."""
         instrument = self._instruments.get(row.device)
         if instrument is None or row.problem:
             return None
@@ -204,8 +204,8 @@ class ActiveCalibrations:
         return None
 
     def _check_owner(self, calibration_id: str, instrument: Instrument) -> None:
-        """Refuses the calibration of another device, but not of one that is no longer configured: that may
-        be the same device under an earlier name.
+        """Refuses the calibration of another configured device; one that is no longer configured may be the
+        same device under an earlier name.
 
         Raises:
             CalibrationMismatch: The calibration belongs to another device.
@@ -219,7 +219,7 @@ class ActiveCalibrations:
             )
 
     def _remember(self, calibration_id: str, device: str) -> None:
-        # To activate the configuration's own is to choose none: a later change of the configuration counts.
+        # Activating the configuration's own is no choice: a later change of the configuration takes effect.
         configured = self._calibrations.configured.get(device)
         if configured is not None and configured["id"] == calibration_id:
             self._state.remove(_key(device))

@@ -1,6 +1,6 @@
-"""The steps that follow the end of a capture: it is counted, entered in the index, and told of.
+"""The steps after the end of a capture: it is counted, entered in the index, and announced.
 
-One whose file could not be sealed is tried again until it is.
+If its file could not be sealed, that is retried until it succeeds.
 """
 
 import logging
@@ -19,13 +19,13 @@ log = logging.getLogger(__name__)
 
 
 class CaptureEnd:
-    """Takes note of captures that have ended, in the threads that sealed them.
+    """Handles captures that have ended, in the threads that sealed them.
 
     Args:
         archive: The captures on disk.
         instruments: The instruments, by the name of their device.
         sealed: Called with the id and the device of each capture that is sealed.
-        faults: Where captures that cannot be sealed are told.
+        faults: Where captures that cannot be sealed are reported.
         clock: Source of time.
 
     Attributes:
@@ -46,7 +46,7 @@ class CaptureEnd:
         self.unsealed = UnsealedCaptures(archive.check, self._sealed_after_all, self._count, faults, clock)
 
     def ended(self, recording: Recording) -> None:
-        """Takes note of a capture whose recording is over, sealed or not."""
+        """Handles a capture whose recording is over, sealed or not."""
         if recording.seal_failure is None:
             self._enter_in_index(recording)
         else:
@@ -65,7 +65,7 @@ class CaptureEnd:
         self._instruments[_device_of(recording)].captures.count(recording)
 
     def _enter_in_index(self, recording: Recording) -> None:
-        # The capture has ended all the same if the index cannot be written; it is entered later.
+        # The capture has ended even if the index cannot be written; it is entered later.
         try:
             with storage_errors(recording.path):
                 self._archive.index.add(recording.path)
@@ -83,13 +83,13 @@ FIRST_NS, LONGEST_NS = 2 * 10**9, 60 * 10**9
 
 
 class UnsealedCaptures:
-    """Tries again to seal captures; told once as a fault, and counted.
+    """Retries sealing captures; reports a fault once, and counts attempts.
 
     Args:
         check: Raises StorageError while the folder of captures is gone.
         sealed: Called with each capture once it is sealed.
         given_up: Called with each one whose file is gone or damaged.
-        faults: Where it is told.
+        faults: Where it is reported.
         clock: Source of time.
 
     Attributes:
@@ -126,13 +126,13 @@ class UnsealedCaptures:
         self._report(recording.failure)
 
     def retry(self) -> None:
-        """Tries all of them again, if it is time to."""
+        """Retries all of them, if it is time to."""
         if not self.captures or self._clock.now_ns() < self._due_ns:
             return
         try:
             self._check()
         except StorageError:
-            return  # told already; sealed as soon as the folder is back
+            return  # reported already; sealed as soon as the folder is back
         failures = [failure for one in self.captures if (failure := self._try(one)) is not None]
         with self._lock:
             self._pause_ns = min(2 * self._pause_ns, LONGEST_NS)

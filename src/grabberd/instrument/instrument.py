@@ -1,4 +1,4 @@
-"""One grabber made into an instrument: its threads, its ring, its calibration and its captures."""
+"""The instrument around one grabber: its threads, its ring, its calibration and its captures."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -32,7 +32,7 @@ class Instrument:
         setup: Configuration, grabber and calibration of the device.
         clock: Source of time.
         site: The configuration's `site`, copied into every capture.
-        queue_s: Seconds of fields that may wait for a disk that stalls.
+        queue_s: Seconds of fields that may wait for a stalled disk.
         disk: Guard of the captures' disk.
         on_sealed: Called with each recording once its file is closed.
         fair_lock: Taken in turn by the workers of all devices.
@@ -73,8 +73,8 @@ class Instrument:
             loggers or Loggers({}, clock),
         )
         self.worker = Worker(self.name, setup.measuring, self.pipeline, self.captures, clock, fair_lock)
-        # The kernel's account goes by its own clock alone. By another, a thread may take fields without a
-        # pause, which in real time nobody else would survive.
+        # The kernel's accounting uses its own clock only. With another clock, a thread may take fields
+        # without a pause, which in real time would block all others.
         account = KernelAccount() if type(clock) is SystemClock else None
         self._capture_thread = CaptureThread(
             self.name, setup.grabber, self.pipeline, self.board, clock, self.captures, account=account
@@ -93,7 +93,7 @@ class Instrument:
         if recording is not None:
             recording.stop("the daemon stopped")
             recording.sealed.wait(timeout_s)
-        # All are asked to end before any is waited for.
+        # All are told to end before any is joined.
         self._capture_thread.stop()
         self.worker.stop()
         self.pipeline.thresholds.stop(timeout_s)
@@ -102,11 +102,11 @@ class Instrument:
 
     @property
     def setup(self) -> DeviceSetup:
-        """Configuration, grabber and calibration of the device; exchanged between captures only."""
+        """Configuration, grabber and calibration of the device; replaced between captures only."""
         return self.captures.setup
 
     def start_capture(self, capture_id: str, request: CaptureRequest, part: Path) -> Recording:
-        """Starts a capture without a service, into a file of the caller's choice.
+        """Starts a capture without a service, into a file chosen by the caller.
 
         Args:
             capture_id: Id of the capture.
@@ -124,7 +124,7 @@ class Instrument:
 
     @contextmanager
     def between_captures(self) -> Iterator[None]:
-        """Holds captures off, for changes of what must stay as it is while one is recorded and measured.
+        """Prevents captures during changes that would affect recording or measuring.
 
         Raises:
             CaptureRunning: One is armed, or being recorded, measured or sealed.
@@ -139,7 +139,7 @@ class Instrument:
         self.worker.use(setup.measuring)
 
     def configure(self, config: DeviceConfig) -> None:
-        """Chooses the threshold as another configuration has it; called `between_captures`."""
+        """Chooses the threshold by another configuration; called `between_captures`."""
         self.captures.setup = replace(self.setup, config=config)
         self.pipeline.thresholds.use(config)
 
@@ -156,7 +156,7 @@ class Instrument:
 
     @property
     def misfit(self) -> str | None:
-        """The reason why the calibration does not fit the pictures that come, or None."""
+        """The reason why the calibration does not fit the pictures, or None."""
         try:
             self.captures.check_measurable()
         except InputError as error:

@@ -1,4 +1,4 @@
-"""Settings that an operator has made in place of the configuration; they survive restarts."""
+"""Settings by which an operator overrides the configuration; they survive restarts."""
 
 import logging
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 class Settings:
     """Threshold of each device: the configuration's until another one is set.
 
-    A capture keeps the one that it began with (docs/decisions/measurement.md).
+    A capture keeps the one with which it began (docs/decisions/measurement.md).
     """
 
     def __init__(self, state: StateStore, instruments: Mapping[str, Instrument]) -> None:
@@ -45,7 +45,7 @@ class Settings:
         return SettingsDocument(devices={name: self._of(one) for name, one in self._instruments.items()})
 
     def set_threshold(self, instrument: Instrument, threshold: ThresholdConfig | None) -> None:
-        """Sets how a device's threshold is chosen from now on; None: as configured.
+        """Sets the rule for a device's threshold from now on; None: as configured.
 
         Raises:
             InputError: It does not suit the device's ring.
@@ -54,21 +54,19 @@ class Settings:
         """
         config = self._config(instrument, threshold)
         with instrument.between_captures():
-            # Stored first: if that fails, the device goes on as it was.
+            # Stored first: if that fails, nothing changes for the device.
             self._store(instrument.name, threshold)
             instrument.configure(config)
         log.info("device %s: threshold %s", instrument.name, config.threshold.model_dump())
 
     def keep(self) -> None:
-        """Stores what is in force again, after the stored settings were lost.
+        """Stores the settings in force again, after the stored ones were lost.
 
         Raises:
             StorageError: It cannot be stored.
         """
-        for instrument in self._instruments.values():
-            threshold = instrument.setup.config.threshold
-            configured = threshold == self._configured[instrument.name].threshold
-            self._store(instrument.name, None if configured else threshold)
+        for name, setting in self.document().devices.items():
+            self._store(name, None if setting.as_configured else setting.threshold)
 
     def _of(self, instrument: Instrument) -> DeviceSettings:
         threshold = instrument.setup.config.threshold
@@ -107,6 +105,6 @@ def _key(device: str) -> str:
 
 
 def configuration_document(setups: Mapping[str, DeviceSetup]) -> JsonObject:
-    """The devices' configuration as it may be shown."""
+    """The devices' configuration without secrets."""
     devices = {name: setup.config.model_dump(mode="json") for name, setup in setups.items()}
     return {"devices": without_secrets(devices)}

@@ -1,4 +1,4 @@
-"""Setup: from the configuration to the parts of each instrument, with the problems of all devices at once."""
+"""Setup: from the configuration to the parts of each instrument; all problems are reported at once."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -27,10 +27,10 @@ class DeviceSetup:
         name: Name of the device.
         config: The device's part of the configuration.
         grabber: The grabber, not opened yet.
-        measuring: Setup that points are measured with, or None without a calibration or an object model.
+        measuring: Setup for measuring points, or None without a calibration or an object model.
         documents: Documents of the calibration and the object model, copied into every capture.
-        analysis_inputs: What its captures are analysed with; None if the configuration names none.
-        made_with: The same and the settings: all that points are made with, as a run stores it.
+        analysis_inputs: Inputs for analysing its captures; None if the configuration names none.
+        made_with: The same and the settings: all inputs of points, as stored by a run.
     """
 
     name: str
@@ -43,11 +43,11 @@ class DeviceSetup:
 
     def __post_init__(self) -> None:
         made_with = {**self.documents, "settings": settings_of(self.config)}
-        # The class is frozen; this value follows from the others.
+        # The class is frozen; this value is derived from the others.
         object.__setattr__(self, "made_with", made_with)
 
     def with_calibration(self, document: Mapping[str, Any] | None) -> "DeviceSetup":
-        """The same setup with another calibration, or with none.
+        """The same setup with another calibration, or without one.
 
         Raises:
             InputError: The document is not a calibration.
@@ -88,7 +88,7 @@ def _device(name: str, config: DeviceConfig, file: Path, problems: list[Problem]
     inputs = None if named is None else attempt("analysis.inputs", lambda: read_yaml(named))
     documents = attempt("calibration", lambda: read_documents(config.calibration, config.object))
     located = attempt("location", lambda: location_settings(settings_of(config)))
-    # By itself: there may be no calibration yet, and it is not to be found wrong only after there is one.
+    # By itself: errors must be reported even if there is no calibration yet.
     usable = attempt("object", lambda: _checked_object(documents or {}))
     measured = documents if usable else {**(documents or {}), "object": None}
     measuring = attempt("calibration", lambda: _measuring(config, measured or {})) if located else None
@@ -98,7 +98,7 @@ def _device(name: str, config: DeviceConfig, file: Path, problems: list[Problem]
 
 
 def _checked_object(documents: JsonObject) -> bool:
-    """True; an object model that cannot be used raises."""
+    """Returns True; an unusable object model raises."""
     if documents.get("object") is not None:
         ObjectModel.from_document(documents["object"])
     return True

@@ -37,8 +37,6 @@ class JobQueue:
         kinds: Classes of jobs by their kinds.
         faults: Where a lost queue is reported.
         ended: Called with every job that has ended, and the captures that it should have analysed.
-
-    Attributes:
         interrupt: Called with the number of a job that was cancelled while it ran.
     """
 
@@ -49,10 +47,11 @@ class JobQueue:
         kinds: Kinds,
         faults: FaultBoard | None = None,
         ended: Callable[[JobDocument, Sequence[str]], None] = lambda job, captures: None,
+        interrupt: Callable[[int], None] = lambda number: None,
     ) -> None:
-        self.interrupt: Callable[[int], None] = lambda _: None
         self._clock = clock
         self._ended = ended
+        self._interrupt = interrupt
         self._store = store
         self._kinds = kinds
         self._faults = faults or FaultBoard(clock)
@@ -62,7 +61,6 @@ class JobQueue:
         self._changed = threading.Condition()
         # Held over a change of the disk and of what is known; who only looks never waits for a disk.
         self._changing = threading.RLock()
-        store.lost = self._write_again
 
     def open(self) -> None:
         """Reads the queue from the disk.
@@ -71,7 +69,7 @@ class JobQueue:
             StorageError: It cannot be read or written.
         """
         with self._changing:
-            self._store.open()
+            self._store.open(self._write_again)
             with self._store.errors():
                 found = [entry_of(row, self._kinds) for row in self._store.jobs()]
             entries = [self._after_a_crash(entry) for entry in found]
@@ -173,7 +171,7 @@ class JobQueue:
             # Before the interruption: the end of the process would otherwise be taken for a failed attempt.
             self.end(entry.number, JobState.CANCELLED)
         if entry.job.state is JobState.RUNNING:
-            self.interrupt(entry.number)
+            self._interrupt(entry.number)
         return self.get(job_id)
 
     def wait(self, job_id: str, timeout_s: float) -> JobDocument:

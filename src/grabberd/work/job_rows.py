@@ -55,21 +55,18 @@ class Unanalysed(NamedTuple):
 
 
 class JobStore(Protocol):
-    """A place where the queue outlives the daemon.
-
-    Attributes:
-        lost: Called with what was lost and where it is kept, after a damaged file was set aside.
-    """
-
-    lost: Callable[[str], None]
+    """A place where the queue outlives the daemon."""
 
     @property
     def folder(self) -> Path:
         """Folder of the queue, which the process of the jobs locks."""
         ...
 
-    def open(self) -> None:
-        """Opens the queue, an empty one in place of one that is damaged.
+    def open(self, lost: Callable[[str], None]) -> None:
+        """Opens the queue; a damaged one is set aside and replaced by an empty one, now or later.
+
+        Args:
+            lost: Called with what was lost and where it is kept, whenever a damaged queue was set aside.
 
         Raises:
             StorageError: It cannot be read or written now.

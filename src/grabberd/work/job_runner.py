@@ -137,7 +137,6 @@ class JobRunner:
         self._having = threading.Lock()
         self._number: int | None = None
         self._thread = threading.Thread(target=self._run, name="jobs", daemon=True)
-        queue.interrupt = self._interrupt
 
     @property
     def alive(self) -> bool:
@@ -157,7 +156,8 @@ class JobRunner:
         if self._thread.is_alive():
             self._thread.join(KILLED_S)
 
-    def _interrupt(self, number: int) -> None:
+    def interrupt(self, number: int) -> None:
+        """Kills the process if it has the job of this number."""
         with self._having:
             if self.process is not None and self._number == number:
                 self.process.kill()

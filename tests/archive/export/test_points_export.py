@@ -118,7 +118,7 @@ def test_times_cannot_be_counted_from_a_first_field_without_one(tmp_path, value)
     with closing(sqlite3.connect(path)) as connection, connection:
         connection.execute("PRAGMA ignore_check_constraints = ON")
         connection.execute(f"UPDATE fields SET time_ns = {value} WHERE n = 0")
-    with pytest.raises(CaptureFileError, match="no whole number"):
+    with pytest.raises(CaptureFileError, match="not a whole number"):
         csv_rows(path)
 
 

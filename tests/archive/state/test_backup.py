@@ -245,7 +245,7 @@ def test_members_that_take_memory_to_unpack_are_refused(barn: Path, backup: Path
     with zipfile.ZipFile(backup, "w", zipfile.ZIP_LZMA) as archive:
         for name, content in members.items():
             archive.writestr(name, content)
-    with pytest.raises(InputError, match="compressed in another way"):
+    with pytest.raises(InputError, match="compressed by another method"):
         restore(barn, backup, NOW)
 
 

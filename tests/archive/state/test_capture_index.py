@@ -388,8 +388,7 @@ def test_widths_are_kept_over_a_rebuild_but_not_for_a_file_that_has_changed_sinc
 
 def test_whoever_asks_is_told_which_entries_have_changed(archive):
     told = []
-    index = CaptureIndex(archive)
-    index.changed = told.append
+    index = CaptureIndex(archive, changed=told.append)
     index.rebuild()
     index.add(write(archive, slots(2), name="c4", id="c4", created_utc="2026-03-04T09:00:00.000Z"))
     index.remove("c1")

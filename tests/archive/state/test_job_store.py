@@ -23,8 +23,7 @@ def said() -> list[str]:
 @pytest.fixture
 def store(tmp_path: Path, said: list[str]) -> JobStore:
     store = JobStore(tmp_path)
-    store.lost = said.append
-    store.open()
+    store.open(said.append)
     return store
 
 
@@ -59,7 +58,7 @@ def test_a_damaged_file_is_kept_and_an_empty_queue_begins(
 ) -> None:
     store.put(JOB)
     store.path.write_bytes(content)
-    store.open()
+    store.open(said.append)
     assert store.jobs() == []
     assert len(said) == 1
     assert [path.read_bytes() for path in store.folder.glob(f"{QUEUE}.damaged-*")] == [content]
@@ -73,7 +72,7 @@ def test_so_is_one_of_a_later_version_or_with_more_in_it(store: JobStore, said: 
         store.put(JOB)
         with closing(sqlite3.connect(store.path)) as connection, connection:
             connection.execute(change)
-        store.open()
+        store.open(said.append)
         assert store.jobs() == []
     assert len(said) == 2
     assert "is of version 2, this program knows up to 1" in said[0]

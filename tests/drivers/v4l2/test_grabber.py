@@ -160,7 +160,7 @@ def test_a_restart_of_a_card_that_is_gone_has_lost_it(bench):
 def test_a_restart_that_is_granted_something_else_is_refused(bench):
     bench.grabber.open()
     bench.card.orders = (Arrangement.INTERLACED,)
-    with pytest.raises(DeviceRefused, match="another stream"):
+    with pytest.raises(DeviceRefused, match="a different stream"):
         bench.grabber.restart()
     bench.grabber.close()
     assert bench.nothing_is_left_behind()

@@ -136,7 +136,7 @@ def test_alternating_fields_have_the_parity_that_their_buffer_says():
 
 @pytest.mark.parametrize("said", [Arrangement.ANY, Arrangement.ALTERNATE, Arrangement.INTERLACED])
 def test_an_alternating_field_without_a_parity_is_refused(said):
-    with pytest.raises(DeviceRefused, match="does not tell its parity"):
+    with pytest.raises(DeviceRefused, match="does not state its parity"):
         layout(Arrangement.ALTERNATE, lines=288).fields(frame()[::2].ravel(), said)
 
 

@@ -251,7 +251,7 @@ def test_a_node_that_is_not_for_pictures_is_refused_by_what_it_is(bench, caps, s
         ("open", errno.EBUSY, "in use", "fuser", Cause.DEVICE_BUSY),
         ("open", errno.EACCES, "by this user", "video", Cause.NO_RIGHTS),
         ("open", errno.EPERM, "by this user", "udev", Cause.NO_RIGHTS),
-        ("QUERYCAP", errno.ENOTTY, "no video device", "grabberd devices", Cause.DEVICE_REFUSED),
+        ("QUERYCAP", errno.ENOTTY, "not a video device", "grabberd devices", Cause.DEVICE_REFUSED),
         ("S_STD", errno.EBUSY, "in use", "fuser", Cause.DEVICE_BUSY),
         ("S_FMT", errno.EBUSY, "in use", "fuser", Cause.DEVICE_BUSY),
         ("REQBUFS", errno.EBUSY, "in use", "fuser", Cause.DEVICE_BUSY),

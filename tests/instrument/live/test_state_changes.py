@@ -5,8 +5,9 @@ from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
+from merge_patch import merged
 
-from grabberd.instrument.live.state import History, changes, merged
+from grabberd.instrument.live.state import History, changes
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text(max_size=3) | st.lists(st.integers(), max_size=2),

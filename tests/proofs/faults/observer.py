@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
-from grabberd.instrument.live.state import merged
+from tests.support.merge_patch import merged
 
 from .daemon import PATIENCE_S
 

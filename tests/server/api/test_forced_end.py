@@ -23,7 +23,7 @@ if __name__ == "__main__":
     threading.Thread(target=time.sleep, args=(3600,)).start()
     end = ForcedEnd(left_s=0.05)
     end.start()
-    signal.signal(signal.SIGTERM, lambda *_: end.told_to_end())
+    signal.signal(signal.SIGTERM, lambda *_: end.signal_received())
     print(child.pid, flush=True)
     while True:
         time.sleep(1)
@@ -34,8 +34,8 @@ def test_it_comes_some_time_after_it_was_told() -> None:
     ended = threading.Event()
     end = ForcedEnd(left_s=0.01, end=ended.set)
     end.start()
-    end.told_to_end()
-    end.told_to_end()
+    end.signal_received()
+    end.signal_received()
     assert ended.wait(PATIENCE_S)
 
 

@@ -1,1 +1,1 @@
-"""The known calibrations, which of them each device measures with, and the known calibration frames."""
+"""The known calibrations and calibration frames."""

@@ -1,4 +1,4 @@
-"""The catalog of calibrations, those stored and those of the configuration, and the rows that list them."""
+"""The catalog of calibrations, stored and configured, and their rows in lists."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -17,7 +17,7 @@ from grabberd.documents.document import JsonObject
 from grabberd.errors import Conflict, ExtraMissing, GrabberdError, NotFound
 
 Document = Mapping[str, Any]
-"""A calibration as its file has it."""
+"""A calibration as stored in its file."""
 CONFIGURATION = "configuration"
 FAILED = "failed"
 _VERDICTS = ("passed", "passed_with_remarks", FAILED)
@@ -25,13 +25,8 @@ SECONDS_A_DAY = 86400.0
 _OF_THE_DOCUMENT = ("created_utc", "source", "sigma0_px", "glass", "image")
 
 
-def configured_row(document: Document, device: str) -> CalibrationRow:
-    """A calibration that the configuration names."""
-    return _row(document["id"], document, device=device, origin=CONFIGURATION)
-
-
 def stored_row(entry: StoredCalibration) -> CalibrationRow:
-    """A stored calibration; of a damaged one only the id and the problem."""
+    """A stored calibration; a damaged one has only its id and the problem."""
     record = entry.record
     if entry.problem is not None:
         return _row(entry.id, {}, problem=entry.problem)
@@ -57,29 +52,29 @@ def active_calibration(document: Document, now: datetime, activated_utc: str | N
 
 
 def newest_first(row: CalibrationRow) -> tuple[bool, datetime, str]:
-    """Sort key, in reverse: the newest first, damaged ones last."""
+    """Sort key for descending order: newest first, damaged ones last."""
     return row.created_utc is not None, moment_of(row.created_utc or "0001-01-01"), row.id
 
 
 def age_days(created_utc: str, now: datetime) -> float:
-    """Age in days; negative if the calibration was made by a clock ahead of this one."""
+    """Age in days; negative if the clock that dated the calibration was ahead of this one."""
     return (now - moment_of(created_utc)).total_seconds() / SECONDS_A_DAY
 
 
 def acceptance_of(document: Document) -> JsonObject | None:
-    """The acceptance in a calibration's document; None for one that was not judged."""
+    """The acceptance in a calibration's document; None if it was not assessed."""
     details = document.get("details")
     found = details.get("acceptance") if isinstance(details, Mapping) else None
     return dict(found) if isinstance(found, Mapping) and found.get("verdict") in _VERDICTS else None
 
 
 def verdict_of(document: Document) -> str | None:
-    """The verdict in a calibration's document; None for one that was not judged."""
+    """The verdict in a calibration's document; None if it was not assessed."""
     return (acceptance_of(document) or {}).get("verdict")
 
 
 def failure_of(document: Document) -> str | None:
-    """The reasons for which a calibration failed, in a sentence; None if it did not."""
+    """The reasons why a calibration failed, in a sentence; None if it did not."""
     if verdict_of(document) != FAILED:
         return None
     reasons = (acceptance_of(document) or {}).get("reasons") or []
@@ -88,7 +83,7 @@ def failure_of(document: Document) -> str | None:
 
 
 def _row(calibration_id: str, document: Document, **known: str | None) -> CalibrationRow:
-    """A row of what its document and its record tell; `active`, `misfit` and `rejected` are entered later."""
+    """A row from a document and a record; `active`, `misfit` and `rejected` are filled in later."""
     row: JsonObject = dict.fromkeys(CalibrationRow.model_fields)
     row |= {"id": calibration_id, "device": "", "note": "", "active": False}
     row |= {key: document.get(key) for key in _OF_THE_DOCUMENT}
@@ -100,7 +95,7 @@ HIDDEN = "the configuration has another calibration of this id, which takes prec
 
 
 class CalibrationCatalog:
-    """Looks calibrations up by id; one of the configuration takes precedence over a stored one.
+    """Finds calibrations by id; configured ones take precedence over stored ones.
 
     Args:
         directory: Folder of the stored calibrations; nothing is written before `open`.
@@ -116,13 +111,13 @@ class CalibrationCatalog:
         self.configured = dict(configured)
 
     def rows(self) -> list[CalibrationRow]:
-        """Returns all calibrations as they are listed, newest first, damaged ones last."""
+        """Returns the rows of all calibrations, newest first, damaged ones last."""
         stored = self.store.list()
-        # One that is both configured and stored is listed once, with its record.
+        # A calibration that is both configured and stored is listed once, with its record.
         also_stored = {entry.id for entry in stored if entry.document in self.configured.values()}
         rows = [self._stored_row(entry, entry.id in also_stored) for entry in stored]
         rows += [
-            configured_row(document, device)
+            _row(document["id"], document, device=device, origin=CONFIGURATION)
             for device, document in self.configured.items()
             if document["id"] not in also_stored
         ]
@@ -141,7 +136,7 @@ class CalibrationCatalog:
         """Returns the document as JSON, byte for byte as it was stored.
 
         Raises:
-            NotFound, StorageError: As `find`.
+            NotFound, StorageError: See `find`.
         """
         configured = self._configured(calibration_id)
         if configured is None:
@@ -205,7 +200,7 @@ class CalibrationCatalog:
         return row.model_copy(update={"problem": row.problem or HIDDEN}) if hidden else row
 
     def _beside(self, calibration_id: str, read: Callable[[str], bytes | None]) -> bytes | None:
-        """Reads a file stored beside a calibration; None for one that is in the configuration alone."""
+        """Reads a file stored beside a calibration; None if the calibration is only configured."""
         if self._configured(calibration_id) and calibration_id not in self.store:
             return None
         return read(calibration_id)

@@ -1,4 +1,4 @@
-"""Calibration frames: those that come with the program, by name, and what their documents hold."""
+"""Calibration frames: the ones that come with the program, by name, and the keys of their documents."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -34,7 +34,7 @@ CALIBRATION_FRAME_KEYS: Mapping[str, FileKey] = MappingProxyType(
         ),
     }
 )
-"""Keys of a calibration frame's document beside those of an object model."""
+"""Additional keys of a calibration frame's document, compared with an object model."""
 
 
 def known_calibration_frames() -> dict[str, Path]:
@@ -43,13 +43,13 @@ def known_calibration_frames() -> dict[str, Path]:
 
 
 def calibration_frame_rows() -> list[CalibrationFrameRow]:
-    """The calibration frames that are known, by name."""
+    """The known calibration frames."""
     return [_row(name, path) for name, path in known_calibration_frames().items()]
 
 
 @cache
 def _row(name: str, path: Path) -> CalibrationFrameRow:
-    """The properties that tell one from another; cached, as the files never change while the program runs."""
+    """The distinguishing properties; cached, as the files never change while the program runs."""
     document = read_yaml(path)
     targets = document["targets"]
     spans = {axis: [target[axis] for target in targets] for axis in ("x_mm", "y_mm")}
@@ -70,7 +70,7 @@ def calibration_frame_document(wanted: str | JsonObject | None) -> JsonObject:
     """
     if isinstance(wanted, Mapping):
         return dict(wanted)
-    # A name comes from a client: it is looked up, never made part of a path.
+    # The name may come from a client: it is looked up, never made part of a path.
     known = known_calibration_frames()
     if wanted is None and len(known) == 1:
         return read_yaml(next(iter(known.values())))

@@ -1,8 +1,8 @@
-"""The folder of captures, told from any other that may take its place, and names of files that can be shown.
+"""The captures folder, identified so that no other can take its place, and printable file names.
 
-A folder that is renamed, deleted or unmounted must not be replaced by a new, empty one: captures would go
-onto the wrong disk, unnoticed. So it has an id, which its lock file holds and the state database remembers.
-A USB stick may bring any bytes as the name of a file; it gets one that can be shown, logged and sent.
+A folder that is renamed, deleted or unmounted must not be replaced by a new, empty one: captures would be
+written to the wrong disk, unnoticed. So it has an id, stored in its lock file and in the state database. File
+names from a USB stick may be arbitrary bytes; they are changed so that they can be shown, logged and sent.
 """
 
 import logging
@@ -18,12 +18,12 @@ from grabberd.files.disk import DirectoryLock, storage_errors, write_through
 
 log = logging.getLogger(__name__)
 ANY = ""
-"""Remembered in place of an id: whatever folder is there is accepted, or a new one made."""
+"""Stored instead of an id: any folder is accepted, or a new one created."""
 ACCEPT = "if it is meant to be so: grabberd storage accept"
 _PLAIN = " !#$&'()+,-.=@[]^_`{}~"
-"""Characters that a name keeps, beside letters and digits, when it has to be made plain."""
+"""Characters besides letters and digits that are kept when a name is made printable."""
 LONGEST_BYTES = 200
-"""Of a name; longer ones leave no room for the endings that are added to them; file systems end at 255."""
+"""Longest name, which leaves room for added suffixes; file systems allow 255 bytes."""
 
 
 class CapturesFolder:
@@ -31,8 +31,8 @@ class CapturesFolder:
 
     Args:
         path: Its path.
-        remembered: Returns the id of the expected folder; None: any, if this program has held none yet.
-        remember: Stores the id of the folder that was taken.
+        remembered: Returns the id of the expected folder; None: any, if no folder was locked before.
+        remember: Stores the id of the locked folder.
     """
 
     def __init__(
@@ -49,15 +49,15 @@ class CapturesFolder:
 
     @property
     def in_place(self) -> bool:
-        """True if the folder that is held is the one at its path."""
+        """True if the locked folder is the one at its path."""
         return self._lock.in_place
 
     def take(self) -> bool:
-        """Takes the folder if it is there and the right one; returns True unless it was held already.
+        """Locks the folder if it is the right one; returns False if it was locked already.
 
         Raises:
-            StorageError: It is gone or another one is in its place (with a cause), another program uses it,
-                or it cannot be written. Nothing has been written.
+            StorageError: The folder is missing or a different one (with a cause), is in use by another
+                program, or cannot be written. Nothing has been written.
         """
         if self.in_place:
             return False
@@ -70,14 +70,14 @@ class CapturesFolder:
         return True
 
     def identify(self) -> None:
-        """Gives a folder without an id one and has it remembered; if it cannot now, later calls may."""
+        """Creates the folder's id if needed and stores it; does nothing on errors, so call it again later."""
         with suppress(StorageError):
             self._id = id_of(self.path) or self._new_id()
             if self._remembered() != self._id:
                 self._remember(self._id)
 
     def release(self) -> None:
-        """Lets other programs have the folder."""
+        """Unlocks the folder."""
         self._lock.release()
 
     def _expected(self) -> str | None:
@@ -110,7 +110,7 @@ class CapturesFolder:
 
 
 def _is_empty(folder: Path) -> bool:
-    """True if nothing is in a folder, as in that of an unmounted disk, or there is none."""
+    """True if a folder is empty, like the mount point of an unmounted disk, or does not exist."""
     try:
         return not any(folder.iterdir())
     except OSError:
@@ -118,7 +118,7 @@ def _is_empty(folder: Path) -> bool:
 
 
 def id_of(folder: Path) -> str | None:
-    """Id of a folder of captures; None if it has none."""
+    """Id of a captures folder; None if it has none."""
     with suppress(OSError, ValueError):
         return DirectoryLock(folder).path.read_text(encoding="ascii").strip() or None
     return None
@@ -133,9 +133,9 @@ def is_plain(name: str) -> bool:
 
 
 def plainly_named(path: Path) -> Path | None:
-    """The file under a name that can be shown; it is renamed if its own cannot.
+    """Path of a file with a printable name; the file is renamed if necessary.
 
-    Bytes that cannot be shown are written as in URLs, %FF. None if it cannot be renamed: it is left alone.
+    Unprintable bytes are written as in URLs, %FF. None if the file cannot be renamed.
     """
     if is_plain(path.name):
         return path

@@ -1,4 +1,4 @@
-"""Rows of fields and points, read some at a time and held against their digests."""
+"""Rows of fields and points, read in batches and checked against their digests."""
 
 import sqlite3
 from bisect import bisect_right
@@ -14,24 +14,24 @@ from grabberd.files.patience import check_patience
 
 T = TypeVar("T")
 FIELDS_AT_ONCE = 50
-"""Fields read under one lock: a reader in the middle of a statement keeps the writer from committing, which
-it does twice a second."""
+"""Fields read under one lock: the writer commits twice a second, and cannot while a reader's statement is
+open."""
 BYTES_AT_ONCE = 32 << 20
-"""Size of the pictures after which no further one is read under the same lock."""
+"""Size of the pictures at which a batch ends, and with it the lock."""
 END = 2**62
-"""A number beyond every field's."""
+"""A number greater than that of any field."""
 
 
 class Kind(NamedTuple):
     """A kind of rows.
 
     Attributes:
-        what: The kind in words.
-        fetch: Selects some rows in the order of their keys, with `first` ≤ key < `end`.
-        stored: Gives a row the form that its digest covers.
+        what: Name of the kind for messages.
+        fetch: Fetches a batch of rows in the order of their keys, with `first` ≤ key < `end`.
+        stored: Returns the form of a row that its digest covers.
         key: Number of a row's field, or of its first.
-        lost: Numbers of the fields that are lost with the row whose key is `first`; None: that field alone.
-        whole: True if the query leaves none out.
+        lost: Numbers of the fields that are lost with the row whose key is `first`; None: only that field.
+        whole: True if the query selects every row.
     """
 
     what: str
@@ -53,7 +53,7 @@ class CheckedRows:
     Args:
         path: The file.
         connection: A connection to it in autocommit mode.
-        left_out: Takes up the damaged rows, which are left out; None: the first one of them is an error.
+        left_out: Collects damaged rows, which are skipped; None: a damaged row is an error.
 
     Attributes:
         left_out: See above.
@@ -76,35 +76,35 @@ class CheckedRows:
         decode: Callable[[Any], T],
         first_n: int = 0,
         end_n: int = END,
-        told_from: int = 0,
+        wanted_from: int = 0,
         **values: int,
     ) -> Iterator[T]:
         """Decoded rows with first_n ≤ key < end_n, in order.
 
         Args:
-            kind: Their kind.
-            prefix: Beginning of the keys of their digests.
+            kind: Kind of the rows.
+            prefix: Prefix of the keys of their digests.
             decode: Decodes a row; raises one of `DAMAGE` if it is damaged.
             first_n: Number of the first field.
             end_n: Number after the last.
-            told_from: Number of the first field that is asked for, and whose damage matters.
+            wanted_from: Number of the first requested field; damage before it is ignored.
             values: Further parameters of the query.
 
         Raises:
-            CaptureFileError: A row is damaged, or not there, and is not to be left out.
+            CaptureFileError: A row is damaged or missing, and damaged rows are not skipped.
             StorageError: The file cannot be read now.
-            ReadingGivenUp: Nobody waits for them any longer.
+            ReadingGivenUp: The reading was cancelled.
         """
         while True:
             check_patience(self._path.name)
             limits = {**values, "first": first_n, "end": end_n}
             rows, digests = self._some(kind, prefix, limits)
             keys = [kind.key(row) for row in rows]
-            damages = _Damages(kind, limits, told_from, sorted({*keys, *digests}))
+            damages = _Damages(kind, limits, wanted_from, sorted({*keys, *digests}))
             yield from self._sound(damages, dict(zip(keys, rows, strict=True)), digests, decode)
             if not rows:
                 return
-            if keys[-1] < first_n:  # in a damaged tree, and would be read for ever
+            if keys[-1] < first_n:  # a damaged tree, which would be read for ever
                 raise self._error(Damage(kind.what, keys[-1], f"it stands behind field {first_n}"))
             first_n = keys[-1] + 1
 
@@ -115,7 +115,7 @@ class CheckedRows:
         digests: Mapping[int, str],
         decode: Callable[[Any], T],
     ) -> Iterator[T]:
-        """Decodes rows, by their keys, and leaves out those that are damaged or missing."""
+        """Decodes rows, by their keys, and skips those that are damaged or missing."""
         for key, row in rows.items():
             try:
                 decoded = self._decoded(damages.kind, row, digests.get(key), decode)
@@ -130,10 +130,10 @@ class CheckedRows:
     def _some(
         self, kind: Kind, prefix: str, values: Mapping[str, int]
     ) -> tuple[Sequence[Any], Mapping[int, str]]:
-        """Some rows, and the digests up to the last of them, or to the end if there is none."""
+        """A batch of rows, and the digests up to the last of them, or to the end if the batch is empty."""
         first_n, end_n = values["first"], values["end"]
         with reading_errors(self._path), self._connection:
-            # One moment for both: what is committed in between would seem to be missing.
+            # One snapshot for both: rows committed in between would appear to be missing.
             self._connection.execute("BEGIN")
             rows = kind.fetch(self._connection, values)
             if not self.has_digests:
@@ -155,7 +155,7 @@ class CheckedRows:
             self.left_out += found
 
     def _error(self, damage: Damage) -> CaptureFileError:
-        hint = "all others can be read; grabberd storage verify tells what else is damaged"
+        hint = "all others can be read; grabberd storage verify shows what else is damaged"
         return CaptureFileError(f"{self._path}: {damage.in_words}", hint)
 
 
@@ -164,24 +164,24 @@ class _Damages(NamedTuple):
 
     kind: Kind
     limits: Mapping[str, int]
-    told_from: int
+    wanted_from: int
     keys: Sequence[int]
 
     def of(self, connection: sqlite3.Connection, key: int, reason: str) -> list[Damage]:
-        """The fields that are lost with one row, of those that are asked for."""
+        """The requested fields that are lost with one row."""
         lost = [key]
         if self.kind.lost is not None:
             following = bisect_right(self.keys, key)
             end = self.keys[following] if following < len(self.keys) else self.limits["end"]
             lost = self.kind.lost(connection, {**self.limits, "first": key, "end": end}) or lost
-        return [Damage(self.kind.what, n, reason) for n in lost if self.told_from <= n < self.limits["end"]]
+        return [Damage(self.kind.what, n, reason) for n in lost if self.wanted_from <= n < self.limits["end"]]
 
 
 def some_rows(cursor: sqlite3.Cursor) -> list[tuple[Any, ...]]:
-    """The first rows of a query, as many as hold `BYTES_AT_ONCE` together and one more at most."""
+    """The first rows of a query, until they exceed `BYTES_AT_ONCE`."""
     taken: list[tuple[Any, ...]] = []
     size = 0
-    with closing(cursor):  # its lock, too, ends here
+    with closing(cursor):  # releases its lock
         for row in cursor:
             taken.append(row)
             size += sum(len(cell) for cell in row if isinstance(cell, bytes))

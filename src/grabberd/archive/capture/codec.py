@@ -1,6 +1,6 @@
-"""Bytes of a capture file: single fields and points of format 1, and zstandard frames of whole numbers.
+"""Encodings in a capture file: single fields and points of format 1, and zstandard frames of integers.
 
-Numbers of a frame stand in planes of bytes, the lowest of all first: apart they compress well.
+The integers of a frame are stored in planes of bytes, all lowest bytes first, which compress well.
 """
 
 import math
@@ -17,7 +17,7 @@ from grabberd.core.reconstruction.points import Points
 ZLIB = "zlib"
 ZSTD = "zstd"
 MOST_POINTS = 1 << 16
-"""Points of one field; object models of some hundred targets are in use."""
+"""Maximum number of points of one field; object models have some hundred targets."""
 
 POINT = np.dtype(
     [
@@ -41,7 +41,7 @@ def decode_field(codec: str, data: bytes, rows: int, columns: int, bits: int) ->
     """Decodes the bytes of a picture into `PackedField.data`.
 
     Raises:
-        ValueError: The codec is unknown, or the bytes are damaged or those of a picture of another size.
+        ValueError: The codec is unknown, or the bytes are damaged or belong to a picture of another size.
     """
     shape = packed_shape(rows, columns, bits)
     size = math.prod(shape)
@@ -53,10 +53,10 @@ def decode_field(codec: str, data: bytes, rows: int, columns: int, bits: int) ->
 
 
 def _inflated(data: bytes, size: int) -> bytes:
-    """Decompresses to exactly `size` bytes; whatever the data hold, no more than one byte beyond is made."""
+    """Decompresses to exactly `size` bytes; never produces more than one byte beyond that."""
     stream = zlib.decompressobj()
     try:
-        # A limit of 0 would be none.
+        # A limit of 0 would mean no limit.
         content = stream.decompress(data, size + 1)
     except zlib.error as error:
         raise ValueError(f"damaged {ZLIB} data: {error}") from error
@@ -70,7 +70,7 @@ def unpacked(data: bytes, size: int) -> bytes:
     """Decompresses a zstandard frame to exactly `size` bytes.
 
     Raises:
-        ValueError: It claims or holds more or fewer of them, is damaged, or something follows it.
+        ValueError: Its stated or actual size differs, it is damaged, or other data follow it.
     """
     try:
         claimed = zstandard.frame_content_size(data)
@@ -109,7 +109,7 @@ def decode_points(data: bytes, count: int) -> Points:
         count: Number of points expected.
 
     Raises:
-        ValueError: There cannot be so many, or the bytes are damaged or hold another number of points.
+        ValueError: The count is out of range, or the bytes are damaged or contain a different number.
     """
     if count not in range(MOST_POINTS + 1):
         raise ValueError(f"a field of {count!r} points; there can be {MOST_POINTS}")
@@ -128,7 +128,7 @@ def decode_points(data: bytes, count: int) -> Points:
 
 
 def symmetric(elements: NDArray[np.floating]) -> NDArray[np.float64]:
-    """(N, 3, 3) matrices of their (N, 6) elements."""
+    """(N, 3, 3) symmetric matrices from their (N, 6) elements."""
     full = np.empty((len(elements), 3, 3))
     full[:, *UPPER] = elements
     full[:, UPPER[1], UPPER[0]] = elements
@@ -136,11 +136,11 @@ def symmetric(elements: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 LEVEL = 1
-"""Fields are compressed as fast as they arrive, on the thread that writes the capture; level 3 saves 1 %."""
+"""Compression level: fields are compressed live by the writer's thread; level 3 would save 1 %."""
 
 
 def frame_of(parts: Iterable[bytes]) -> bytes:
-    """One frame of several parts, which says its size; each part is a block with statistics of its own."""
+    """One frame of several parts that states its size; each part is a block with its own statistics."""
     content = list(parts)
     compressor = zstandard.ZstdCompressor(level=LEVEL).compressobj(size=sum(map(len, content)))
     blocks = [
@@ -158,10 +158,10 @@ def planes_of(values: NDArray[np.unsignedinteger]) -> list[bytes]:
 
 
 def read_planes(data: bytes, dtype: str, count: int) -> NDArray[np.unsignedinteger]:
-    """The `count` values of a frame of `planes_of`.
+    """The `count` values in a frame of `planes_of`.
 
     Raises:
-        ValueError: The frame is damaged, or holds anything else.
+        ValueError: The frame is damaged, or has a different size.
     """
     size = np.dtype(dtype).itemsize
     planes = np.frombuffer(unpacked(data, size * count), np.uint8).reshape(size, count)
@@ -180,7 +180,7 @@ def differences(values: NDArray[np.unsignedinteger]) -> NDArray[np.unsignedinteg
 
 
 def sums(folded: NDArray[np.unsignedinteger]) -> NDArray[np.unsignedinteger]:
-    """The (N, k) values of their (k, N) `differences`."""
+    """The (N, k) values from their (k, N) `differences`."""
     one = folded.dtype.type(1)
     steps = (folded >> one) ^ (~(folded & one) + one)
     return np.cumsum(steps, axis=1, dtype=folded.dtype).T

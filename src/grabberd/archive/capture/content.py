@@ -1,4 +1,4 @@
-"""Fields and points of a capture as they are read, whatever the format of the file, and those of format 1.
+"""Reading fields and points of a capture: the interface for all formats, and format 1.
 
 Format 2 is read by `group_content`.
 """
@@ -29,7 +29,7 @@ class PointArrays(NamedTuple):
         n: (K,) int64, numbers of the fields, in order.
         time_ns: (K,) int64, their times.
         counts: (K,) int64, number of points of each.
-        points: Those of all of them, one field after the other.
+        points: Points of all fields, one field after the other.
     """
 
     n: NDArray[np.int64]
@@ -45,7 +45,7 @@ class PointArrays(NamedTuple):
             yield n, time_ns, _part(self.points, slice(*ends_of))
 
     def select(self, chosen: NDArray[np.bool_]) -> "PointArrays":
-        """Those of some of the fields, by a mask."""
+        """Points of the fields selected by a mask."""
         if chosen.all():
             return self
         points = self.points.select(np.repeat(chosen, self.counts))
@@ -53,7 +53,7 @@ class PointArrays(NamedTuple):
 
 
 def _part(points: Points, part: slice) -> Points:
-    """Some points beside each other, as views."""
+    """Consecutive points, as views."""
     return Points(
         points.target[part],
         points.xyz_mm[part],
@@ -65,10 +65,7 @@ def _part(points: Points, part: slice) -> Points:
 
 
 class Content(ABC):
-    """Fields and points of one file.
-
-    Damaged ones are errors, or are left out and noted, as the reader was told.
-    """
+    """Fields and points of one file; damaged ones are errors, or are skipped and collected in `left_out`."""
 
     def __init__(self, path: Path, connection: sqlite3.Connection, left_out: list[Damage] | None) -> None:
         self._keeps = False
@@ -82,7 +79,7 @@ class Content(ABC):
         return self._rows.has_digests
 
     def keep_groups(self) -> None:
-        """Keeps what is decoded last from now on: nobody changes the file as long as it is read."""
+        """Caches what was decoded last; only for a file that does not change while it is read."""
         self._keeps = True
 
     @abstractmethod
@@ -91,11 +88,11 @@ class Content(ABC):
 
     @abstractmethod
     def points(self, run: int, first_n: int, end_n: int, every: int) -> Iterator[PointArrays]:
-        """Points of fields that are in the file, with first_n ≤ n < end_n and n a multiple of `every`."""
+        """Points of fields in the file, with first_n ≤ n < end_n and n a multiple of `every`."""
 
     @abstractmethod
     def check_points(self, run: int, first_n: int, end_n: int) -> None:
-        """Holds points against their digests, without decoding them."""
+        """Checks points against their digests, without decoding them."""
 
     @abstractmethod
     def point_count(self, run: int, first_n: int, end_n: int, every: int) -> int:
@@ -103,14 +100,14 @@ class Content(ABC):
 
     @abstractmethod
     def point_span(self, run: int, first_n: int, end_n: int) -> tuple[int, int]:
-        """Number of points of fields that are in the file, and the number after the last field with some."""
+        """Number of points of fields in the file, and the number after the last field with points."""
 
     @abstractmethod
     def measured(self, run: int) -> int:
-        """Reads and decodes all points of a run; returns the number of fields that have some."""
+        """Reads and decodes all points of a run; returns the number of fields with points."""
 
     def unaccounted(self) -> list[str]:
-        """Lists in words what belongs to nothing else in the file."""
+        """Descriptions of inconsistencies between the tables."""
         return []
 
 
@@ -140,7 +137,7 @@ _ALL_POINTS = Kind(
 
 
 class RowContent(Content):
-    """Fields and points of format 1: each field has rows of its own, of which nothing is kept."""
+    """Fields and points of format 1, with one row per field; nothing is cached."""
 
     def fields(self, first_n: int, end_n: int) -> Iterator[RecordedField]:
         """See `Content`."""

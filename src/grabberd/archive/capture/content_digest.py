@@ -1,4 +1,4 @@
-"""Digest of what a capture's points are measured from; adding a run does not change it."""
+"""Digest of everything that a capture's points are measured from; adding a run does not change it."""
 
 import hashlib
 import json
@@ -23,20 +23,20 @@ def document_sha256(document: Any) -> str:
 
 
 def document_bytes(document: Any) -> bytes:
-    """The canonical form of a JSON document, which is hashed: sorted keys, no blanks, UTF-8."""
+    """The canonical form of a JSON document for hashing: sorted keys, no whitespace, UTF-8."""
     text = json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
     return text.encode()
 
 
 def content_sha256(path: Path, meta: CaptureMeta) -> str:
-    """SHA-256 of a capture's fields as they are stored, and of its metadata.
+    """SHA-256 of a capture's fields as stored, and of its metadata.
 
-    The verdict and everything else that sealing or a new run writes is left out. A capture that was converted
-    keeps that of its first format: it was compared with it field by field.
+    The verdict and everything else written by sealing or a new run is excluded. A converted capture keeps the
+    digest of its original format, with which it was compared field by field.
 
     Raises:
-        CaptureFileError: It is damaged.
-        StorageError: It cannot be read now.
+        CaptureFileError: The file is damaged.
+        StorageError: The file cannot be read now.
     """
     with reading_errors(path), closing(connect(path)) as connection:
         if (before := read_conversion(connection)) is not None:
@@ -44,7 +44,7 @@ def content_sha256(path: Path, meta: CaptureMeta) -> str:
         digest = hashlib.sha256(document_bytes({key: getattr(meta, key) for key in _OF_META}))
         stored = _single_fields if format_of(connection) == FORMAT_1 else _groups
         for head, data in stored(connection):
-            # The length first, so that the digest fixes where the data end.
+            # With the length, so that the digest also covers where the data end.
             digest.update(document_bytes({**head, "data": len(data)}))
             digest.update(data)
     return digest.hexdigest()

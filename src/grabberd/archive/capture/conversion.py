@@ -1,4 +1,4 @@
-"""Converting a sealed capture of format 1 to the format that is written today."""
+"""Conversion of sealed captures of format 1 to the current format."""
 
 import itertools
 import os
@@ -30,32 +30,32 @@ from grabberd.files.disk import storage_errors, sync_directory
 FOLDER = ".converting-"
 _FIELDS_A_COMMIT = 500
 _COPIED, _VERIFIED = 0.5, 0.75
-"""Shares of the work."""
+"""Progress after copying and after verifying."""
 T = TypeVar("T")
 Progress = Callable[[float], None]
 
 
 class Converted(NamedTuple):
-    """Sizes of a capture before it was converted and afterwards; the same if it had today's format."""
+    """Sizes of a capture before and after its conversion; equal if it had the current format already."""
 
     before_bytes: int
     after_bytes: int
 
 
 def convert(path: Path, now: datetime, progress: Progress = lambda _: None) -> Converted:
-    """Converts a sealed capture, and replaces it when the new file has been compared with it whole.
+    """Converts a sealed capture and replaces it once the new file has been compared with it completely.
 
-    Pictures, times and ledger stay as they are; points are rounded to their quanta. If anything is damaged,
-    differs or fails, the capture stays as it is. Readers that have it open read on in the old file.
+    Pictures, times and ledger are unchanged; points are rounded to their quanta. If anything is damaged,
+    differs or fails, the capture stays as it is. Readers that have it open continue with the old file.
 
     Args:
         path: The capture.
-        now: The present moment.
-        progress: Is told the share that is done.
+        now: Present time.
+        progress: Called with the completed share of the work.
 
     Raises:
-        CaptureFileError: It is no capture, damaged, or not sealed.
-        StorageError: It cannot be written, another program adds a run to it, or the new file differs.
+        CaptureFileError: The file is not a capture, damaged, or not sealed.
+        StorageError: The file cannot be written, another program is adding a run, or the new file differs.
     """
     with reading_errors(path):
         before = path.stat()
@@ -74,7 +74,7 @@ def convert(path: Path, now: datetime, progress: Progress = lambda _: None) -> C
 
 @contextmanager
 def _folder(path: Path) -> Iterator[Path]:
-    """A hidden folder on the capture's disk; of a conversion that was killed, the next one removes it."""
+    """A hidden folder on the capture's disk; if a conversion was killed, the next one removes it."""
     folder = path.with_name(f"{FOLDER}{path.name}")
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(mode=0o700)
@@ -97,8 +97,8 @@ def _conversion(reader: CaptureReader, now: datetime) -> Conversion:
 
 
 def _copy(reader: CaptureReader, part: Path, progress: Progress) -> None:
-    """Writes fields and points as a capture in the making; each commit is read back."""
-    # No reserve: if the disk is full, nothing is lost.
+    """Writes fields and points like a running capture; each commit is read back."""
+    # Without a reserve: if the disk is full, nothing is lost.
     writer = CaptureWriter.create(part, reader.meta, reserve_bytes=0)
     total = max(reader.field_count, 1) * (1 + len(reader.runs))
     done = itertools.count(1)
@@ -144,7 +144,7 @@ def _finish(source: sqlite3.Connection, part: Path, conversion: Conversion) -> N
 
 
 def _compare(reader: CaptureReader, part: Path, progress: Progress) -> None:
-    """Holds the new file against its digests, and all of its content against the old one.
+    """Checks the new file against its digests, and all of its content against the old file.
 
     Raises:
         StorageError: Something differs.
@@ -195,7 +195,7 @@ def _mismatch(part: Path, what: str) -> StorageError:
 
 
 def _replace(part: Path, path: Path) -> None:
-    """Gives the new file the old one's owner, permissions, times and name, for good."""
+    """Replaces the old file, preserving its owner, permissions and times."""
     old = path.stat()
     if (old.st_uid, old.st_gid) != (os.geteuid(), os.getegid()):
         os.chown(part, old.st_uid, old.st_gid)

@@ -1,6 +1,6 @@
-"""Sealing what a crash left, or setting it aside with a reason; nothing is ever deleted.
+"""Crash recovery: unsealed captures are sealed, or set aside with a reason; nothing is ever deleted.
 
-`grabberd capture` records without a daemon into a hidden folder, which tells what a kill left there.
+`grabberd capture` records without a daemon into a hidden folder, so that interrupted captures can be found.
 """
 
 import itertools
@@ -30,11 +30,11 @@ REASON = ".txt"
 INTERRUPTED = "the program ended while it was recording"
 UNSEALED = "the program ended before it was sealed"
 PREFIX = ".grabberd-"
-"""Beginning of the names of hidden folders that are recorded into."""
+"""Prefix of the hidden folders for recording."""
 
 
 class Tail(NamedTuple):
-    """Last field on disk, after which fields are missing.
+    """Last field on disk; the fields after it are missing.
 
     Attributes:
         after_n: Number of the last field on disk, whose time is known.
@@ -46,19 +46,19 @@ class Tail(NamedTuple):
 
 
 def recover(part: Path, now: Now | None = None) -> Path:
-    """Seals a `.grab.part` file that nobody writes any more; returns its final path.
+    """Seals a `.grab.part` file that is no longer being written; returns its final path.
 
-    SQLite rolls an unfinished commit back when the file is opened. What is missing at the end of a capture of
-    given length is known. Of one without, no more can be missing than would have come until now, by the
-    monotonic clock if the computer has not been restarted since. A file that cannot be read is set aside.
+    SQLite rolls back an unfinished commit when the file is opened. For a capture of given length, the number
+    of missing fields is known. Otherwise it is bounded by the time until now, measured by the monotonic clock
+    if the computer has not been restarted since. A file that cannot be read is set aside.
 
     Args:
         part: The file.
-        now: Present moment; None: by the system's clocks.
+        now: Present time; None: from the system's clocks.
 
     Raises:
-        LaterVersion: A later version has to seal it.
-        StorageError: It cannot be written.
+        LaterVersion: The file was written by a later version.
+        StorageError: The file cannot be written.
     """
     try:
         _seal_if_need_be(part, now or Now.by_the_system())
@@ -73,10 +73,10 @@ def recover(part: Path, now: Now | None = None) -> Path:
 
 
 def _seal_if_need_be(part: Path, now: Now) -> None:
-    connect(part, writable=True).close()  # rolls back what a reader must not
+    connect(part, writable=True).close()  # rolls back an unfinished commit, which a reader must not do
     with CaptureReader(part) as reader:
         ledger, meta, last = reader.ledger, reader.meta, reader.last_field
-    if meta.state != SEALED:  # a crash between sealing and renaming leaves only the name to be done
+    if meta.state != SEALED:  # after a crash between sealing and renaming, only the name is missing
         with reading_errors(part):
             before_start = meta.extra.get("trigger", {}).get("n", 0)
             tail = Tail(*last) if last is not None else Tail(before_start - 1, meta.start_ns)
@@ -102,7 +102,7 @@ def _seal(part: Path, ledger: Ledger, because: str) -> None:
 
 
 def _cut_off(ledger: Ledger, meta: CaptureMeta, tail: Tail, now: Now) -> tuple[Ledger, str]:
-    """The ledger up to the end that was ordered, and why the capture ended."""
+    """The ledger up to the requested length, and why the capture ended."""
     end_n, order = ledger.end_n or 0, meta.extra.get("order", {})
     ordered = order["fields"] if order else None
     if ordered is not None and not isinstance(ordered, int):
@@ -116,13 +116,13 @@ def _cut_off(ledger: Ledger, meta: CaptureMeta, tail: Tail, now: Now) -> tuple[L
 
 
 def _bound(end_n: int, meta: CaptureMeta, tail: Tail, now: Now) -> str:
-    """Bound in words on the number of fields missing at the end; empty if nothing bounds it.
+    """Upper bound, in words, on the number of fields missing at the end; empty if there is none.
 
-    Only the monotonic clock proves a bound, and only within one start of the computer. The wall clock may
-    have been set back meanwhile by less than anybody can tell.
+    Only the monotonic clock proves a bound, and only if the computer was not restarted: the wall clock may
+    have been set back unnoticed.
     """
     if meta.device.get("stream", {}).get("waits_for_reader"):
-        return ""  # it has no rate of its own
+        return ""  # it has no rate
     if meta.boot_id and meta.boot_id == now.boot_id:
         since_ns, condition = now.ns - tail.time_ns, ""
     else:
@@ -131,17 +131,17 @@ def _bound(end_n: int, meta: CaptureMeta, tail: Tail, now: Now) -> str:
         condition = " unless the clock was set back"
     if since_ns < 0:
         return ""
-    # One more than fits between them: neither time is exactly that of a field.
+    # One more than the interval holds: neither time is exactly that of a field.
     last_n = tail.after_n + math.floor(since_ns * meta.rate_hz / 1e9) + 1
     most = last_n + 1 - end_n
     return f", at most {most}{condition}" if most > 0 else ""
 
 
 def set_aside(path: Path, reason: str) -> Path:
-    """Moves a file that cannot be read into the folder `damaged`, with the reason in a text file beside it.
+    """Moves an unreadable file into the folder `damaged`, with the reason in a text file beside it.
 
     Raises:
-        StorageError: It cannot be moved; it stays where it is.
+        StorageError: The file cannot be moved; it stays in place.
     """
     with storage_errors(path):
         folder = path.parent / DAMAGED
@@ -175,13 +175,13 @@ def numbered(name: str) -> Iterator[str]:
 
 @contextmanager
 def recording_folder(directory: Path) -> Iterator[Path]:
-    """A hidden folder for a file that is being recorded, locked against others and removed afterwards.
+    """A hidden, locked folder for a file that is being recorded; removed afterwards.
 
-    The lock tells a capture in the making from one that a kill cut off: the system releases it with the
-    process, however that ends.
+    The lock distinguishes a running capture from an interrupted one: the system releases it when the process
+    ends for any reason.
 
     Raises:
-        StorageError: It cannot be made.
+        StorageError: The folder cannot be created.
     """
     with scratch_folder(directory, PREFIX) as folder:
         lock = DirectoryLock(folder)
@@ -193,7 +193,7 @@ def recording_folder(directory: Path) -> Iterator[Path]:
 
 
 def interrupted_captures(directory: Path) -> list[Path]:
-    """Unsealed captures in a folder that a killed `grabberd capture` left."""
+    """Unsealed captures in a folder, left by a killed `grabberd capture`."""
     return [part for part in sorted(directory.glob(f"{PREFIX}*/*{PART}")) if _is_free(part.parent)]
 
 
@@ -201,8 +201,8 @@ def seal(part: Path) -> Path:
     """Seals an interrupted capture, and moves it next to the hidden folder that it was recorded in.
 
     Raises:
-        CaptureFileError: It is no `.grab.part`, cannot be read, or is of a later version; it is kept.
-        StorageError: It is still being written, or a capture of its name exists.
+        CaptureFileError: The file is not a `.grab.part`, unreadable, or of a later version; it is kept.
+        StorageError: The file is still being written, or a capture with its name exists.
     """
     if part.suffix != PART or not part.is_file():
         raise CaptureFileError(f"{part} is not an interrupted capture", "name a file NAME.grab.part")
@@ -225,7 +225,7 @@ def seal(part: Path) -> Path:
 
 @contextmanager
 def _held(folder: Path) -> Iterator[None]:
-    """Locks a folder against recording; one that was never locked gets no lock file."""
+    """Locks a folder against recording; creates no lock file in a folder that has none."""
     lock = DirectoryLock(folder)
     if lock.path.exists():
         lock.acquire()

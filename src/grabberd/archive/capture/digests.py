@@ -1,10 +1,10 @@
-"""Digests of a capture's content, by which whatever the disk has changed is found and told.
+"""Digests of a capture's content, which reveal whatever the disk has changed.
 
-Every row of the tables `fields`, `points` and `readings` has a digest of its own, so that one flipped bit
-costs one of them: a field in format 1, half a second of them in format 2. They stand in the table `meta`,
-where earlier versions ignore what they do not know, a row for each commit, and are written in the same
-transaction as what they tell of. All else is covered by two kinds of digests that are written at the end:
-`digest.sealed` of metadata, ledger and channels, and `digest.run.N` of a run.
+Every row of the tables `fields`, `points` and `readings` has its own digest, so a flipped bit costs only one
+row: a field in format 1, half a second of fields in format 2. The digests are in the table `meta`, one row
+for each commit, written in the same transaction as the data; earlier versions ignore unknown keys there.
+Everything else is covered by two kinds of digests written at the end: `digest.sealed` for metadata, ledger
+and channels, and `digest.run.N` for a run.
 """
 
 import json
@@ -18,15 +18,15 @@ from grabberd.archive.capture.schema import WITH_CHANNELS, format_of
 from grabberd.files.json_value import read_json
 
 FORM_KEY, FORM = "digests", 1
-"""Key and value of files that have digests, from their first commit on."""
+"""Key and value in files with digests, from the first commit on."""
 SEALED_KEY = "digest.sealed"
 FIELDS = "digest.fields."
 READINGS = "readings of "
-"""Beginning of what a damaged group of readings is called, before the name of its channel."""
+"""Prefix of the name of a damaged group of readings, before the name of its channel."""
 CHANGED = "it is not what was written: its digest differs"
 MISSING = "it is missing"
 _ROW_BYTES, _REST_BYTES = 8, 32
-"""Sizes of digests. They tell of accidents, not of forgers: 64 bits are plenty for one row among many."""
+"""Sizes of digests. They detect accidents, not forgery, so 64 bits are plenty for one row."""
 _OF_META = """SELECT key, value FROM meta WHERE key <> 'digest.sealed' AND key NOT GLOB 'digest.run.*'
     AND key NOT GLOB 'digest.points.*' AND key NOT GLOB 'coverage.*' ORDER BY key"""
 _OF_LEDGER = "SELECT * FROM ledger ORDER BY first_n"
@@ -43,11 +43,11 @@ Row = tuple[Any, ...]
 
 
 class Damage(NamedTuple):
-    """A row that is not what was written, and is left out.
+    """A damaged row, which is skipped.
 
     Attributes:
         what: "field", "points", "points of run N" or "readings of NAME".
-        n: Number of the field; of readings, that of their group.
+        n: Number of the field, or of the group of readings.
         reason: What is wrong with it.
     """
 
@@ -64,42 +64,42 @@ class Damage(NamedTuple):
 
 
 def left_out_in_words(left_out: Sequence[Damage]) -> list[str]:
-    """Sentences for people about rows that are damaged; the first few of many."""
+    """Sentences about damaged rows, at most the first few."""
     said = [f"left out: {one.in_words}" for one in left_out[:_SAID]]
     more = len(left_out) - len(said)
     return [*said, f"left out: {more} more; grabberd storage verify lists them"] if more else said
 
 
 def points_prefix(run: int) -> str:
-    """Beginning of the keys of a run's digests of points."""
+    """Prefix of the keys of a run's digests of points."""
     return f"digest.points.{run:07d}."
 
 
 def readings_prefix(channel: int) -> str:
-    """Beginning of the keys of a channel's digests of readings."""
+    """Prefix of the keys of a channel's digests of readings."""
     return f"digest.readings.{channel:07d}."
 
 
 def row_digest(row: Sequence[Any]) -> str:
-    """The digest of a row: of its cells but the last as a JSON array, then of the last, its data."""
+    """The digest of a row: all cells but the last as a JSON array, followed by the last, its data."""
     *cells, data = row
     head = json.dumps(cells, separators=(",", ":"), ensure_ascii=False).encode()
     return blake2b(head + data, digest_size=_ROW_BYTES).hexdigest()
 
 
 def check_row(row: Sequence[Any], digest: str | None) -> None:
-    """Holds a row against its digest.
+    """Checks a row against its digest.
 
     Raises:
-        ValueError: It is not what was written.
-        TypeError: Its data are no bytes.
+        ValueError: The digest differs.
+        TypeError: The row's data are not bytes.
     """
     if row_digest(row) != digest:
         raise ValueError(CHANGED)
 
 
 def write_row_digests(connection: sqlite3.Connection, prefix: str, digests: Mapping[int, str]) -> None:
-    """Writes the digests of rows, by their n, within the transaction that adds them."""
+    """Writes digests of rows, by n, within the transaction that adds the rows."""
     if digests:
         write_meta(connection, {_key(prefix, min(digests)): digests})
 
@@ -107,10 +107,10 @@ def write_row_digests(connection: sqlite3.Connection, prefix: str, digests: Mapp
 def read_row_digests(
     connection: sqlite3.Connection, prefix: str, first_n: int = _FIRST, last_n: int = _LAST
 ) -> dict[int, str]:
-    """The digests of rows with first_n ≤ n ≤ last_n, by n.
+    """Digests of the rows with first_n ≤ n ≤ last_n, by n.
 
     Raises:
-        ValueError: They are damaged.
+        ValueError: The digests are damaged.
     """
     ends = {"first": _FIRST, "begin": first_n, "end": min(last_n, _LAST)}
     keys = {name: _key(prefix, n) for name, n in ends.items()}
@@ -121,7 +121,7 @@ def read_row_digests(
 
 
 def has_digests(connection: sqlite3.Connection) -> bool:
-    """True if a file has digests of the form that is known here."""
+    """True if a file has digests of the known form."""
     row = connection.execute("SELECT value FROM meta WHERE key = ?", (FORM_KEY,)).fetchone()
     return row is not None and row[0] == str(FORM)
 
@@ -129,24 +129,24 @@ def has_digests(connection: sqlite3.Connection) -> bool:
 def write_sealed_digest(connection: sqlite3.Connection) -> None:
     """Writes the digests of metadata, ledger and runs, as the last change of the transaction that seals."""
     if not has_digests(connection):
-        return  # begun by an earlier version, and left by a crash
+        return  # started by an earlier version that crashed
     for (run,) in connection.execute("SELECT run FROM runs").fetchall():
         write_run_digest(connection, run)
     write_meta(connection, {SEALED_KEY: _sealed(connection)})
 
 
 def write_run_digest(connection: sqlite3.Connection, run: int) -> None:
-    """Writes the digest of a run, as the last change of the transaction that enters it."""
+    """Writes the digest of a run, as the last change of the transaction that adds it."""
     if has_digests(connection):
         write_meta(connection, {_run_key(run): _run(connection, run)})
 
 
 def changed_parts(connection: sqlite3.Connection, runs: Collection[int] | None = None) -> list[str]:
-    """Parts of a sealed file beside its fields and points that are not what was written, in words.
+    """Names of the changed parts of a sealed file, apart from fields and points.
 
     Args:
-        connection: A connection to it.
-        runs: The runs that matter; None: all of them.
+        connection: A connection to the file.
+        runs: The runs to check; None: all.
 
     Raises:
         ValueError: A digest is damaged.
@@ -167,13 +167,13 @@ def changed_parts(connection: sqlite3.Connection, runs: Collection[int] | None =
 
 
 def forget_points_after(connection: sqlite3.Connection, run: int) -> None:
-    """Removes the digests of points of all runs beyond `run`, which were never entered."""
+    """Removes the digests of points of all runs beyond `run`, which were never completed."""
     between = (points_prefix(run + 1), "digest.points/")  # the character after the dot
     connection.execute("DELETE FROM meta WHERE key >= ? AND key < ?", between)
 
 
 def _key(prefix: str, n: int) -> str:
-    # Padded, so that the order of texts is that of numbers.
+    # Padded, so that keys sort like numbers.
     return f"{prefix}{max(n, 0):010d}"
 
 
@@ -201,7 +201,7 @@ def _run(connection: sqlite3.Connection, run: int) -> str:
 
 
 def _digest(rows: Iterable[Row]) -> str:
-    """The digest of rows as JSON arrays, one a line."""
+    """The digest of rows as JSON arrays, one per line."""
     digest = blake2b(digest_size=_REST_BYTES)
     for row in rows:
         digest.update(json.dumps(row, separators=(",", ":"), ensure_ascii=False).encode() + b"\n")

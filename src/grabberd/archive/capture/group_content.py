@@ -1,4 +1,4 @@
-"""Fields and points of a capture of format 2."""
+"""Reading fields and points of a capture of format 2."""
 
 import sqlite3
 from collections import deque
@@ -29,13 +29,13 @@ from grabberd.archive.capture.schema import DAMAGE, reading_errors
 from grabberd.files.patience import check_patience
 
 _AT_ONCE = 2
-"""Groups read under one lock: about as many fields as a reader of format 1 takes."""
+"""Groups read under one lock: about as many fields as in format 1."""
 _LARGEST_COLUMN = 4 << 20
-"""Bytes of a column of points: a little more than those of as many as a group may have, kept whole."""
+"""Largest column of points in bytes: a little more than the largest valid group takes uncompressed."""
 
 
 def _bounded(names: Iterable[str]) -> str:
-    """Columns that are read if they are not too large, and are no bytes otherwise."""
+    """SQL for columns that yield NULL if they are too large."""
     return ", ".join(f"CASE WHEN length({name}) <= {_LARGEST_COLUMN} THEN {name} END" for name in names)
 
 
@@ -60,7 +60,7 @@ _WITHOUT_PICTURE = """SELECT count(*) FROM fields AS f WHERE f.n > coalesce(
 
 
 class _TimedGroup(NamedTuple):
-    """Points, and the times of their fields that are in the file, by n."""
+    """Points, and the times of those of their fields that are in the file, by n."""
 
     points: PointGroup
     times: dict[int, int]
@@ -85,7 +85,7 @@ def _times(connection: sqlite3.Connection, group: PointGroup) -> dict[int, int]:
     try:
         numbers = measured_fields(group)[0].tolist()
     except DAMAGE:
-        return {}  # whoever decodes it is told
+        return {}  # decoding it will raise the error
     query = f"SELECT n, time_ns FROM fields WHERE n IN ({', '.join('?' * len(numbers))})"  # noqa: S608 - marks
     return dict(connection.execute(query, numbers).fetchall())
 
@@ -108,17 +108,17 @@ _POINT_GROUPS = Kind(
 
 
 class _RunArrays(NamedTuple):
-    """Points of a group, or None if none of its fields is in the file, and their run."""
+    """A run and the points of a group; None if none of its fields is in the file."""
 
     run: int
     arrays: PointArrays | None
 
     def holds(self, first_n: int, end_n: int) -> bool:
-        """True if fields of no other group can be among those with first_n ≤ n < end_n."""
+        """True if all fields with first_n ≤ n < end_n are in this group."""
         return self.arrays is not None and _holds(self.arrays.n[[0, -1]].tolist(), first_n, end_n)
 
     def selected(self, first_n: int, end_n: int, every: int) -> PointArrays | None:
-        """Those that are wanted; None if there are none."""
+        """The requested points; None if there are none."""
         if self.arrays is None:
             return None
         wanted = _wanted(self.arrays.n, first_n, end_n, every)
@@ -126,7 +126,7 @@ class _RunArrays(NamedTuple):
 
 
 class GroupContent(Content):
-    """Fields and points of format 2: a group is decoded as a whole, and kept if that is asked for."""
+    """Fields and points of format 2; groups are decoded as a whole, and cached after `keep_groups`."""
 
     def __init__(self, path: Path, connection: sqlite3.Connection, left_out: list[Damage] | None) -> None:
         super().__init__(path, connection, left_out)
@@ -161,7 +161,7 @@ class GroupContent(Content):
             yield from filter(None, [kept.selected(first_n, end_n, every)])
             return
         wanted = (self._start(_POINTS_START, first_n, run), end_n, first_n)
-        # Groups that are missing are told by `check_points`, as in format 1.
+        # Missing groups are found by `check_points`, as in format 1.
         kind = _POINT_GROUPS._replace(whole=False)
         yield from filter(None, self._rows.each(kind, points_prefix(run), decode, *wanted, run=run))
 
@@ -203,7 +203,7 @@ class GroupContent(Content):
             return int(self._connection.execute(query, values).fetchone()[0])
 
     def _counted(self, run: int, first_n: int, end_n: int, every: int) -> tuple[int, int]:
-        """Number of points, and the number after the last of the fields."""
+        """Number of points, and the number after the last field with points."""
         count = end = 0
         for group in self._index(run, self._start(_POINTS_START, first_n, run), end_n):
             with reading_errors(self._path):
@@ -227,7 +227,7 @@ class GroupContent(Content):
 
 
 def _point_arrays(group: _TimedGroup, first_n: int, end_n: int, every: int) -> PointArrays | None:
-    """Those points of a group that are wanted, and whose fields are in the file; None if there are none."""
+    """The requested points of a group whose fields are in the file; None if there are none."""
     numbers, counts = measured_fields(group.points)
     times = np.array([_time(group.times.get(n, -1)) for n in numbers.tolist()], np.int64)
     wanted = _wanted(numbers, first_n, end_n, every) & (times >= 0)
@@ -237,7 +237,7 @@ def _point_arrays(group: _TimedGroup, first_n: int, end_n: int, every: int) -> P
 
 
 def _holds(ends: Sequence[int], first_n: int, end_n: int) -> bool:
-    """True if a group with fields from one end to the other has all of those with first_n ≤ n < end_n."""
+    """True if a group with these first and last fields contains all fields with first_n ≤ n < end_n."""
     return ends[0] <= first_n and end_n <= ends[1] + 1
 
 

@@ -1,6 +1,6 @@
-"""Format 2 of the capture file: groups of fields, compressed together, a row each; what waits to become one.
+"""Format 2 of the capture file: groups of fields, compressed together in one row, and groups being collected.
 
-A group holds what one commit adds, half a second at 50 Hz. An invalid row is an error, never a guess.
+A group contains the fields of one commit, half a second at 50 Hz. Invalid rows are errors, never guessed at.
 """
 
 import math
@@ -19,18 +19,18 @@ from grabberd.core.field import NumberedField, PackedField, packed_shape
 from grabberd.core.reconstruction.points import Points
 
 FIELD_COLUMNS = "n, time_ns, sequence, parity, y0, y_step, threshold, outcome, reason"
-"""In the order of the table."""
+"""Columns in the order of the table."""
 _FIELD = tuple(FIELD_COLUMNS.split(", "))
 _UINT32 = np.dtype("<u4")
 NO_COLUMNS = PointColumns("", *(b"" for _ in COLUMNS))
 MOST_FIELDS = 32
-"""Fields of a group: a commit has 25 of them at 50 Hz, give or take a few."""
+"""Maximum number of fields of a group; a commit has about 25 at 50 Hz."""
 LARGEST_GROUP = 16 << 20
-"""Bytes of a group's pictures, unless it has one field alone; as many as the largest picture."""
+"""Maximum size of a group's pictures in bytes, except for a single field; that of the largest picture."""
 
 
 class PictureGroup(NamedTuple):
-    """A row of the table `pictures`, with the rows of its fields; the digest covers it as it is."""
+    """A row of the table `pictures`, with the rows of its fields; the digest covers both."""
 
     first_n: int
     last_n: int
@@ -66,7 +66,7 @@ class PointGroup(NamedTuple):
 
     @property
     def digested(self) -> Row:
-        """The numbers, the lengths of the columns and all of their bytes, which the digest covers."""
+        """The form that the digest covers: numbers, lengths of the columns, then all their bytes."""
         parts = [self.field_n, self.field_points, *self.columns[1:]]
         return (*self[:5], self.columns.exact, list(map(len, parts)), b"".join(parts))
 
@@ -80,7 +80,7 @@ def recorded_fields(group: PictureGroup) -> list[RecordedField]:
     """The fields of a group.
 
     Raises:
-        ValueError: It is damaged.
+        ValueError: The group is damaged.
     """
     check_picture({name: getattr(group, name) for name in ("rows", "columns", "bits")})
     fields = [dict(zip(_FIELD, row, strict=True)) for row in group.recorded]
@@ -97,10 +97,10 @@ def recorded_fields(group: PictureGroup) -> list[RecordedField]:
 
 
 def point_group(run: int, fields: Sequence[tuple[int, Points]]) -> PointGroup:
-    """The group of fields with their points, which are in order.
+    """Encodes fields and their points as a group.
 
     Raises:
-        ValueError: They are not.
+        ValueError: The fields are not in order.
     """
     numbers = np.array([n for n, _ in fields], np.int64)
     counts = np.array([len(points) for _, points in fields], _UINT32)
@@ -114,12 +114,12 @@ def point_group(run: int, fields: Sequence[tuple[int, Points]]) -> PointGroup:
 
 
 def measured_fields(group: PointGroup) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Numbers of a group's fields, and of the points of each.
+    """Numbers of a group's fields, and the number of points of each.
 
     Raises:
-        ValueError: They are damaged.
+        ValueError: The group is damaged.
     """
-    # A number with a fraction would be looked for in the range one by one, for ever.
+    # Only integers: `range` tests membership of a float by iterating, which would take forever.
     kinds = {type(group.fields), type(group.first_n)}
     if (
         kinds != {int}
@@ -128,7 +128,7 @@ def measured_fields(group: PointGroup) -> tuple[NDArray[np.int64], NDArray[np.in
     ):
         raise ValueError(f"a group of {group.fields!r} fields from {group.first_n!r} on")
     if {len(group.field_n), len(group.field_points)} != {group.fields * _UINT32.itemsize}:
-        raise ValueError("a column has another length than its fields need")
+        raise ValueError("a column's length does not match its fields")
     numbers = group.first_n + np.frombuffer(group.field_n, _UINT32).astype(np.int64)
     counts = np.frombuffer(group.field_points, _UINT32).astype(np.int64)
     if (np.diff(numbers) <= 0).any() or (numbers[0], numbers[-1]) != (group.first_n, group.last_n):
@@ -142,21 +142,21 @@ def measured_points(group: PointGroup) -> Points:
     """The points of a group, one field after the other.
 
     Raises:
-        ValueError: They are damaged.
+        ValueError: The points are damaged.
     """
     return decode_points(group.columns, group.points)
 
 
 def pictures_size(count: int, rows: int, columns: int, bits: int) -> int:
-    """Bytes of so many pictures before they are compressed."""
+    """Uncompressed size of a number of pictures in bytes."""
     return count * math.prod(packed_shape(rows, columns, bits))
 
 
 def encode_pictures(fields: Sequence[PackedField]) -> bytes:
-    """Encodes pictures of one size and number of bits.
+    """Encodes pictures of the same size and number of bits.
 
-    Packed planes are written column by column, each of eight pixels: the edge of a target changes little from
-    line to line, so runs of equal bytes are long, and so are repetitions from field to field.
+    Packed planes are written in columns of eight pixels: the edge of a target changes little from line to
+    line, which gives long runs of equal bytes and long repetitions from field to field.
     """
     return frame_of([b"".join(_downward(field).tobytes() for field in fields)])
 
@@ -166,10 +166,10 @@ def _downward(field: PackedField) -> NDArray[np.uint8]:
 
 
 def decode_pictures(data: bytes, count: int, rows: int, columns: int, bits: int) -> list[NDArray[np.uint8]]:
-    """Decodes pictures into `PackedField.data`, each in memory of its own.
+    """Decodes pictures into `PackedField.data`, each in its own memory.
 
     Raises:
-        ValueError: There cannot be so many, or the bytes are damaged or those of other pictures.
+        ValueError: The count is out of range, or the bytes are damaged or belong to other pictures.
     """
     size = pictures_size(count, rows, columns, bits)
     if count not in range(1, MOST_FIELDS + 1) or (count > 1 and size > LARGEST_GROUP):
@@ -183,7 +183,7 @@ def decode_pictures(data: bytes, count: int, rows: int, columns: int, bits: int)
 
 
 class PicturesInWaiting:
-    """Fields that are to become a group."""
+    """Fields collected for a group."""
 
     def __init__(self) -> None:
         self._fields: list[Row] = []
@@ -193,7 +193,7 @@ class PicturesInWaiting:
         return len(self._fields)
 
     def takes(self, packed: PackedField) -> bool:
-        """True if a field of this picture may be added to the others."""
+        """True if a field with this picture may be added."""
         if not self._packed:
             return True
         shape, count = (packed.rows, packed.columns, packed.bits), len(self) + 1
@@ -212,11 +212,11 @@ class PicturesInWaiting:
 
     @property
     def newest(self) -> PackedField:
-        """The picture that was added last."""
+        """The last picture added."""
         return self._packed[-1]
 
     def group(self) -> PictureGroup:
-        """The group of all of them."""
+        """The group of all collected fields."""
         first = self._packed[0]
         shape = (first.rows, first.columns, first.bits)
         ends = (self._fields[0][0], self._fields[-1][0], len(self))
@@ -224,7 +224,7 @@ class PicturesInWaiting:
 
 
 class PointsInWaiting:
-    """Points of fields of one run that are to become a group."""
+    """Points of fields of one run, collected for a group."""
 
     def __init__(self) -> None:
         self._run = 0
@@ -235,7 +235,7 @@ class PointsInWaiting:
         return len(self._fields)
 
     def takes(self, run: int, points: Points) -> bool:
-        """True if a field's points may be added to the others."""
+        """True if a field's points may be added."""
         fit = len(self) < MOST_FIELDS and self._count + len(points) <= MOST_POINTS
         return not self._fields or (run == self._run and fit)
 
@@ -247,20 +247,20 @@ class PointsInWaiting:
 
     @property
     def newest(self) -> Points:
-        """The points that were added last."""
+        """The last points added."""
         return self._fields[-1][1]
 
     def group(self) -> PointGroup:
-        """The group of all of them.
+        """The group of all collected points.
 
         Raises:
-            ValueError: Their fields are not in order.
+            ValueError: The fields are not in order.
         """
         return point_group(self._run, self._fields)
 
 
 def points_in_groups(run: int, fields: Iterable[tuple[int, Points]]) -> Iterator[PointGroup]:
-    """Groups of fields with their points, which are in order."""
+    """Groups of consecutive fields and their points."""
     waiting = PointsInWaiting()
     for n, points in fields:
         if not waiting.takes(run, points):

@@ -1,4 +1,4 @@
-"""The table `meta` of a capture file: a JSON value for each key, checked as it is read."""
+"""The table `meta` of a capture file: a JSON value for each key, validated when read."""
 
 import json
 import sqlite3
@@ -13,17 +13,17 @@ from grabberd.core.field import BIT_DEPTHS
 from grabberd.files.json_value import read_json
 
 CONVERSION = "conversion"
-"""Key of what is known of a capture from before it was converted."""
+"""Key of the record of a capture's conversion."""
 RECORDING = "recording"
 SEALED = "sealed"
 LONGEST_TEXT = 10_000
-"""Characters of a note or a label."""
+"""Longest note or label in characters."""
 LONGEST_REASON = 1 << 20
-"""Characters of a reason: that of a driver is kept as it came, however much it has to say."""
+"""Longest reason in characters; those of drivers are stored unabridged."""
 LARGEST_TIME_NS = 1 << 62
-"""A time by a monotonic clock, 146 years after the computer's start."""
+"""Upper bound of a monotonic time, 146 years after the computer's start."""
 LARGEST_N = 1 << 31
-"""Fields of a capture; at 50 Hz they would take 497 days."""
+"""Upper bound of a field's number; at 50 Hz it is reached after 497 days."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +44,8 @@ class CaptureMeta:
         rate_hz: Nominal fields per second.
         version: Version of the program that wrote it.
         state: "recording", then "sealed".
-        boot_id: The kernel's id of the start of the computer that `start_ns` and the fields' times count
-            from; empty if it is unknown.
+        boot_id: The kernel's id of the boot from which `start_ns` and the fields' times are counted; empty if
+            unknown.
         complete: None while recording, then True if nothing is lost or damaged.
         ended_because: Reason why it ended.
         extra: Further findings; see docs/reference/capture-file.md.
@@ -77,7 +77,7 @@ class CaptureMeta:
 
 
 def _id(text: str) -> str:
-    # It becomes part of file names, of paths over HTTP and of lines of the log.
+    # It becomes part of file names, URLs and log lines.
     if "/" in text or not text.isprintable() or text.startswith("."):
         raise ValueError("not an id: it has a slash, a leading dot or control characters")
     return text
@@ -108,52 +108,52 @@ _Name = Annotated[str, Field(max_length=200)]
 _Text = Annotated[str, Field(max_length=LONGEST_TEXT)]
 _Reason = Annotated[str, Field(max_length=LONGEST_REASON)]
 _Texts = Annotated[dict[_Name, _Text], Field(max_length=200)]
-_TimeNs = Annotated[int, Field(ge=0, lt=LARGEST_TIME_NS)]
+TimeNs = Annotated[int, Field(ge=0, lt=LARGEST_TIME_NS)]
 _Count = Annotated[int, Field(ge=0, lt=LARGEST_N)]
 _Utc = Annotated[str, Field(max_length=40), AfterValidator(_utc)]
 
 
-class _Part(BaseModel):
-    """Values of known keys; a file of a later version may have others beside them."""
+class StoredPart(BaseModel):
+    """Values of known keys; files of later versions may have more."""
 
     model_config = ConfigDict(extra="ignore", strict=True)
 
 
-class _Stream(_Part):
+class _Stream(StoredPart):
     live: bool = True
     waits_for_reader: bool = False
 
 
-class _Device(_Part):
+class _Device(StoredPart):
     name: Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_printable)]
     driver: _Name | None = None
     options: dict[str, Any] = {}
     stream: _Stream | None = None
 
 
-class _Trigger(_Part):
+class _Trigger(StoredPart):
     n: _Count = 0
     utc: _Utc | None = None
 
 
-class _Order(_Part):
+class _Order(StoredPart):
     fields: _Count | None = None
 
 
-class _Group(_Part):
+class _Group(StoredPart):
     id: Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_id)]
     devices: Annotated[list[_Name], Field(max_length=100)]
     start_utc: _Utc | None = None
-    start_ns: _TimeNs | None = None
+    start_ns: TimeNs | None = None
 
 
-class _Event(_Part):
+class _Event(StoredPart):
     n: _Count
     kind: _Name
     reason: _Reason
 
 
-class _Extra(_Part):
+class _Extra(StoredPart):
     trigger: _Trigger | None = None
     order: _Order | None = None
     group: _Group | None = None
@@ -162,12 +162,12 @@ class _Extra(_Part):
     rebases: list[_Event] = []
 
 
-class StoredMeta(_Part):
+class StoredMeta(StoredPart):
     """Ranges of the values of `CaptureMeta`."""
 
     id: Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_id)]
     created_utc: _Utc
-    start_ns: _TimeNs
+    start_ns: TimeNs
     device: _Device
     config: dict[str, Any]
     site: _Texts
@@ -185,16 +185,16 @@ class StoredMeta(_Part):
 
 
 def write_meta(connection: sqlite3.Connection, values: Mapping[str, Any]) -> None:
-    """Writes some keys within the caller's transaction."""
+    """Writes keys within the caller's transaction."""
     rows = [(key, json.dumps(value, ensure_ascii=False)) for key, value in values.items()]
     connection.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", rows)
 
 
 def read_meta(connection: sqlite3.Connection) -> CaptureMeta:
-    """Reads the metadata of a file; a key newer than the file has its default.
+    """Reads the metadata of a file; keys newer than the file get their defaults.
 
     Raises:
-        ValueError: A key without a default is missing, or a value is not one that a capture can have.
+        ValueError: A required key is missing, or a value is invalid.
     """
     known = [one.name for one in fields(CaptureMeta)]
     query = f"SELECT key, value FROM meta WHERE key IN ({', '.join('?' * len(known))})"  # noqa: S608 - marks
@@ -204,10 +204,10 @@ def read_meta(connection: sqlite3.Connection) -> CaptureMeta:
 
 
 def check_meta(meta: CaptureMeta) -> None:
-    """Checks that metadata can be read again once they are written.
+    """Checks that metadata can be read back once they are written.
 
     Raises:
-        ValueError: They cannot.
+        ValueError: A value is invalid.
     """
     _check(read_json(json.dumps(asdict(meta))))
 
@@ -229,7 +229,7 @@ def _shortened(value: Any) -> str:
 
 
 def coverage_key(run: int) -> str:
-    """Key of a run's coverage in the table `meta`, where earlier versions ignore what they do not know."""
+    """Key of a run's coverage in the table `meta`, where earlier versions ignore unknown keys."""
     return f"coverage.{run}"
 
 
@@ -239,16 +239,14 @@ def read_coverage(connection: sqlite3.Connection) -> dict[str, str]:
     return dict(rows.fetchall())
 
 
-class Conversion(BaseModel):
-    """Knowledge of a capture from before it was converted to another format.
+class Conversion(StoredPart):
+    """Record of a capture's conversion from an earlier format.
 
     Attributes:
-        version: Version of its layout.
+        version: The earlier format.
         content_sha256: Digest of what its points are measured from.
         converted_utc: When it was converted.
     """
-
-    model_config = ConfigDict(extra="ignore", strict=True)
 
     version: int
     content_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
@@ -256,10 +254,10 @@ class Conversion(BaseModel):
 
 
 def read_conversion(connection: sqlite3.Connection) -> Conversion | None:
-    """The conversion of a capture; None if it has the format that it was written in.
+    """The conversion of a capture; None if it was never converted.
 
     Raises:
-        ValueError: It is damaged.
+        ValueError: The record is damaged.
     """
     row = connection.execute("SELECT value FROM meta WHERE key = ?", (CONVERSION,)).fetchone()
     return None if row is None else Conversion.model_validate(read_json(row[0]))

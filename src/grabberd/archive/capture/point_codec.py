@@ -1,11 +1,11 @@
-"""Stored points: how finely a capture file keeps each number, and the columns of bytes that hold them.
+"""Stored points: the resolution of each number, and the columns of bytes that contain them.
 
-Position: to whole 10⁻⁴ mm, 1/500 of the σ of one field. Image coordinates and residual: to whole 10⁻³ px,
-1/100 of their σ. Covariances: their Cholesky factors in half precision, an element to 10⁻³ of the product of
-its σ; what a factor gives back is symmetric and has no negative variance, however thin the ellipsoid is. A
-number that no quantum fits is kept whole. Each is decided by itself, so that a point is the same whichever
-others are stored with it. Columns are in the order of targets, then of fields, and hold differences from the
-point before: the points of a target follow each other closely.
+Positions are multiples of 10⁻⁴ mm, 1/500 of the σ of one field; image coordinates and residuals of 10⁻³ px,
+1/100 of their σ. Covariances are stored as Cholesky factors in half precision, accurate to 10⁻³ of the
+product of the two σ; the result is symmetric without negative variances, however thin the ellipsoid is. A
+number that does not fit is stored exactly. Each number is rounded independently, so a point does not depend
+on the others stored with it. Columns are sorted by target, then by field, and contain differences from the
+previous point, which are small within a target.
 """
 
 from collections.abc import Sequence
@@ -31,11 +31,11 @@ PER_MM = 10_000
 PER_PX = 1_000
 LARGEST_WHOLE = 2**31 - 1
 LARGEST_CHANGE = 1e-3
-"""Change of an element of a covariance, relative to the variances of its row and its column."""
+"""Largest rounding error of a covariance, relative to the σ of its row and column."""
 
 
 def quantised(points: Points) -> Points:
-    """Points as a file gives them back; quantising again changes nothing."""
+    """Points as read back from a file; quantising them again changes nothing."""
     return Points(
         target=points.target,
         xyz_mm=rounded(points.xyz_mm, PER_MM),
@@ -47,20 +47,20 @@ def quantised(points: Points) -> Points:
 
 
 def whole(values: NDArray[np.float64], per_unit: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Values in whole quanta, and which of them are numbers that fit into 32 bits."""
+    """Values as multiples of a quantum, and a mask of the finite ones that fit into 32 bits."""
     with np.errstate(invalid="ignore", over="ignore"):
-        quanta = np.rint(values * per_unit) + 0.0  # no negative zero, which an integer cannot keep
+        quanta = np.rint(values * per_unit) + 0.0  # without negative zeros, which integers lack
         return quanta, np.abs(quanta) <= LARGEST_WHOLE
 
 
 def rounded(values: NDArray[np.float64], per_unit: int) -> NDArray[np.float64]:
-    """Values rounded to quanta; those that do not fit stay as they are."""
+    """Values rounded to multiples of a quantum; those that do not fit are unchanged."""
     quanta, fits = whole(values, per_unit)
     return np.where(fits, quanta / per_unit, values)
 
 
 def factors(covariance: NDArray[np.float64]) -> tuple[NDArray[np.float16], NDArray[np.bool_]]:
-    """(N, 6) elements of the Cholesky factors of (N, 3, 3) covariances, and which of them are near enough.
+    """(N, 6) elements of the Cholesky factors of (N, 3, 3) covariances, and a mask of the accurate ones.
 
     The elements are the columns of the lower factor: xx, xy, xz, yy, yz, zz.
     """
@@ -79,7 +79,7 @@ def factors(covariance: NDArray[np.float64]) -> tuple[NDArray[np.float16], NDArr
 
 
 def _quotient(value: NDArray[np.float64], by: NDArray[np.float64]) -> NDArray[np.float64]:
-    """0 where nothing is divided by nothing: a variance of 0 has no covariances."""
+    """The quotient, 0 for 0 / 0: a variance of 0 has no covariances."""
     return np.where(by > 0, value / by, 0.0)
 
 
@@ -91,26 +91,26 @@ def product(half: NDArray[np.float16]) -> NDArray[np.float64]:
 
 
 def rounded_covariance(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 6) elements of (N, 3, 3) covariances by rounded factors; those not near stay as they are."""
+    """(N, 6) elements of (N, 3, 3) covariances from rounded factors; inaccurate ones are unchanged."""
     half, near = factors(covariance)
     return np.where(near[:, None], product(half), covariance[:, *UPPER])
 
 
 WHOLE = (("xyz_mm", PER_MM, 3), ("image_px", PER_PX, 4), ("residual_px", PER_PX, 1))
-"""Columns of whole quanta: name, quanta per unit, numbers of a point."""
+"""Quantised columns: name, quanta per unit, numbers per point."""
 COVARIANCES = ("covariance_mm2", "calibration_covariance_mm2")
 _ELEMENTS = 6
 COLUMNS = ("target", "xyz_mm", *COVARIANCES, "image_px", "residual_px")
-"""In the order of the table."""
+"""Columns in the order of the table."""
 
 
 class PointColumns(NamedTuple):
     """The points of a group.
 
     Attributes:
-        exact: Names of the columns with a number that no quantum fits, with a space between them; they hold
-            their numbers as float64.
-        target: A frame; so are all that follow.
+        exact: Names of the columns with a number that cannot be quantised, separated by spaces; they contain
+            float64.
+        target: A zstandard frame, like all other columns.
     """
 
     exact: str
@@ -158,11 +158,11 @@ def decode_points(columns: PointColumns, count: int) -> Points:
     """Decodes the points of a group, one field after the other.
 
     Args:
-        columns: What `encode_points` gave.
+        columns: Result of `encode_points`.
         count: Number of points expected.
 
     Raises:
-        ValueError: There cannot be so many, or the columns are damaged or hold another number of points.
+        ValueError: The count is out of range, or the columns are damaged or contain a different number.
     """
     if count not in range(MOST_POINTS + 1):
         raise ValueError(f"a group of {count!r} points; there can be {MOST_POINTS}")

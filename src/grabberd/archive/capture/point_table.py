@@ -1,4 +1,4 @@
-"""The table of points in either format: rows to be written, read back and held against their digests."""
+"""The table of points in both formats: encoding rows, reading them back and checking their digests."""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
@@ -14,12 +14,12 @@ class PointTable(NamedTuple):
     """The table of points in one format; a row's first cells are the run and its key.
 
     Attributes:
-        key: Name of the column that tells rows of a run apart.
+        key: Name of the column that is unique within a run.
         columns: Number of columns.
-        rows_a_commit: Few enough for SQLite's page cache: a transaction that outgrows it locks readers out
-            until it ends.
-        encode: Rows of fields with their points, which are in order, for a run.
-        digested: What the digest of a row covers.
+        rows_a_commit: Rows per commit, few enough for SQLite's page cache: a transaction that outgrows it
+            locks out readers.
+        encode: Encodes fields and their points, in order, as rows of a run.
+        digested: Returns the form of a row that its digest covers.
         check: Decodes a row.
     """
 
@@ -37,7 +37,7 @@ class PointTable(NamedTuple):
 
     @property
     def select(self) -> str:
-        """Query of the row of a run and a key."""
+        """Query for the row of a run and a key."""
         return f"SELECT * FROM points WHERE run = ? AND {self.key} = ?"  # noqa: S608 - a constant
 
 

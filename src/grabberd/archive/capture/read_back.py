@@ -1,4 +1,4 @@
-"""Reading back what was written to a capture file, before anybody relies on it."""
+"""Reading back what was written to a capture file before relying on it."""
 
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
@@ -41,10 +41,10 @@ _FIELDS = "SELECT * FROM fields WHERE n BETWEEN ? AND ? ORDER BY n"
 
 
 class Uncommitted:
-    """Groups that a transaction has written, kept until it is committed and they are found in the file.
+    """Groups written by a transaction, kept until they are committed and verified.
 
-    All are compared with what the file gives back, byte by byte; the newest field and its points, and all
-    readings, are also decoded, as a reader would. Decoding all fields would cost as much as encoding them.
+    All groups are compared with the file byte by byte; the newest field, its points and all readings are also
+    decoded as a reader would. Decoding all fields would cost as much as encoding them.
     """
 
     def __init__(self) -> None:
@@ -55,21 +55,21 @@ class Uncommitted:
         self._readings: list[tuple[ReadingGroup, RecordedReadings]] = []
 
     def add_pictures(self, group: PictureGroup, newest: PackedField) -> None:
-        """Notes a group of fields, and the last picture that it was made from."""
+        """Adds a group of fields, with its last picture."""
         self._pictures.append(group)
         self._newest_field = newest
 
     def add_points(self, group: PointGroup, newest: Points) -> None:
-        """Notes a group of points, and the last field's that it was made from."""
+        """Adds a group of points, with those of its last field."""
         self._points.append(group)
         self._newest_points = newest
 
     def add_readings(self, groups: Sequence[tuple[ReadingGroup, RecordedReadings]]) -> None:
-        """Notes groups of readings, and what they were made from."""
+        """Adds groups of readings, with the readings themselves."""
         self._readings += groups
 
     def write_digests(self, connection: sqlite3.Connection) -> None:
-        """Writes the digests of the groups, as the last change before they are committed."""
+        """Writes the digests of the groups, as the last change before the commit."""
         pictures = {group.first_n: row_digest(group) for group in self._pictures}
         write_row_digests(connection, FIELDS, pictures)
         for run in {group.run for group in self._points}:
@@ -82,23 +82,23 @@ class Uncommitted:
             write_row_digests(connection, readings_prefix(channel), digests)
 
     def forget(self) -> None:
-        """Drops everything: the transaction was rolled back, or has been read back."""
+        """Drops all groups, after a rollback or after reading back."""
         self._pictures, self._points, self._readings = [], [], []
         self._newest_field = self._newest_points = None
 
     def read_back(self, path: Path, connection: sqlite3.Connection) -> None:
-        """Reads all of it once, right after the commit, and forgets it.
+        """Verifies and drops all groups, right after the commit.
 
-        The writer's own connection does it: another one would need file descriptors, of which a busy daemon
-        may have none left, and would find the same pages in memory.
+        Uses the writer's own connection: another one would need file descriptors, which a busy daemon may
+        lack, and would find the same pages in memory.
 
         Raises:
-            StorageError: Something is not in the file as it was written.
+            StorageError: The file differs from what was written.
         """
         pictures, newest_field = self._pictures, self._newest_field
         points, newest_points = self._points, self._newest_points
         readings = self._readings
-        self.forget()  # before it is checked: what does not come back is told of once
+        self.forget()  # before the check, so that a difference is reported only once
         with _mismatches(path), reading_errors(path):
             if newest_field is not None:
                 _check_pictures(path, connection, pictures, newest_field)
@@ -108,16 +108,16 @@ class Uncommitted:
 
 
 def check_sealed(path: Path, ledger: Ledger, *, complete: bool, runs: Sequence[int]) -> None:
-    """Reads a file as its first reader will: verdict, ledger, runs, and the first and last field.
+    """Reads a file as its next reader will: verdict, ledger, runs, and the first and last field.
 
     Args:
-        path: The file, closed.
-        ledger: Ledger that was written.
-        complete: Verdict that was written.
-        runs: Numbers of the runs that were written.
+        path: The closed file.
+        ledger: The ledger written.
+        complete: The verdict written.
+        runs: Numbers of the runs written.
 
     Raises:
-        StorageError: The file says something else, or cannot be read.
+        StorageError: The file differs from what was written, or cannot be read.
     """
     with _mismatches(path), CaptureReader(path) as reader:
         meta, found = reader.meta, reader.ledger
@@ -136,16 +136,16 @@ def check_sealed(path: Path, ledger: Ledger, *, complete: bool, runs: Sequence[i
 def check_staged(
     path: Path, connection: sqlite3.Connection, table: PointTable, staged: Iterable[Row]
 ) -> None:
-    """Finds the points of a run that was copied from a temporary file, before the run is entered.
+    """Verifies the points of a run that were copied from a temporary file, before the run is added.
 
     Args:
         path: The capture file.
         connection: The connection that wrote them.
         table: The table that they were written to.
-        staged: Its rows from the temporary file.
+        staged: The rows of the temporary file.
 
     Raises:
-        StorageError: Some are missing, differ, or cannot be decoded.
+        StorageError: Some points are missing, differ, or cannot be decoded.
     """
     with _mismatches(path), reading_errors(path):
         for row in staged:
@@ -183,7 +183,7 @@ def _check_points(
 def _check_readings(
     path: Path, connection: sqlite3.Connection, groups: Sequence[tuple[ReadingGroup, RecordedReadings]]
 ) -> None:
-    """Finds groups of readings, all decoded: there are few of them."""
+    """Verifies groups of readings, decoding all of them, as there are few."""
     for group, readings in groups:
         found = connection.execute(_READINGS, group[:2]).fetchall()
         back = decode_readings(group)
@@ -194,7 +194,7 @@ def _check_readings(
 
 @contextmanager
 def _mismatches(path: Path) -> Iterator[None]:
-    """Turns what a reader cannot make sense of into an error of the writer's."""
+    """Turns errors of a reader into errors of the writer."""
     try:
         yield
     except CaptureFileError as error:

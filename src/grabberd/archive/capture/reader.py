@@ -39,23 +39,22 @@ def content_of(path: Path, connection: sqlite3.Connection, left_out: list[Damage
 
 
 class CaptureReader:
-    """A capture file; each method sees its state at that moment, and holds no lock afterwards.
+    """A capture file; each method reads its present state, and holds no lock afterwards.
 
     Args:
         path: The file.
-        left_out: Takes up the fields, points and readings that are damaged and are left out of what
-            `fields`, `received`, `points`, `timed_points` and `channels` give; None: the first one of them is
-            an error.
+        left_out: Collects damaged fields, points and readings, which `fields`, `received`, `points`,
+            `timed_points` and `channels` then skip; None: damage is an error.
 
     Attributes:
         path: The file.
         meta: Its metadata when it was opened.
         content: Its fields and points, by its format.
-        channels: What was measured beside the picture.
+        channels: Quantities measured beside the picture.
 
     Raises:
-        CaptureFileError: From any method: missing, no capture, damaged, or of a later version.
-        ReadingGivenUp: From any method: nobody waits for it any longer.
+        CaptureFileError: From any method: missing, not a capture, damaged, or of a later version.
+        ReadingGivenUp: From any method: the reading was cancelled.
     """
 
     def __init__(self, path: Path | str, left_out: list[Damage] | None = None) -> None:
@@ -76,25 +75,25 @@ class CaptureReader:
         self._connection.close()
 
     def check_unchanged(self, runs: Collection[int] | None = None) -> None:
-        """Holds metadata, ledger and runs of a sealed capture against their digests.
+        """Checks metadata, ledger and runs of a sealed capture against their digests.
 
         Args:
-            runs: The runs that matter; None: all of them.
+            runs: The runs to check; None: all.
 
         Raises:
-            CaptureFileError: They are not what was written.
+            CaptureFileError: A digest differs.
         """
         if self.meta.state != SEALED:
             return
         with reading_errors(self.path):
             changed = changed_parts(self._connection, runs)
         if changed:
-            hint = "use a copy of the file; grabberd storage verify tells what else is damaged"
+            hint = "use a copy of the file; grabberd storage verify shows what else is damaged"
             raise CaptureFileError(f"{self.path}: {', '.join(changed)}: {CHANGED}", hint)
 
     @property
     def ledger(self) -> Ledger:
-        """The ledger, made of the fields in the file and the entries for all others."""
+        """The ledger, from the fields in the file and the entries for all others."""
         kept = "SELECT n, outcome, reason FROM fields ORDER BY n"
         with reading_errors(self.path):
             fields = self._connection.execute(kept).fetchall()
@@ -107,7 +106,7 @@ class CaptureReader:
             raise CaptureFileError(message, "set the file aside") from error
 
     def missing_fields(self, measured: int) -> int:
-        """Number of fields that should have come, but for those `measured`."""
+        """Number of expected fields less those `measured`."""
         return max(sum(self.ledger.counts().values()) - measured, 0)
 
     @property
@@ -117,14 +116,14 @@ class CaptureReader:
 
     @property
     def field_span(self) -> int:
-        """Number of fields from the first to the last in the file, known at once however long it is."""
-        # Two subqueries: SQLite takes max(n) or min(n) from the end of the table's tree only where it stands
-        # alone; both in one query would read every row.
+        """Number of fields from the first to the last in the file; fast for a file of any length."""
+        # Two subqueries: SQLite takes max(n) or min(n) from the end of the table's tree only if it is alone;
+        # both in one query would read every row.
         return self._number("SELECT (SELECT max(n) FROM fields) - (SELECT min(n) FROM fields) + 1") or 0
 
     @property
     def length(self) -> int:
-        """Number of fields that should have come, known without reading every row."""
+        """Number of expected fields, without reading every row."""
         lost = "SELECT %s FROM ledger"
         firsts = (self.first_n, self._number(lost % "min(first_n)"))
         ends = (self.last_field and self.last_field[0] + 1, self._number(lost % "max(first_n + count)"))
@@ -133,7 +132,7 @@ class CaptureReader:
 
     @property
     def losses(self) -> int:
-        """Number of fields that were not received undamaged, by the ledger."""
+        """Number of expected fields that were not received undamaged."""
         return self._number("SELECT sum(count) FROM ledger") or 0
 
     @property
@@ -165,7 +164,7 @@ class CaptureReader:
     def received(
         self, first_n: int = 0, end_n: int | None = None, *, and_damaged: bool = False
     ) -> Iterator[NumberedField]:
-        """The fields that were received undamaged, or `and_damaged`; never those without a signal."""
+        """The fields received undamaged, and damaged ones if `and_damaged`; never those without a signal."""
         wanted = {Outcome.RECEIVED, Outcome.DAMAGED} if and_damaged else {Outcome.RECEIVED}
         for recorded in self.fields(first_n, end_n):
             if recorded.outcome in wanted:
@@ -191,7 +190,7 @@ class CaptureReader:
         return next(info for info in self.runs if info.run == number)
 
     def run_number(self, run: int | None) -> int:
-        """Number of a run, or of the newest, without reading what it was measured with.
+        """Number of a run, or of the newest, without reading its calibration.
 
         Raises:
             NotFound: It does not exist, or the capture has not been measured.
@@ -207,7 +206,7 @@ class CaptureReader:
         return runs[-1] if run is None else run
 
     def points(self, run: int | None = None) -> Iterator[tuple[int, Points]]:
-        """(n, points) of a run in order of n, of fields that are in the file.
+        """(n, points) of a run in order of n, for fields in the file.
 
         Raises:
             NotFound: The run does not exist.
@@ -232,7 +231,7 @@ class CaptureReader:
     def point_arrays(
         self, run: int | None = None, first_n: int = 0, end_n: int = END, every: int = 1
     ) -> Iterator[PointArrays]:
-        """The same, several fields together where the file has them together.
+        """The same, with several fields together as stored in the file.
 
         Raises:
             NotFound: The run does not exist.
@@ -240,27 +239,27 @@ class CaptureReader:
         yield from self.content.points(self.run_number(run), first_n, end_n, every)
 
     def check_points(self, run: int, first_n: int = 0, end_n: int = END) -> None:
-        """Holds points of a run against their digests, without decoding them.
+        """Checks points of a run against their digests, without decoding them.
 
         Raises:
-            CaptureFileError: Some are not what was written.
+            CaptureFileError: A digest differs.
         """
         if self.content.has_digests:
             self.content.check_points(run, first_n, end_n)
 
     def point_count(self, run: int, first_n: int = 0, end_n: int = END, every: int = 1) -> int:
-        """Number of points that `timed_points` would give."""
+        """Number of points that `timed_points` yields."""
         return self.content.point_count(run, first_n, end_n, every)
 
     def point_span(self, run: int, first_n: int = 0, end_n: int = END) -> tuple[int, int]:
-        """Number of points that `timed_points` gives now, and the number after the last field that has some.
+        """Number of points that `timed_points` yields now, and the number after the last field with points.
 
         A capture that is being written gets no more points below that number.
         """
         return self.content.point_span(run, first_n, end_n)
 
     def field_times(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Numbers and times of the fields in the file, in order, but for those that have no valid time."""
+        """Numbers and times of the fields in the file, in order, except those without a valid time."""
         query = (
             "SELECT n, time_ns FROM fields"
             " WHERE typeof(time_ns) = 'integer' AND time_ns BETWEEN 0 AND ? ORDER BY n"
@@ -273,17 +272,17 @@ class CaptureReader:
 
     @property
     def first_n(self) -> int | None:
-        """Number of the first field; None if there is none."""
+        """Number of the first field; None in an empty capture."""
         return self._number("SELECT n FROM fields ORDER BY n LIMIT 1")
 
     @property
     def first_time_ns(self) -> int | None:
-        """Time of the first field; None if there is none."""
+        """Time of the first field; None in an empty capture."""
         return self._number("SELECT time_ns FROM fields ORDER BY n LIMIT 1")
 
     @property
     def last_field(self) -> tuple[int, int] | None:
-        """Number and time of the last field; None if there is none."""
+        """Number and time of the last field; None in an empty capture."""
         with reading_errors(self.path):
             row = self._connection.execute("SELECT n, time_ns FROM fields ORDER BY n DESC LIMIT 1").fetchone()
             return None if row is None else (int(row[0]), int(row[1]))
@@ -297,12 +296,12 @@ class CaptureReader:
             raise CaptureFileError(f"{self.path} has no valid metadata: {error}", hint) from error
 
     def _number(self, query: str, *values: int) -> int | None:
-        """The first cell of a query's first row; None if there is none."""
+        """The integer that a query selects; None if it selects nothing."""
         with reading_errors(self.path):
             row = self._connection.execute(query, values).fetchone()
             found = row and row[0]
             if not isinstance(found, int | None):
-                raise ValueError(f"{found!r} is no whole number")
+                raise ValueError(f"{found!r} is not a whole number")
             return found
 
 
@@ -311,27 +310,27 @@ Opened = Callable[[Path], AbstractContextManager[CaptureReader]]
 
 
 def stat_at_rest(path: Path) -> os.stat_result:
-    """Size and time of a file between two commits; what is read while they stay the same belongs together.
+    """Size and time of a file between two commits; data read while they are unchanged are consistent.
 
-    A file that cannot be read as a capture has no writer: its size and time are taken as they are.
+    A file that cannot be read as a capture has no writer, so its size and time are returned as they are.
 
     Raises:
-        CaptureFileError: It is a link or the like, which could lead to any other file.
-        StorageError: Somebody writes it for longer than ten seconds.
+        CaptureFileError: The path is not a regular file but, e.g., a link to some other file.
+        StorageError: The file has been locked by a writer for more than ten seconds.
     """
     path = named_now(path)
     with reading_errors(path):
         check_kind(path)
     with suppress(CaptureFileError), closing(connect(path)) as connection, reading_errors(path):
         connection.execute("BEGIN")
-        # BEGIN alone takes no lock; after the first read nobody commits until the connection is closed.
+        # BEGIN alone takes no lock; after the first read, nobody can commit until the connection is closed.
         connection.execute("SELECT count(*) FROM meta").fetchone()
         return path.stat()
     return path.stat()
 
 
 def _opened(path: Path) -> tuple[Path, sqlite3.Connection]:
-    """Opens a capture; one that has been sealed since its path was looked up, by its name now."""
+    """Opens a capture, under its final name if it was sealed after its path was looked up."""
     try:
         return path, connect(path)
     except CaptureFileError:

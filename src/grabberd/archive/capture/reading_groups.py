@@ -1,7 +1,7 @@
-"""Rows of the tables `channels` and `readings` as objects, and the bytes of readings.
+"""Rows of the tables `channels` and `readings` as objects, and the encoding of readings.
 
-Values are kept as the logger gave them, bit for bit, beside the calibration that turns them into kPa; times
-are those of the fields' own clock. A group has half a second. An invalid row is an error, never a guess.
+Values are stored as the logger gave them, bit for bit, together with their calibration to kPa; times are on
+the fields' clock. A group covers half a second. Invalid rows are errors, never guessed at.
 """
 
 import json
@@ -18,15 +18,15 @@ from grabberd.core.channels import Dating, Quantity
 from grabberd.files.json_value import read_json
 
 MOST_CHANNELS = 64
-"""Channels of a capture."""
+"""Maximum number of channels of a capture."""
 LONGEST_NAME = 200
 LARGEST_SIGMA_NS = 10**12
-"""σ of a time, above a quarter of an hour."""
+"""Upper bound of the σ of a time, about a quarter of an hour."""
 INSERT_CHANNEL = "INSERT OR REPLACE INTO channels VALUES (?, ?, ?, ?, ?, ?)"
 INSERT_READINGS = "INSERT INTO readings VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
 _GROUPS_EVER = 1 << 31
 MOST_READINGS = 1 << 14
-"""Readings of a group; half a second of 32 000 a second."""
+"""Maximum number of readings of a group; half a second at 32 000 a second."""
 
 
 class ChannelCalibration(NamedTuple):
@@ -36,10 +36,10 @@ class ChannelCalibration(NamedTuple):
         unit: Unit of the values as measured.
         gain: kPa per unit.
         offset_kpa: kPa at a value of 0.
-        sigma_kpa: σ of what the calibration gives, common to all readings.
-        calibrated: Date of the calibration; None if it was never calibrated.
-        delay_ms: Time by which readings are late, which their times are without.
-        delay_sigma_ms: Its σ, common to all readings.
+        sigma_kpa: σ of the calibration, common to all readings.
+        calibrated: Date of the calibration; None if the channel was never calibrated.
+        delay_ms: Delay of the readings, for which their times are corrected.
+        delay_sigma_ms: σ of the delay, common to all readings.
     """
 
     unit: str
@@ -64,7 +64,7 @@ class RecordedChannel(NamedTuple):
         quantity: What it measures.
         logger: Name of its logger.
         calibration: See `ChannelCalibration`.
-        source: Driver, options, column and whatever else is known of the logger.
+        source: Driver, options, column and further properties of the logger.
     """
 
     channel: int
@@ -124,14 +124,14 @@ class ReadingGroup(NamedTuple):
 
     Attributes:
         channel: Number of the channel.
-        number: Number of the group among those of the channel.
+        number: Number of the group within the channel.
         readings: Number of readings.
         first_ns: Time of the first reading.
         last_ns: Time of the last.
-        dating: What their times go by; see `Dating`.
-        time_sigma_ns: σ of each time, the largest of all.
-        time_ns: A frame of times; see `reading_codec`.
-        value: A frame of values.
+        dating: Source of their times; see `Dating`.
+        time_sigma_ns: Largest σ of their times.
+        time_ns: A frame of times; see `encode_times`.
+        value: A frame of values; see `encode_values`.
     """
 
     channel: int
@@ -146,7 +146,7 @@ class ReadingGroup(NamedTuple):
 
     @property
     def digested(self) -> Row:
-        """All cells, the lengths of the frames and then their bytes, which the digest covers."""
+        """The form that the digest covers: all cells, the lengths of the frames, then their bytes."""
         return (*self[:7], [len(self.time_ns), len(self.value)], self.time_ns + self.value)
 
 
@@ -156,7 +156,7 @@ class RecordedReadings(NamedTuple):
     Attributes:
         time_ns: (K,) int64, ascending.
         value: (K,) in the logger's own unit.
-        dating: What their times go by.
+        dating: Source of their times.
         time_sigma_ns: σ of each time.
     """
 
@@ -167,7 +167,7 @@ class RecordedReadings(NamedTuple):
 
 
 def reading_group(channel: int, number: int, readings: RecordedReadings) -> ReadingGroup:
-    """The group of some readings."""
+    """Encodes readings as a group."""
     time_ns, value, dating, sigma_ns = readings
     ends = (int(time_ns[0]), int(time_ns[-1]))
     columns = (encode_times(time_ns), encode_values(value))
@@ -178,7 +178,7 @@ def decode_readings(group: ReadingGroup) -> RecordedReadings:
     """The readings of a group.
 
     Raises:
-        ValueError: It is damaged.
+        ValueError: The group is damaged.
     """
     for number, end in ((group.number, _GROUPS_EVER), (group.time_sigma_ns, LARGEST_SIGMA_NS)):
         _check_whole(number, end)
@@ -190,13 +190,13 @@ def decode_readings(group: ReadingGroup) -> RecordedReadings:
 
 
 def _check_whole(number: object, end: int) -> None:
-    # A number with a fraction would be looked for in the range one by one.
+    # Only integers: `range` tests membership of a float by iterating.
     if not isinstance(number, int) or number not in range(end):
         raise ValueError(f"the number of a group, or the σ of its times in ns, is {number!r}")
 
 
 def encode_times(time_ns: NDArray[np.int64]) -> bytes:
-    """Encodes times as differences from the one before: of an even pace they are nearly alike."""
+    """Encodes times as differences, which are nearly equal at a steady rate."""
     return frame_of(planes_of(differences(time_ns.astype(np.uint64)[:, None])))
 
 
@@ -204,7 +204,7 @@ def decode_times(data: bytes, count: int) -> NDArray[np.int64]:
     """Decodes times.
 
     Raises:
-        ValueError: There cannot be so many, the bytes are damaged, or the times do not ascend.
+        ValueError: The count is out of range, the bytes are damaged, or the times do not ascend.
     """
     _check_count(count)
     folded = read_planes(data, "<u8", count).reshape(1, count).astype(np.uint64, copy=False)
@@ -215,7 +215,7 @@ def decode_times(data: bytes, count: int) -> NDArray[np.int64]:
 
 
 def encode_values(value: NDArray[np.float64]) -> bytes:
-    """Encodes values without a loss, in planes of bytes."""
+    """Encodes values losslessly, in planes of bytes."""
     return frame_of(planes_of(np.ascontiguousarray(value, np.float64).view(np.uint64)))
 
 
@@ -223,7 +223,7 @@ def decode_values(data: bytes, count: int) -> NDArray[np.float64]:
     """Decodes values.
 
     Raises:
-        ValueError: There cannot be so many, the bytes are damaged, or one is not a number.
+        ValueError: The count is out of range, the bytes are damaged, or a value is not finite.
     """
     _check_count(count)
     value = read_planes(data, "<u8", count).view("<f8").astype(np.float64, copy=False)

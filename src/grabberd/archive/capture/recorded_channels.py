@@ -1,7 +1,7 @@
-"""The channels of a capture file, read and written within the transactions of its writer, and their account.
+"""The channels of a capture file (quantities measured in addition to the picture) and their account.
 
-Channels are what was measured beside the picture. The account says what is missing of them, and why; the
-metadata keep it under the key `channels`.
+They are written within the transactions of the capture's writer. The account states what is missing and why;
+it is stored in the metadata under the key `channels`.
 """
 
 import itertools
@@ -12,11 +12,11 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from grabberd.archive.capture.checked_rows import CheckedRows, Kind, some_rows
 from grabberd.archive.capture.digests import READINGS, Damage, readings_prefix
-from grabberd.archive.capture.meta import LARGEST_TIME_NS, write_meta
+from grabberd.archive.capture.meta import StoredPart, TimeNs, write_meta
 from grabberd.archive.capture.reading_groups import (
     INSERT_CHANNEL,
     INSERT_READINGS,
@@ -45,7 +45,7 @@ from grabberd.errors import NotFound
 from grabberd.files.json_value import read_json
 
 _LARGEST_FRAME = 1 << 20
-"""Bytes of a frame of readings: more than as many as a group may have, kept whole."""
+"""Largest frame of readings in bytes: more than the largest valid group takes uncompressed."""
 _AT_ONCE = 200
 """Groups read under one lock: a few hundred kilobytes."""
 _CHANNELS = (
@@ -63,11 +63,11 @@ class ChannelReadings(NamedTuple):
 
     Attributes:
         channel: The channel with its calibration.
-        time_ns: (K,) int64, when each was taken, on the clock of the fields.
-        time_s: (K,) the same from the capture's first field on.
+        time_ns: (K,) int64, times of the readings, on the fields' clock.
+        time_s: (K,) seconds since the capture's first field.
         value: (K,) as measured, in the channel's own unit.
         time_sigma_ns: (K,) σ of each time.
-        datings: What the times go by; several if the logger was opened anew.
+        datings: Sources of the times; several if the logger was reopened.
     """
 
     channel: RecordedChannel
@@ -84,7 +84,7 @@ class ChannelReadings(NamedTuple):
 
     @property
     def sigma_kpa(self) -> NDArray[np.float64]:
-        """(K,) σ of what the calibration gives, common to all readings."""
+        """(K,) σ of the calibration, common to all readings."""
         return np.full(len(self.value), self.channel.calibration.sigma_kpa)
 
 
@@ -94,12 +94,12 @@ def _fetch(connection: sqlite3.Connection, values: Mapping[str, int]) -> list[Re
 
 
 class RecordedChannels:
-    """Reads the channels of a capture file, some groups at a time.
+    """Reads the channels of a capture file, in batches of groups.
 
     Args:
         path: The file.
         connection: A connection to it in autocommit mode.
-        left_out: Takes up damaged groups, which are left out; None: the first one is an error.
+        left_out: Collects damaged groups, which are skipped; None: damage is an error.
     """
 
     def __init__(self, path: Path, connection: sqlite3.Connection, left_out: list[Damage] | None) -> None:
@@ -109,7 +109,7 @@ class RecordedChannels:
 
     @property
     def all(self) -> list[RecordedChannel]:
-        """The channels; none in captures that were recorded without."""
+        """The channels; empty if the capture was recorded without."""
         with reading_errors(self._path):
             if format_of(self._connection) != WITH_CHANNELS:
                 return []
@@ -121,7 +121,7 @@ class RecordedChannels:
 
     @property
     def account(self) -> Account | None:
-        """Account of what is there and what is missing; None in captures that were recorded without."""
+        """Account of present and missing readings; None if the capture was recorded without channels."""
         with reading_errors(self._path):
             return read_account(self._connection)
 
@@ -129,7 +129,7 @@ class RecordedChannels:
         """A channel by its name.
 
         Raises:
-            NotFound: The capture has none of that name.
+            NotFound: The capture has no such channel.
         """
         found = self.all
         for one in found:
@@ -160,7 +160,7 @@ class RecordedChannels:
         """All readings of a channel.
 
         Raises:
-            NotFound: The capture has none of that name.
+            NotFound: The capture has no such channel.
         """
         readings = self.readings(self.channel(name))
         with reading_errors(self._path):
@@ -193,7 +193,7 @@ Written = tuple[ReadingGroup, RecordedReadings]
 
 
 class ChannelWriter:
-    """Readings that wait until they are written as groups, and the account of all.
+    """Collects readings to be written as groups, and the account.
 
     Args:
         channels: The channels, numbered from 0.
@@ -207,33 +207,33 @@ class ChannelWriter:
         self._is_stored = True
 
     def begin(self, connection: sqlite3.Connection) -> None:
-        """Enters the channels in a new file, which has tables for them only if there are some."""
+        """Stores the channels in a new file, which has tables for them only if there are any."""
         if self._channels:
             connection.executemany(INSERT_CHANNEL, [one.row for one in self._channels])
             nothing = tuple(ChannelAccount(one.name, one.logger) for one in self._channels)
-            write_account(connection, Account(nothing))  # a kill may come before there is more to say
+            write_account(connection, Account(nothing))  # in case of a kill before the first readings
 
     def describe(self, connection: sqlite3.Connection, channel: RecordedChannel) -> None:
-        """Replaces the description of a channel, of which more has become known."""
+        """Replaces the description of a channel with a more complete one."""
         connection.execute(INSERT_CHANNEL, channel.row)
 
     def add(self, channel: int, readings: RecordedReadings) -> None:
-        """Adds readings of a channel, which are not older than those before."""
+        """Adds readings of a channel, in chronological order."""
         if len(readings.time_ns):
             self._waiting[channel].append(readings)
 
     def keep(self, account: Account) -> None:
-        """Notes the account of the channels as it is now."""
+        """Sets the present account of the channels."""
         self._is_stored &= account == self._account
         self._account = account
 
     def forget(self) -> None:
-        """Drops what was added and is not written."""
+        """Drops readings that are not written yet."""
         self._waiting = {channel: [] for channel in self._waiting}
         self._is_stored = False
 
     def write(self, connection: sqlite3.Connection) -> list[Written]:
-        """Writes what waits, and the account; returns the groups with what they were made from."""
+        """Writes all collected readings and the account; returns the groups with their readings."""
         written = [one for channel in self._waiting for one in self._groups(channel)]
         if written:
             connection.executemany(INSERT_READINGS, [group for group, _ in written])
@@ -243,12 +243,12 @@ class ChannelWriter:
         return written
 
     def seal(self, connection: sqlite3.Connection) -> None:
-        """Closes the account of what is in the file."""
+        """Closes the account at the last field in the file."""
         if self._account is not None:
             write_account(connection, close_account(connection, self._account))
 
     def _groups(self, channel: int) -> Iterator[Written]:
-        """Groups of what waits of a channel, each of readings that are dated alike."""
+        """Groups of the collected readings of a channel, each with one kind of dating."""
         waiting, self._waiting[channel] = self._waiting[channel], []
         for _, alike in itertools.groupby(waiting, key=lambda one: one.dating):
             for part in _parts(alike):
@@ -256,7 +256,7 @@ class ChannelWriter:
 
 
 def _parts(alike: Iterable[RecordedReadings]) -> Iterator[RecordedReadings]:
-    """Readings that are dated alike, no more together than a group may have."""
+    """Readings with the same dating, split to the maximum size of a group."""
     some = list(alike)
     sigma_ns = max(one.time_sigma_ns for one in some)
     time_ns = np.concatenate([one.time_ns for one in some])
@@ -267,7 +267,7 @@ def _parts(alike: Iterable[RecordedReadings]) -> Iterator[RecordedReadings]:
 
 
 def verdict_on(account: Account | None, *, sealed: bool) -> dict[str, str | None]:
-    """Verdict on the channels of a capture, and the same in words, as documents have them."""
+    """Verdict on the channels of a capture, and its text, as keys of a document."""
     if account is None:
         return {"verdict": None, "in_words": "no channels were recorded"}
     if not sealed:
@@ -280,28 +280,24 @@ _WRITTEN = """SELECT coalesce(sum(r.readings), 0), max(r.last_ns) FROM channels 
     LEFT JOIN readings AS r ON r.channel = c.channel WHERE c.name = ?"""
 _FIELDS = """SELECT (SELECT time_ns FROM fields ORDER BY n LIMIT 1),
     (SELECT time_ns FROM fields ORDER BY n DESC LIMIT 1)"""
-_TimeNs = Annotated[int, Field(ge=0, lt=LARGEST_TIME_NS)]
+
 _Count = Annotated[int, Field(ge=0, lt=1 << 62)]
 _Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
 _Text = Annotated[str, Field(max_length=LONGEST_TEXT)]
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="ignore", strict=True)
-
-
-class _Gap(_Part):
-    first_ns: _TimeNs
-    last_ns: _TimeNs
+class _Gap(StoredPart):
+    first_ns: TimeNs
+    last_ns: TimeNs
     reason: _Text
 
 
-class _Channel(_Part):
+class _Channel(StoredPart):
     name: _Name
     logger: _Name
     readings: _Count
-    first_ns: _TimeNs | None
-    last_ns: _TimeNs | None
+    first_ns: TimeNs | None
+    last_ns: TimeNs | None
     step_ns: _Count
     gaps: Annotated[list[_Gap], Field(max_length=MOST_LISTED + 2)]
     gap_count: _Count
@@ -310,18 +306,21 @@ class _Channel(_Part):
     silence: _Text = SILENT
 
 
-class _Anomaly(_Part):
+class _Anomaly(StoredPart):
     logger: _Name
     reason: _Text
     times: _Count
     lost: _Count
-    time_ns: _TimeNs
+    time_ns: TimeNs
     example: _Text
 
 
-class _Account(_Part):
+_Anomalies = Annotated[list[_Anomaly], Field(max_length=MOST_LISTED + MOST_CHANNELS)]
+
+
+class _Account(StoredPart):
     channels: Annotated[list[_Channel], Field(max_length=MOST_CHANNELS)]
-    anomalies: Annotated[list[_Anomaly], Field(max_length=MOST_LISTED + MOST_CHANNELS)] = []
+    anomalies: _Anomalies = Field(default_factory=list)
 
 
 def write_account(connection: sqlite3.Connection, account: Account) -> None:
@@ -335,7 +334,7 @@ def read_account(connection: sqlite3.Connection) -> Account | None:
     """The account of a file; None if the capture has no channels.
 
     Raises:
-        ValueError: It is damaged.
+        ValueError: The account is damaged.
     """
     row = connection.execute("SELECT value FROM meta WHERE key = ?", (KEY,)).fetchone()
     if row is None:
@@ -353,7 +352,7 @@ def _channel_account(stored: _Channel) -> ChannelAccount:
 
 
 def close_account(connection: sqlite3.Connection, account: Account) -> Account:
-    """The account from the first field in the file to the last, of the readings that are in it."""
+    """The account of the readings in the file, from its first field to its last."""
     written = tuple(_as_far_as_written(connection, one) for one in account.channels)
     begin_ns, end_ns = connection.execute(_FIELDS).fetchone()
     if begin_ns is None:
@@ -362,7 +361,7 @@ def close_account(connection: sqlite3.Connection, account: Account) -> Account:
 
 
 def _as_far_as_written(connection: sqlite3.Connection, account: ChannelAccount) -> ChannelAccount:
-    """The account, less readings that a disk without room has not taken."""
+    """The account without readings that could not be written to a full disk."""
     readings, last_ns = connection.execute(_WRITTEN, (account.name,)).fetchone()
     if readings == account.readings:
         return account

@@ -1,7 +1,7 @@
 """Rows of a capture file as objects: fields of format 1, runs and ledger.
 
-An invalid row is an error, never a guess. Rebases, the ledger's events, stand among the metadata, as the key
-`rebases` of `extra`.
+Invalid rows are errors, never guessed at. Rebases, the ledger's events, are stored in the metadata, as the
+key `rebases` of `extra`.
 """
 
 import sqlite3
@@ -21,7 +21,7 @@ from grabberd.files.json_value import read_json
 FIELD_COLUMNS = (
     "n, time_ns, sequence, parity, y0, y_step, rows, columns, bits, threshold, outcome, reason, codec, data"
 )
-"""In the order of the table of format 1, in which they have their digests."""
+"""Columns in the order of the table of format 1, which is also that of the digests."""
 _LARGEST_RUN = 1_000_000
 _OF_PICTURES = {
     "bits": BIT_DEPTHS,
@@ -41,7 +41,7 @@ _OF_FIELDS = {
 class RunInfo(NamedTuple):
     """A run without its points; `made_with` has the documents calibration, object and settings.
 
-    `coverage` says how well it was measured; None for a run that was not counted, as in earlier versions.
+    `coverage` states how well it was measured; None for runs of earlier versions, which did not count that.
     """
 
     run: int
@@ -66,7 +66,7 @@ def recorded_field(row: tuple[Any, ...]) -> RecordedField:
     """Decodes a row of `FIELD_COLUMNS`.
 
     Raises:
-        ValueError: It is damaged.
+        ValueError: The row is damaged.
     """
     cells = dict(zip(FIELD_COLUMNS.split(", "), row, strict=True))
     check_picture(cells)
@@ -77,10 +77,10 @@ def recorded_field(row: tuple[Any, ...]) -> RecordedField:
 
 
 def field_of(cells: Mapping[str, Any], planes: NDArray[np.uint8], bits: int, columns: int) -> RecordedField:
-    """A field of its decoded picture, and of cells that were checked.
+    """A field from its decoded picture and its checked cells.
 
     Raises:
-        ValueError: There is no such outcome, or the reason is no text.
+        ValueError: The outcome is unknown, or the reason is not a text.
     """
     image = (cells[name] for name in ("parity", "y0", "y_step", "threshold"))
     packed = PackedField(planes, bits, columns, *image)
@@ -92,7 +92,7 @@ def check_picture(cells: Mapping[str, Any]) -> None:
     """Checks the size of a picture and its bits per pixel.
 
     Raises:
-        ValueError: A picture cannot have them.
+        ValueError: A value is out of range.
     """
     _check_among(cells, _OF_PICTURES)
 
@@ -101,7 +101,7 @@ def check_field(cells: Mapping[str, Any]) -> None:
     """Checks the numbers of a field.
 
     Raises:
-        ValueError: A field cannot have one of them.
+        ValueError: A value is out of range.
     """
     _check_among(cells, _OF_FIELDS)
     if not isinstance(cells["sequence"], int | None):
@@ -118,7 +118,7 @@ def run_info(row: tuple[Any, ...], coverage: str | None = None) -> RunInfo:
     """Decodes a row of the table `runs`, and the run's coverage, a JSON document.
 
     Raises:
-        ValueError: It is damaged.
+        ValueError: The row or the coverage is damaged.
     """
     documents = dict(zip(("calibration", "object", "settings"), map(read_json, row[6:9]), strict=True))
     for name, document in documents.items():
@@ -141,7 +141,7 @@ def ledger(
     entries: Iterable[tuple[Any, ...]],
     events: Sequence[LedgerEvent] = (),
 ) -> Ledger:
-    """Makes a ledger of (n, outcome, reason) of the fields in the file, and of the entries for all others.
+    """Makes a ledger from (n, outcome, reason) of the fields in the file and the entries for all others.
 
     Raises:
         ValueError: They contradict each other.
@@ -175,10 +175,10 @@ def _covers(entries: Sequence[LedgerEntry], n: int) -> bool:
 
 
 def text_of(value: Any) -> str | None:
-    """A text of a cell, or None.
+    """Checks that a cell is a text or None.
 
     Raises:
-        ValueError: It is neither, or too long.
+        ValueError: The cell is neither, or too long.
     """
     if isinstance(value, str | None) and len(value or "") <= LONGEST_REASON:
         return value
@@ -189,7 +189,7 @@ NOT_WRITTEN = "not written to disk"
 
 
 def as_far_as_written(connection: sqlite3.Connection, ledger: Ledger) -> Ledger:
-    """The ledger, in which received fields that are not in the file are lost."""
+    """The ledger with received fields that are not in the file entered as lost."""
     rows = connection.execute("SELECT n FROM fields WHERE outcome = ? ORDER BY n", (str(Outcome.RECEIVED),))
     written = [n for (n,) in rows]
     if len(written) == ledger.received:
@@ -218,15 +218,15 @@ KEY = "rebases"
 
 
 def with_rebases(extra: Mapping[str, Any], events: Sequence[LedgerEvent]) -> Mapping[str, Any]:
-    """The same metadata with these events."""
+    """The metadata with these events added."""
     return {**extra, KEY: [event._asdict() for event in events]} if events else extra
 
 
 def rebases_in(extra: Mapping[str, Any]) -> list[LedgerEvent]:
-    """The events in a capture's metadata; none in files of earlier versions.
+    """The events in a capture's metadata; empty in files of earlier versions.
 
     Raises:
-        ValueError: They are damaged.
+        ValueError: The events are damaged.
     """
     return [_event(one) for one in extra.get(KEY, ())]
 

@@ -31,11 +31,11 @@ from grabberd.files.disk import storage_errors
 from grabberd.files.held_files import flocked
 
 _SIZE = struct.Struct("<I")
-"""In the temporary file, size of a row's cells as JSON, with the sizes of its blobs, which follow."""
+"""In the temporary file, the length of a row's cells as JSON; these include the sizes of its blobs."""
 CACHE_KIB = 64 * 1024
-"""SQLite's page cache: while a transaction fits into it, its pages reach the file only with the commit."""
+"""Size of SQLite's page cache: a transaction that fits writes its pages only with the commit."""
 PAUSE_S = 0.02
-"""Pause between two commits, in which waiting readers get the lock."""
+"""Pause between two commits, in which waiting readers can get the lock."""
 _UNKNOWN = 0
 """Number of a run while its points are staged."""
 _REMOVE = """DELETE FROM points WHERE (run, {key}) IN
@@ -51,18 +51,17 @@ def append_run(
     points: Iterable[tuple[int, Points]],
     coverage: Callable[[], Mapping[str, Any]] | None = None,
 ) -> int:
-    """Adds a run to a sealed capture, whole or not at all; returns its number.
+    """Adds a run to a sealed capture, completely or not at all; returns its number.
 
-    `points` may be a generator that measures them: they first go into an unnamed temporary file beside the
-    capture, which disappears with this call or with the program, and then into the capture batch by batch, so
-    that few of them are in memory and readers never wait for long. The run itself is entered last. Until then
-    its points belong to no run, and the next call removes what a killed program left of them. `coverage`, how
-    well it was measured, is asked for when all points have been taken, and entered with the run.
+    `points` may be a generator that measures them: they are first written to an unnamed temporary file beside
+    the capture, which disappears with this call or the process, and then copied in batches, so that few of
+    them are in memory and readers never wait for long. The run itself is added last. Until then its points
+    belong to no run; if the program is killed, the next call removes them. `coverage`, which states how well
+    the run was measured, is called after all points have been read, and stored with the run.
 
     Raises:
-        CaptureFileError: The file is no capture, or damaged.
-        StorageError: It cannot be written, does not read back as it was written, or another program is
-            adding a run to it.
+        CaptureFileError: The file is not a capture, or damaged.
+        StorageError: The file cannot be written, differs when read back, or another program is adding a run.
     """
     # Staged before the lock is taken: measuring may take minutes, copying what was measured seconds.
     with reading_errors(path):
@@ -99,10 +98,10 @@ def alone(path: Path, inode: int) -> Iterator[None]:
 
     Args:
         path: The file.
-        inode: Its number when it was opened.
+        inode: Its inode number when it was opened.
 
     Raises:
-        StorageError: Another program is at it, or has replaced it.
+        StorageError: Another program is doing so, or has replaced the file.
     """
     with ExitStack() as stack:
         try:
@@ -110,7 +109,7 @@ def alone(path: Path, inode: int) -> Iterator[None]:
         except BlockingIOError:
             hint = "wait until it has finished, then try again"
             raise StorageError(f"another program is adding a run to {path.name}", hint) from None
-        if os.fstat(descriptor).st_ino != inode:  # what was written would be lost with the old file
+        if os.fstat(descriptor).st_ino != inode:  # changes would be lost with the old file
             raise StorageError(f"{path.name} was replaced meanwhile, by its conversion perhaps", "try again")
         yield
 
@@ -133,7 +132,7 @@ def _copy(staged: IO[bytes], connection: sqlite3.Connection, table: PointTable, 
 
 
 def _remove_unfinished(connection: sqlite3.Connection, table: PointTable) -> None:
-    """Removes points whose run was never entered, batch by batch."""
+    """Removes points whose run was never completed, in batches."""
     removed = 1
     while removed:
         with _transaction(connection):
@@ -151,7 +150,7 @@ def _transaction(connection: sqlite3.Connection) -> Iterator[None]:
 
 
 def _staged(path: Path, rows: Iterable[Row]) -> IO[bytes]:
-    """A temporary file with all rows, positioned at its beginning."""
+    """A temporary file with all rows, positioned at its start."""
     with storage_errors(path):
         file = tempfile.TemporaryFile(dir=path.parent)  # noqa: SIM115 - the caller closes it
     try:
@@ -169,7 +168,7 @@ def _staged(path: Path, rows: Iterable[Row]) -> IO[bytes]:
 
 
 def _rows(file: IO[bytes], run: int) -> Iterator[Row]:
-    """The rows of a temporary file, as those of a run."""
+    """The rows of a temporary file, as rows of a run."""
     while size := file.read(_SIZE.size):
         cells = json.loads(file.read(*_SIZE.unpack(size)))
         yield (run, *(file.read(*cell) if isinstance(cell, list) else cell for cell in cells))

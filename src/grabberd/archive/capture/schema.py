@@ -1,4 +1,4 @@
-"""The tables of a capture file; creating and opening it."""
+"""The tables of a capture file; creating and opening such a file."""
 
 import os
 import sqlite3
@@ -13,17 +13,17 @@ from grabberd.files.disk import storage_errors
 from grabberd.files.patience import check_patience
 
 APPLICATION_ID = 0x67726162
-"""The letters `grab` in the database's header: tells a capture from other SQLite files."""
+"""The letters `grab` in the database's header, which distinguish captures from other SQLite files."""
 FORMAT_1, VERSION, WITH_CHANNELS = 1, 2, 3
-"""The layout with a row for each field, which is read for ever; the one that is written; and the same with
-two further tables, for captures that have channels."""
+"""The first layout, with a row for each field, which is still read; the current one; and the current one with
+two further tables, for captures with channels."""
 
 PART = ".part"
-"""Ending of a capture's name until it is sealed."""
+"""Suffix of a capture's name until it is sealed."""
 SUFFIX = ".grab"
-"""Ending of a sealed capture's name."""
+"""Suffix of a sealed capture's name."""
 DAMAGED = "damaged"
-"""Folder beside the captures for those that cannot be read."""
+"""Folder beside the captures for unreadable ones."""
 
 _META = "CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;"
 _LEDGER_AND_RUNS = """
@@ -77,7 +77,7 @@ CREATE TABLE readings (
     value BLOB NOT NULL, PRIMARY KEY (channel, number));
 """
 _TABLES = {FORMAT_1: TABLES_1, VERSION: TABLES, WITH_CHANNELS: TABLES_WITH_CHANNELS}
-# Errors that may pass while the file is sound; all others mean that it is damaged.
+# Errors that may be temporary; all others mean that the file is damaged.
 _NOT_THE_FILES_FAULT = (
     sqlite3.SQLITE_BUSY,
     sqlite3.SQLITE_LOCKED,
@@ -87,14 +87,14 @@ _NOT_THE_FILES_FAULT = (
     sqlite3.SQLITE_FULL,
 )
 DAMAGE = (ValueError, TypeError, KeyError, OverflowError, AttributeError, RecursionError)
-"""Exceptions that damaged content raises where it is decoded."""
+"""Exceptions raised when damaged content is decoded."""
 _READABLE = "check whether another program has it open, whether it may be read, and whether the disk is sound"
 _UNFINISHED = "if nobody writes it any more, seal it: start the daemon, or use grabberd storage seal"
 RESERVE_BYTES = 256 * 1024
-"""Size of the table `reserve`, which is filled at the start and emptied at the end: its pages hold the
-ledger and the verdict if the disk is full to the last byte by then."""
+"""Size of the table `reserve`, which is filled at the start and emptied at the end: its pages take the ledger
+and the verdict even if the disk is completely full."""
 JOURNAL_BYTES = 256 * 1024
-"""Size of the journal from the start: the sealing transaction must not need to extend it either."""
+"""Initial size of the journal, so that the sealing transaction need not extend it."""
 
 
 def create(
@@ -103,18 +103,18 @@ def create(
     """Creates a capture file of version 2 or 3; `max_pages` limits its size, for tests of a full disk.
 
     Raises:
-        StorageError: It exists, or cannot be written.
+        StorageError: The file exists, or cannot be written.
     """
     with storage_errors(path):
         for taken in (path, sealed_path(path)):
             if taken.exists():
                 raise StorageError(f"{taken} exists already", "give the capture another name")
-        # isolation_level None leaves transactions to the writer, which commits twice a second and never by
-        # itself; it is made on one thread and used on another, never on two at once.
+        # isolation_level None: the writer controls its transactions. The connection is created on one thread
+        # and used on another, never on two at once.
         with held_files.create(path):
             connection = held_files.connect(path, held_files.HeldConnection)
-        # Not WAL: a copy without its log would be empty, and sealing would fail while somebody reads. PERSIST
-        # keeps the journal between commits, since a full disk has no room for a new one.
+        # Not WAL: a copy without its log would be empty, and sealing would fail while there is a reader.
+        # PERSIST keeps the journal between commits, since a full disk has no room for a new one.
         connection.execute("PRAGMA journal_mode = PERSIST")
         connection.execute("PRAGMA synchronous = FULL")  # a power cut costs no commit that returned
         connection.execute("PRAGMA busy_timeout = 10000")
@@ -133,7 +133,7 @@ def create(
 
 
 def _reserve_journal(journal: Path) -> None:
-    """Extends the journal; SQLite ignores what lies beyond the end that its header states."""
+    """Extends the journal; SQLite ignores anything beyond the end stated in its header."""
     with journal.open("r+b") as file:
         os.posix_fallocate(file.fileno(), 0, JOURNAL_BYTES)
 
@@ -144,26 +144,26 @@ def part_path(folder: Path, capture_id: str) -> Path:
 
 
 def sealed_path(part: Path) -> Path:
-    """`NAME.grab` for `NAME.grab.part`; a name without that ending stays as it is."""
+    """`NAME.grab` for `NAME.grab.part`; any other name is unchanged."""
     return part.with_name(part.name.removesuffix(PART))
 
 
 def named_now(path: Path) -> Path:
-    """Path of a capture that may have been sealed since its path was looked up."""
+    """Present path of a capture, which may have been sealed since its path was looked up."""
     sealed = sealed_path(path)
     return sealed if not path.exists() and sealed.is_file() else path
 
 
 def connect(path: Path, *, writable: bool = False) -> GuardedConnection:
-    """Opens an existing capture file and checks that it is one, and nothing else.
+    """Opens an existing capture file and checks that it is exactly that.
 
     Raises:
-        CaptureFileError: It is missing, no capture, damaged, or of a later version.
+        CaptureFileError: The file is missing, not a capture, damaged, or of a later version.
         StorageError: The disk or another program prevents reading it.
     """
     with reading_errors(path):
-        # Whoever seals a capture knows that nobody writes it any more. A reader does not, beyond the locks,
-        # which some file systems do not pass on: it must not roll back what a writer is about to commit.
+        # A reader must not roll back what a writer is about to commit: it knows of the writer only by locks,
+        # which some network file systems do not support. Code that seals a capture knows that there is none.
         may_roll_back = writable or not path.name.endswith(PART)
         connection = _opened(path, _version(path), writable=may_roll_back)
         try:
@@ -180,7 +180,7 @@ def _opened(path: Path, version: int, *, writable: bool) -> GuardedConnection:
     try:
         return open_tables(path, _TABLES[version], writable=writable)
     except ValueError:
-        # Converted since its version was read?
+        # It may have been converted since its version was read.
         if (now := _version(path)) == version:
             raise
         return open_tables(path, _TABLES[now], writable=writable)
@@ -216,9 +216,9 @@ def _damaged(path: Path, error: Exception) -> CaptureFileError:
 
 @contextmanager
 def reading_errors(path: Path) -> Iterator[None]:
-    """Turns damaged content into `CaptureFileError`, a broken disk or a lock into `StorageError`.
+    """Translates errors: damaged content to `CaptureFileError`, a broken disk or a lock to `StorageError`.
 
-    A reading that nobody waits for any longer ends with `ReadingGivenUp`.
+    A cancelled reading raises `ReadingGivenUp`.
     """
     try:
         yield
@@ -252,5 +252,5 @@ def _missing(path: Path) -> CaptureFileError:
 
 
 def _primary_code(error: sqlite3.Error) -> int:
-    """The low byte of SQLite's code; errors raised by the Python module itself have none."""
+    """The low byte of SQLite's code; 0 for errors raised by the Python module itself."""
     return getattr(error, "sqlite_errorcode", 0) & 0xFF

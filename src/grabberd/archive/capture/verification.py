@@ -1,6 +1,6 @@
-"""Verifying capture files: is everything in them what was written?
+"""Verification of capture files: is everything in them as it was written?
 
-A daemon has it done in a process of its own, behind everybody else on this computer.
+A daemon does it in a separate process with the lowest priority.
 """
 
 import math
@@ -22,18 +22,18 @@ from grabberd.files.disk import is_disk_error
 from grabberd.work.process import HOSTILE, ask_each
 
 _OF_DATABASE = 20
-"""Findings that SQLite lists."""
+"""Maximum number of problems listed by SQLite."""
 
 
 class Verification(NamedTuple):
-    """Findings of a capture file.
+    """Result of verifying a capture file.
 
     Attributes:
-        fields: Number of sound fields in it.
-        points: Number of those that have sound points, of all runs.
-        readings: Number of sound readings, of all channels.
+        fields: Number of intact fields.
+        points: Number of fields with intact points, summed over all runs.
+        readings: Number of intact readings of all channels.
         has_digests: False for files of earlier versions, in which a changed bit may go unnoticed.
-        damages: What is not as it was written, in words.
+        damages: Descriptions of all damage.
     """
 
     fields: int
@@ -44,79 +44,79 @@ class Verification(NamedTuple):
 
 
 def verify(path: Path) -> Verification:
-    """Reads a sealed capture whole, and compares all of it with its digests.
+    """Reads a sealed capture completely and checks it against its digests.
 
     Raises:
-        CaptureFileError: It cannot be opened as a capture at all.
-        StorageError: It cannot be read now.
+        CaptureFileError: The file cannot be opened as a capture at all.
+        StorageError: The file cannot be read now.
     """
-    told: list[str] = []
+    problems: list[str] = []
     left_out: list[Damage] = []
     runs: list[int] = []
     fields = points = readings = 0
     with closing(connect(path)) as connection:
-        # A capture of days takes longer than any reader may; here nobody waits for a single statement.
+        # On a capture of several days, statements take longer than the usual limit; here nobody waits.
         connection.longest_s = math.inf
-        with _told(path, told):
-            told += _of_the_database(connection)
-        with _told(path, told):
+        with _collected(path, problems):
+            problems += _of_the_database(connection)
+        with _collected(path, problems):
             read_meta(connection)
-            told += [f"{part}: {CHANGED}" for part in changed_parts(connection)]
-        with _told(path, told):
+            problems += [f"{part}: {CHANGED}" for part in changed_parts(connection)]
+        with _collected(path, problems):
             runs += [run for (run,) in connection.execute("SELECT run FROM runs ORDER BY run")]
         content = content_of(path, connection, left_out)
-        with _told(path, told):
+        with _collected(path, problems):
             fields = sum(1 for _ in content.fields(0, END))
-            told += content.unaccounted()
+            problems += content.unaccounted()
         for run in runs:
-            with _told(path, told):
+            with _collected(path, problems):
                 points += content.measured(run)
-        readings = _readings(path, RecordedChannels(path, connection, left_out), told)
-    damages = [*told, *(one.in_words for one in left_out)]
+        readings = _readings(path, RecordedChannels(path, connection, left_out), problems)
+    damages = [*problems, *(one.in_words for one in left_out)]
     return Verification(fields, points, readings, content.has_digests, damages)
 
 
-def _readings(path: Path, channels: RecordedChannels, told: list[str]) -> int:
-    """Reads all channels; returns the number of sound readings."""
+def _readings(path: Path, channels: RecordedChannels, problems: list[str]) -> int:
+    """Reads all channels; returns the number of intact readings."""
     count = 0
-    with _told(path, told):
+    with _collected(path, problems):
         found = channels.all
-        _ = channels.account  # damaged, it is told
+        _ = channels.account  # raises if it is damaged
         for channel in found:
-            with _told(path, told):
+            with _collected(path, problems):
                 count += sum(len(group.time_ns) for group in channels.groups(channel))
     return count
 
 
 @contextmanager
-def _told(path: Path, told: list[str]) -> Iterator[None]:
-    """Adds what damaged content raises, or a disk that cannot read it, to what is told of the file."""
+def _collected(path: Path, problems: list[str]) -> Iterator[None]:
+    """Adds errors from damaged content or a failing disk to the problems."""
     try:
         with reading_errors(path):
             yield
     except CaptureFileError as error:
-        told.append(f"{error.__cause__ or error.message}")
+        problems.append(f"{error.__cause__ or error.message}")
     except StorageError as error:
         if not is_disk_error(error.__cause__):
-            raise  # a lock, say
-        told.append(f"the disk: {error.__cause__}")
+            raise  # such as a lock
+        problems.append(f"the disk: {error.__cause__}")
 
 
 def _of_the_database(connection: sqlite3.Connection) -> list[str]:
-    # Digests tell of every row that is found; this tells of a tree in which not every way finds them.
+    # Digests cover the rows that are found; this finds damaged trees, in which rows may not be found.
     rows = connection.execute(f"PRAGMA integrity_check({_OF_DATABASE})").fetchall()
     return [f"the database: {words}" for (words,) in rows if words != "ok"]
 
 
 CHECK = f"{__name__}:check_file"
-"""The function that the process calls, which works behind everybody else."""
+"""The function that the low-priority process calls."""
 _LONGEST_S, _BYTES_A_SECOND = 600.0, 1_000_000
-"""Time for a file beside that for its size, at a tenth of what a slow disk reads: others go first."""
+"""Time limit for a file, plus its size at a tenth of a slow disk's speed, since other programs go first."""
 _BEHIND = replace(HOSTILE, niceness=19, is_last=True)
 
 
 def verify_files(paths: Iterable[Path]) -> Iterator[tuple[Path, Verification]]:
-    """Findings of capture files, in order; one that cannot be read is damaged.
+    """Verifies capture files, in order; an unreadable one is damaged.
 
     Raises:
         StorageError: No process can be started.
@@ -135,7 +135,7 @@ def _longest_s(path: Path) -> float:
 
 
 def check_file(path: Path) -> Verification:
-    """Findings of a file, whatever becomes of reading it; called in a process of its own."""
+    """Verifies a file without raising errors; called in the separate process."""
     try:
         return verify(path)
     except GrabberdError as error:

@@ -1,4 +1,4 @@
-"""Writing a capture file, on one thread; the caller decides when to commit."""
+"""Writing a capture file, from one thread; the caller decides when to commit."""
 
 import copy
 import json
@@ -43,12 +43,12 @@ INSERT_RUN = "INSERT INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
 
 
 class CaptureWriter:
-    """A capture in the making.
+    """A capture file while it is written.
 
     Attributes:
         path: `NAME.grab.part` until it is sealed, then `NAME.grab`.
-        meta: Metadata that it was created with.
-        runs: Runs that a reader of the file finds: started and committed.
+        meta: Metadata as given at its creation.
+        runs: Committed runs, which a reader of the file finds.
     """
 
     def __init__(
@@ -84,12 +84,12 @@ class CaptureWriter:
             path: The file.
             meta: Its metadata.
             max_pages: Limits its size, for tests of a full disk.
-            reserve_bytes: Room that is kept for sealing it on a full disk.
-            channels: What is measured beside the picture, numbered from 0.
+            reserve_bytes: Space reserved for sealing it on a full disk.
+            channels: Channels, numbered from 0.
 
         Raises:
-            InputError: The metadata are none that a capture can have.
-            StorageError: It exists, or cannot be written.
+            InputError: The metadata are invalid.
+            StorageError: The file exists, or cannot be written.
         """
         try:
             check_meta(meta)
@@ -107,15 +107,15 @@ class CaptureWriter:
         return writer
 
     def reopen(self) -> None:
-        """Opens the file of a capture again that was closed without being sealed, to seal it after all.
+        """Reopens the file of a capture that was closed without being sealed, to seal it after all.
 
         Raises:
-            CaptureFileError: It is gone or damaged.
-            StorageError: It cannot be opened now.
+            CaptureFileError: The file is missing or damaged.
+            StorageError: The file cannot be opened now.
         """
         if not self.path.exists() and sealed_path(self.path).exists():
-            self.path = sealed_path(self.path)  # only to see its new name onto the disk has failed
-        self._forget()  # it went with the connection
+            self.path = sealed_path(self.path)  # it was renamed, but synchronising its folder failed
+        self._forget()  # uncommitted data were lost with the connection
         self._connection = connect(self.path, writable=True)
 
     def begin_run(
@@ -130,14 +130,14 @@ class CaptureWriter:
         )
 
     def append(self, slots: Iterable[Slot]) -> None:
-        """Adds fields, and the outcome of those that were not received, with the next commit."""
+        """Adds fields, and the outcomes of those that were not received, with the next commit."""
         with self._writing():
             for slot in slots:
                 self._begin()
                 self._append(slot)
 
     def append_points(self, run: int, n: int, points: Points) -> None:
-        """Adds one field's points, with the next commit; fields of a run come in order."""
+        """Adds one field's points, with the next commit; the fields of a run must be in order."""
         with self._writing():
             self._begin()
             if not self._points.takes(run, points):
@@ -151,22 +151,22 @@ class CaptureWriter:
             self._channels.describe(self._connection, channel)
 
     def append_readings(self, channel: int, readings: RecordedReadings) -> None:
-        """Adds readings of a channel, with the next commit; they come in order."""
+        """Adds readings of a channel, with the next commit; they must be in order."""
         with self._writing():
             self._begin()
             self._channels.add(channel, readings)
 
     def keep_account(self, account: Account) -> None:
-        """Notes the account of the channels, which is written with the next commit."""
+        """Sets the account of the channels, which is written with the next commit."""
         with self._writing():
             self._begin()
             self._channels.keep(account)
 
     def commit(self) -> None:
-        """Commits everything added so far, which survives a crash from here on, and reads it back.
+        """Commits everything added so far, so that it survives a crash, and reads it back.
 
         Raises:
-            StorageError: It cannot be written, or does not read back as it was written.
+            StorageError: The data cannot be written, or differ when read back.
         """
         if self._connection.in_transaction:
             with self._writing():
@@ -192,7 +192,7 @@ class CaptureWriter:
     ) -> Path:
         """Writes ledger and verdict, closes the file, reads it back and gives it its final name.
 
-        What was added and cannot be committed any more (a full disk) is entered as lost; the rest is kept.
+        Data that can no longer be committed (on a full disk) are entered as lost; the rest is kept.
 
         Args:
             ledger: Outcome of every field.
@@ -203,15 +203,15 @@ class CaptureWriter:
             coverage: How well runs were measured, by their numbers.
 
         Raises:
-            StorageError: Not even that is possible, or the file does not read back as it was written; it
-                stays as `.grab.part` and is sealed at the next start.
+            StorageError: Not even that is possible, or the file differs when read back; it remains as
+                `.grab.part` and is sealed at the next start.
         """
         self._commit_what_fits()
-        # A copy: a capture that was given up may still be recording, and what is written is compared below.
+        # A copy: a capture that was given up may still be recording, and the ledger is compared below.
         ledger = copy.deepcopy(ledger)
         with storage_errors(self.path):
             self._connection.execute("BEGIN IMMEDIATE")
-            self._connection.execute("DELETE FROM reserve")  # first: its pages hold what follows
+            self._connection.execute("DELETE FROM reserve")  # first, to free pages for what follows
             written = as_far_as_written(self._connection, ledger)
             write_ledger(self._connection, written)
             state, reason = (FAILED, measuring_failure) if measuring_failure else (DONE, None)
@@ -225,8 +225,8 @@ class CaptureWriter:
             self._channels.seal(self._connection)
             write_sealed_digest(self._connection)
             self._connection.execute("COMMIT")
-            # A sealed capture is one file. SQLite changes the journal's mode only between transactions, and
-            # finds a journal by the name of the database: so after the commit and before the renaming.
+            # A sealed capture is one file, so the journal is removed: after the commit, since SQLite changes
+            # its mode only between transactions, and before the renaming, since it is found by name.
             self._connection.execute("PRAGMA journal_mode = DELETE")
             self._connection.close()
             check_sealed(self.path, written, complete=complete, runs=[run.run for run in self.runs])
@@ -255,10 +255,10 @@ class CaptureWriter:
                 self._connection.execute("ROLLBACK")
                 self._forget()
             elif not self._undone:
-                raise  # committed, but not as it was meant
+                raise  # committed, but it differs when read back
 
     def _forget(self) -> None:
-        """Drops what was added and not committed."""
+        """Drops uncommitted data."""
         self._uncommitted.forget()
         self._pictures, self._points = PicturesInWaiting(), PointsInWaiting()
         self._channels.forget()
@@ -279,7 +279,7 @@ class CaptureWriter:
             )
 
     def _write_pictures(self) -> None:
-        """Writes the fields that wait as a group, whole or not at all."""
+        """Writes the collected fields as a group, completely or not at all."""
         waiting, self._pictures = self._pictures, PicturesInWaiting()
         if waiting:
             group = waiting.group()
@@ -290,9 +290,7 @@ class CaptureWriter:
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        """Raises errors of the disk, and drops what was added if SQLite has undone it, as on a full disk it
-        may.
-        """
+        """Translates errors; drops uncommitted data if SQLite has rolled back, as it may on a full disk."""
         with storage_errors(self.path):
             try:
                 yield
@@ -304,7 +302,7 @@ class CaptureWriter:
 
     @contextmanager
     def _whole(self) -> Iterator[None]:
-        """Undoes the block's part of the transaction if it fails."""
+        """Rolls back the block's part of the transaction if it fails."""
         self._connection.execute("SAVEPOINT whole")
         try:
             yield
@@ -316,7 +314,7 @@ class CaptureWriter:
         self._connection.execute("RELEASE whole")
 
     def _write_points(self) -> None:
-        """Writes the points that wait as a group."""
+        """Writes the collected points as a group."""
         waiting, self._points = self._points, PointsInWaiting()
         if waiting:
             group = waiting.group()
@@ -325,7 +323,7 @@ class CaptureWriter:
 
 
 def publish(part: Path) -> Path:
-    """Gives a sealed capture its final name, which survives a power cut from here on.
+    """Gives a sealed capture its final name, durably.
 
     Raises:
         StorageError: Another capture has that name; nothing is overwritten.

@@ -1,1 +1,1 @@
-"""The captures on disk: found, listed, described, annotated, and removed when their time is over."""
+"""The captures on disk: finding, listing, describing, annotating and deleting them."""

@@ -1,4 +1,4 @@
-"""Pins, notes, labels and marks of captures, and their deletion by hand."""
+"""Pins, notes, labels and marks of captures, and manual deletion."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 class CaptureAnnotations:
     """Annotates and deletes captures.
 
-    Annotations are kept in the state database, beside the captures: a sealed file is never changed by them.
+    Annotations are stored in the state database; they never change a sealed file.
 
     Args:
         archive: The captures.
         annotations: Their annotations.
-        jobs: Those that may be working on them.
-        remove_results: Called with a capture that is deleted, whose results go with it.
+        jobs: The jobs, some of which may need the captures.
+        remove_results: Called with each deleted capture, to remove its results.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class CaptureAnnotations:
         labels: Mapping[str, str | None] | None = None,
         marks: Mapping[str, str | None] | None = None,
     ) -> None:
-        """Changes what is given and leaves the rest.
+        """Changes what is given and leaves the rest unchanged.
 
         Args:
             capture_id: Id of the capture, which may be running.
@@ -58,7 +58,7 @@ class CaptureAnnotations:
 
         Raises:
             NotFound: No capture has that id.
-            InputError: The capture would have too many labels or marks, or has no such field.
+            InputError: The capture would have too many labels or marks, or a marked field does not exist.
             StorageError: The state cannot be written.
         """
         document = self._archive.document(capture_id)
@@ -75,7 +75,7 @@ class CaptureAnnotations:
         self._archive.library.note(capture_id)
 
     def spared(self) -> set[str]:
-        """Returns the ids of the captures that retention must leave: pinned ones, and those that a job needs.
+        """Returns the ids of captures that retention must keep: pinned ones and those needed by a job.
 
         Raises:
             StorageError: The state cannot be read.
@@ -84,18 +84,18 @@ class CaptureAnnotations:
         return pinned | self._jobs.busy_subjects()
 
     def delete(self, capture_id: str) -> None:
-        """Deletes a capture for good: its file, its results and its annotations.
+        """Deletes a capture permanently: its file, its results and its annotations.
 
         Raises:
             NotFound: No capture has that id.
-            Conflict: The capture is running, pinned, or a job is working on it.
+            Conflict: The capture is running, pinned, or needed by a job.
             StorageError: The files cannot be deleted.
         """
         self._archive.sealed_path(capture_id)
         if self._annotations.get(capture_id).pinned:
             raise Conflict(f"capture {capture_id} is pinned", "unpin it first: PATCH it with pinned: false")
         self._jobs.check_idle(capture_id)
-        # The capture first: if its file cannot be deleted, its results and annotations stay with it.
+        # The file first: if it cannot be deleted, its results and annotations are kept, too.
         self._archive.remove(capture_id)
         self._remove_results(capture_id)
         self._annotations.remove(capture_id)

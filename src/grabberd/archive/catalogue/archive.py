@@ -1,4 +1,4 @@
-"""The folder of captures: finds, describes and removes them."""
+"""The archive: finds, describes and removes captures in their folder."""
 
 import logging
 import threading
@@ -37,10 +37,9 @@ from grabberd.files.patience import Patience, within
 log = logging.getLogger(__name__)
 AWAY = (Cause.CAPTURES_MISSING, Cause.CAPTURES_REPLACED)
 RECOVERED_S = 600.0
-"""Time to seal all that a crash left, for which the daemon's start waits: the ledger of a long capture has to
-be read."""
+"""Time limit for sealing captures after a crash, which delays the start: long ledgers have to be read."""
 RENAMED_S = 10.0
-"""Time for a capture whose file has its final name to come into the index."""
+"""Longest wait for a renamed capture to be added to the index."""
 
 
 class ArmedCapture(Protocol):
@@ -53,12 +52,12 @@ class ArmedCapture(Protocol):
 
     @property
     def document(self) -> CaptureDocument:
-        """The capture as it is shown."""
+        """The capture's document."""
         ...
 
 
 class Recording(ArmedCapture, Protocol):
-    """A capture in the making, as the archive sees it."""
+    """A running capture, as seen by the archive."""
 
     @property
     def path(self) -> Path:
@@ -67,28 +66,28 @@ class Recording(ArmedCapture, Protocol):
 
     @property
     def sealed(self) -> threading.Event:
-        """Set when the file has been closed for good, or given up."""
+        """Set when the file has been sealed or given up."""
         ...
 
 
 class Archive:
-    """One folder of captures; a running capture is described from its recording.
+    """One folder of captures; a running capture is described by its recording.
 
     Args:
         directory: Folder of the files.
         recordings: Returns the captures that are being recorded or sealed.
-        armed: Returns the captures that wait for their trigger.
+        armed: Returns the armed captures.
         annotation: Returns the annotation of a capture by its id.
-        annotations: Returns all annotations by their captures' ids.
-        results: What others make of captures.
-        folder: The folder as it is told from others; created if it does not exist and none is remembered.
-        faults: Where a folder that is gone and an index that is damaged are told.
+        annotations: Returns all annotations by capture id.
+        results: Results of captures, such as analyses.
+        folder: The identified folder; created if it does not exist and no other is expected.
+        faults: Board for reporting a missing folder and a damaged index.
 
     Attributes:
         folder: See above.
         index: Index of the captures that have ended.
         keeper: Rebuilds the index.
-        library: The captures as lists search them.
+        library: The captures for searching and listing.
     """
 
     def __init__(
@@ -105,7 +104,7 @@ class Archive:
     ) -> None:
         self.directory = directory
         self.folder = folder or CapturesFolder(directory)
-        self.index = CaptureIndex(directory, self.check, self._heal)
+        self.index = CaptureIndex(directory, self.check, self._heal, changed=self._entry_changed)
         self._faults = faults or FaultBoard()
         self.keeper = IndexKeeper(self.index, lambda: self._left, self._faults)
         self._left: list[Path] = []
@@ -120,9 +119,9 @@ class Archive:
         self._descriptions = Descriptions(describe)
 
     def open(self) -> None:
-        """Locks the folder, seals what a crash left, and brings the index up to date.
+        """Locks the folder, seals captures left by a crash, and updates the index.
 
-        A folder that is gone is awaited: everything else works meanwhile.
+        If the folder is missing, it is waited for while everything else works.
 
         Raises:
             StorageError: Another program uses the folder, or it cannot be written.
@@ -135,10 +134,10 @@ class Archive:
                 raise
 
     def check(self) -> None:
-        """Checks that the folder is there and the right one; takes it again if it has come back.
+        """Checks that the right folder is in place; locks it again if it has come back.
 
         Raises:
-            StorageError: It is not there; nothing has been written in its place.
+            StorageError: The folder is missing or a different one; nothing has been written.
         """
         if not self._opened:
             return
@@ -169,8 +168,11 @@ class Archive:
     def _heal(self, reason: Unusable) -> None:
         self.keeper.heal(reason)
 
+    def _entry_changed(self, capture_id: str | None) -> None:
+        self.library.note(capture_id)
+
     def close(self) -> None:
-        """Releases the folder to other programs."""
+        """Unlocks the folder."""
         self._opened = False
         self.folder.release()
 
@@ -180,7 +182,7 @@ class Archive:
         Raises:
             NotFound: No capture has that id.
             Conflict: The capture is armed.
-            StorageError: The folder is gone.
+            StorageError: The folder is missing.
         """
         self.check()
         self._check_triggered(capture_id)
@@ -201,7 +203,7 @@ class Archive:
         return self._file_of(capture_id)
 
     def remove(self, capture_id: str) -> None:
-        """Deletes a capture that is not running, for good.
+        """Deletes a sealed capture permanently.
 
         Raises:
             NotFound: No capture has that id.
@@ -215,7 +217,7 @@ class Archive:
         self.index.remove(capture_id)
 
     def ended(self, subject: str, captures: Iterable[str]) -> None:
-        """Takes note of the end of a job on a capture, which may have a new run, and that analysed others."""
+        """Handles the end of a job: its subject may have a new run, other captures may be analysed now."""
         with suppress(NotFound, StorageError):
             entry = self.index.get(subject)
             path = self.directory / entry.file
@@ -236,7 +238,7 @@ class Archive:
         """Returns the document of a capture that has ended.
 
         Raises:
-            NotFound: It was deleted since its entry was read.
+            NotFound: The capture was deleted after its entry was read.
         """
         return self._annotated(self._sealed_document(entry), self._annotation(entry.id))
 
@@ -248,7 +250,7 @@ class Archive:
     def _if_there(self, capture_id: str) -> CaptureDocument | None:
         try:
             return self.document(capture_id)
-        except NotFound:  # disarmed since its id was read
+        except NotFound:  # disarmed after its id was read
             return None
 
     def _document(self, capture_id: str) -> CaptureDocument:
@@ -258,19 +260,19 @@ class Archive:
         if recording is not None:
             if recording.path.suffix == PART:
                 return recording.document
-            recording.sealed.wait(RENAMED_S)  # the file has its final name, but is not in the index yet
+            recording.sealed.wait(RENAMED_S)  # the file is renamed, but not in the index yet
         return self._sealed_document(self.index.get(capture_id))
 
     def documents(self) -> list[CaptureDocument]:
         """Returns the documents of all captures, newest first."""
-        # Read before the index: a capture that is sealed in between is not listed twice.
+        # Read before the index, so that a capture sealed in between is not listed twice.
         running = {recording.id for recording in self._recordings()}
         shown = [self.document(capture_id) for capture_id in running]
         sealed = [self._sealed_document(entry) for entry in self.index.list() if entry.id not in running]
         return sorted(shown + sealed, key=lambda document: document.created_utc, reverse=True)
 
     def _annotated(self, document: CaptureDocument, annotation: Annotation) -> CaptureDocument:
-        """A document with what is known of its capture beside the file."""
+        """A document with the annotation and results of its capture added."""
         changes = {
             "pinned": annotation.pinned,
             "note": document.note if annotation.note is None else annotation.note,
@@ -311,11 +313,11 @@ class Archive:
         return self.directory / entry.file
 
     def _check_there(self, entry: IndexEntry) -> None:
-        """Checks that a capture has its file, and forgets one whose file was removed by hand.
+        """Checks that a capture's file exists; removes the capture from the index if it does not.
 
         Raises:
-            NotFound: The file is gone.
-            StorageError: Not the file, but the folder is gone.
+            NotFound: The file is missing.
+            StorageError: The whole folder is missing.
         """
         path = self.directory / entry.file
         with storage_errors(path), suppress(FileNotFoundError):
@@ -329,7 +331,7 @@ class Archive:
 
 
 def _recovered(part: Path) -> bool:
-    """Seals or sets aside a file that a crash left; returns False, and logs why, if that cannot be done."""
+    """Seals or sets aside a file left by a crash; logs the reason and returns False if that fails."""
     try:
         recover(part)
     except (StorageError, LaterVersion, ReadingGivenUp) as error:

@@ -1,8 +1,8 @@
-"""The library: a catalogue of all captures in memory, which one question searches, counts and sorts.
+"""The library: an in-memory catalogue of all captures, searched, counted and sorted by one query.
 
-What is known of a capture lies in its file, in the state and in folders of analyses. Here it stands side by
-side, so that SQLite answers in one go, however many captures there are; nothing of it is kept. The library
-reads what has changed in file, annotations and analyses before it answers.
+The data of a capture are spread over its file, the state database and folders of analyses. The catalogue
+joins them in an SQLite database in memory, so that one query suffices for any number of captures. The library
+updates it from files, annotations and analyses before each answer.
 """
 
 import sqlite3
@@ -30,7 +30,7 @@ from grabberd.documents.captures import CaptureDocument
 from grabberd.files.json_value import read_json
 
 MOST_VALUES = 50
-"""Values of a facet that are told, the most frequent first."""
+"""Maximum number of values reported for a facet, the most frequent first."""
 FACETS = ("device", "verdict", "pinned", "analysed", "calibration")
 MOST_DAYS = 31
 _COLUMNS = (*("id", "created_utc", *FACETS, "measured", "length", "losses", "size", "words", "kind"),)
@@ -48,19 +48,19 @@ CREATE TABLE labels (pair INTEGER, row INTEGER, PRIMARY KEY (pair, row)) WITHOUT
 CREATE INDEX of_capture ON labels (row);
 CREATE TABLE found (row INTEGER PRIMARY KEY, failed INTEGER);
 """
-"""A kind is a combination of the facets' values, of which there are few: they are counted by it."""
+"""A kind is a combination of values of the facets. There are few, which makes counting fast."""
 _LAST = "\U0010ffff"
 """Sorts after every label."""
 _LONGEST = 1 << 59
 _FEW = 2500
-"""Captures from which on it is quicker to go through all labels at once."""
+"""Number of matches from which a scan of all labels is faster."""
 _QUARTER_MIN = 15
-"""Every zone's day begins at a quarter of an hour."""
+"""In every time zone, days start at a full quarter of an hour."""
 _UNKNOWN = -1
 
 
 class Row(NamedTuple):
-    """A capture as lists search it; `length`, `losses` and `size` are −1 if unknown."""
+    """A capture in the catalogue; `length`, `losses` and `size` are −1 if unknown."""
 
     id: str
     created_utc: str
@@ -85,14 +85,14 @@ class Count(NamedTuple):
 
 
 class Facets(NamedTuple):
-    """Values of the captures that match, the most frequent first, each by how many have it.
+    """Values of the matching captures with their counts, the most frequent first.
 
-    Those of a facet that is filtered by are counted without that filter.
+    Values of a facet that is filtered are counted without that filter.
 
     Attributes:
-        of: By the name of the facet.
-        labels: By the name of the label.
-        days: The newest days first.
+        of: Counts by facet.
+        labels: Counts by label.
+        days: Counts by day, the newest first.
     """
 
     of: dict[str, list[Count]]
@@ -101,14 +101,14 @@ class Facets(NamedTuple):
 
 
 class Found(NamedTuple):
-    """Answer to a question.
+    """Result of a query.
 
     Attributes:
-        ids: Those of the page, in order.
+        ids: Ids of the captures on the page, in order.
         after: Position of the last of them; None on the last page.
-        total: Number of captures that match.
-        in_all: Number of captures.
-        facets: What they have in common; None where nobody asked.
+        total: Number of matching captures.
+        in_all: Number of all captures.
+        facets: Values of the matching captures; None if not requested.
     """
 
     ids: list[str]
@@ -119,7 +119,7 @@ class Found(NamedTuple):
 
 
 class CaptureCatalogue:
-    """Captures in memory; any thread may call, one at a time is answered."""
+    """Captures in memory; any thread may call, one at a time is served."""
 
     def __init__(self) -> None:
         self._connection = sqlite3.connect(":memory:", check_same_thread=False, isolation_level=None)
@@ -127,12 +127,12 @@ class CaptureCatalogue:
         self._one = threading.Lock()
 
     def close(self) -> None:
-        """Forgets everything."""
+        """Frees the memory."""
         with self._one:
             self._connection.close()
 
     def replace(self, rows: Iterable[Row]) -> None:
-        """Puts these captures in the place of all."""
+        """Replaces all captures."""
         with self._one, self._connection:
             self._connection.execute("BEGIN")
             for table in ("captures", "kinds", "labels", "pairs"):
@@ -140,19 +140,19 @@ class CaptureCatalogue:
             self._put(rows)
 
     def change(self, gone: Iterable[str], rows: Iterable[Row]) -> None:
-        """Removes captures by their ids, and puts others in, in place of what was known of them."""
+        """Removes captures by id, and adds or replaces others."""
         with self._one, self._connection:
             self._connection.execute("BEGIN")
             self._remove(gone)
             self._put(rows)
 
     def ask(self, query: CaptureQuery, current: Sequence[Row] = (), days_in: tzinfo | None = None) -> Found:
-        """Answers a question.
+        """Runs a query.
 
         Args:
-            query: The question.
-            current: Captures in the making, which take part this time alone.
-            days_in: Time zone of days, to count values; None to count none.
+            query: The query.
+            current: Running captures, included in this query only.
+            days_in: Time zone of days, for counting values; None to count none.
         """
         with self._one:
             self._connection.execute("BEGIN")
@@ -198,7 +198,7 @@ class CaptureCatalogue:
         return Found([one for one, _ in shown], after, total, in_all, facets)
 
     def _find(self, plain: Sequence[Condition], conditions: Sequence[Condition]) -> None:
-        """Notes each capture that the plain conditions leave, with the facets by which it does not match."""
+        """Fills `found` with each capture that meets the plain conditions, and the facets that it fails."""
         failed = " | ".join(f"((({one.sql}) = 0) << {bit})" for bit, one in enumerate(conditions)) or "0"
         where = " AND ".join(f"({one.sql})" for one in plain) or "1"
         values = [value for one in (*conditions, *plain) for value in one.values]
@@ -206,11 +206,11 @@ class CaptureCatalogue:
         self._execute(found, *values)
 
     def _page(self, query: CaptureQuery) -> list[tuple[str, str | int]]:
-        """Id and key of the captures of a page, and of one more."""
+        """Ids and keys of the captures of a page, and of one more."""
         key, labels, values = _key(query.order)
         direction, beyond = ("DESC", "<") if query.order.descending else ("ASC", ">")
         after = "" if query.after is None else f"AND ({key}, id) {beyond} (?, ?)"
-        # CROSS: in the order of the index where there is one, and no further than the page goes.
+        # CROSS JOIN: scans in the order of the index, if there is one, and only as far as the page goes.
         page = f"""SELECT id, {key} FROM captures {labels} CROSS JOIN found USING (row)
             WHERE failed = 0 {after} ORDER BY {key} {direction}, id {direction} LIMIT ?"""  # noqa: S608
         return self._execute(page, *values, *(query.after or ()), query.limit + 1).fetchall()
@@ -225,13 +225,13 @@ class CaptureCatalogue:
         return Facets(of, self._labels(bits, total), self._days(bits.get("day", 0), days_in))
 
     def _kinds(self, bit: int) -> list[tuple[Any, ...]]:
-        """Combinations of values, each with how many match but for the facet of this bit."""
+        """Combinations of values, each with the number of matches, ignoring the facet of this bit."""
         counted = f"""SELECT {", ".join(FACETS)}, n FROM (SELECT kind, count(*) AS n FROM found
             JOIN captures USING (row) WHERE failed & ~? = 0 GROUP BY kind) JOIN kinds USING (kind)"""  # noqa: S608
         return self._execute(counted, bit).fetchall()
 
     def _days(self, bit: int, zone: tzinfo) -> list[Count]:
-        """The newest days that have captures which match but for the facet of this bit."""
+        """The newest days with matches, ignoring the facet of this bit."""
         found = self._execute(
             """SELECT created_utc FROM captures CROSS JOIN found USING (row)
             WHERE failed & ~? = 0 AND created_utc <> '' ORDER BY created_utc DESC""",
@@ -261,7 +261,7 @@ class CaptureCatalogue:
         return found
 
     def _pairs(self, total: int) -> list[tuple[str, str, int]]:
-        """Labels of the captures that match: from these on if they are few, else through all labels once."""
+        """Labels of the matches, found from the matches if they are few, otherwise by scanning all labels."""
         few = total < _FEW
         source = "found CROSS JOIN labels USING (row)" if few else "labels CROSS JOIN found USING (row)"
         counted = f"""SELECT name, value, n FROM (SELECT pair, count(*) AS n FROM {source}
@@ -269,7 +269,7 @@ class CaptureCatalogue:
         return self._execute(counted).fetchall()
 
     def _pairs_of(self, name: str, bit: int) -> list[tuple[str, str, int]]:
-        """Values of one label, of the captures that match but for the facet of this bit."""
+        """Values of one label of the matches, ignoring the facet of this bit."""
         counted = """SELECT name, value, count(*) FROM pairs CROSS JOIN labels USING (pair)
             CROSS JOIN found USING (row) WHERE name = ? AND failed & ~? = 0 GROUP BY pair"""
         return self._execute(counted, name, bit).fetchall()
@@ -279,7 +279,7 @@ class CaptureCatalogue:
 
 
 def _counts(kinds: Iterable[tuple[Any, ...]], place: int) -> list[Count]:
-    """Values of a facet, by its place, with how many have each."""
+    """Values of a facet, given by its column, with their counts."""
     counts: Counter[str] = Counter()
     for kind in kinds:
         counts[str(kind[place])] += kind[-1]
@@ -292,7 +292,7 @@ def _day(quarter: str, zone: tzinfo) -> str:
 
 
 def _key(order: Order) -> tuple[str, str, tuple[str, ...]]:
-    """The key of a list, and where it comes from; captures without one come last in either direction."""
+    """SQL for the sort key, its join and parameters; captures without a key come last in either direction."""
     if order.by == "label":
         own = """LEFT JOIN (SELECT row, key AS own FROM labels JOIN pairs USING (pair) WHERE name = ?)
             USING (row)"""
@@ -303,25 +303,25 @@ def _key(order: Order) -> tuple[str, str, tuple[str, ...]]:
 
 
 class Results(Protocol):
-    """Results that others make of captures, such as analyses."""
+    """Results of captures, such as analyses."""
 
     def fields(self, capture_id: str) -> Mapping[str, object]:
-        """Fields that they add to a capture's document."""
+        """Fields to add to a capture's document."""
         ...
 
     def analysed(self, captures: Collection[str] | None) -> Collection[str]:
-        """The captures that they have results of, among these or among all."""
+        """The captures with results, among these or, with None, among all."""
         ...
 
 
 class Library:
-    """Answers questions about captures from memory; what has changed since is read before it answers.
+    """Answers queries about captures from memory, after reading what has changed.
 
     Args:
         index: The captures on disk.
         annotation: Returns the annotation of a capture by its id.
-        annotations: Returns all annotations by their captures' ids.
-        results: What others make of captures.
+        annotations: Returns all annotations by capture id.
+        results: Results of captures, such as analyses.
     """
 
     def __init__(
@@ -339,10 +339,9 @@ class Library:
         self._stale: set[str] | None = None
         self._noting = threading.Lock()
         self._reading = threading.Lock()
-        index.changed = self.note
 
     def note(self, capture_id: str | None = None) -> None:
-        """Takes note that something about a capture, or about all, has changed; reads nothing."""
+        """Marks a capture, or all, as changed; reads nothing."""
         with self._noting:
             if capture_id is None or self._stale is None:
                 self._stale = None
@@ -352,12 +351,12 @@ class Library:
     def ask(
         self, query: CaptureQuery, current: Iterable[CaptureDocument] = (), days_in: tzinfo | None = None
     ) -> Found:
-        """Answers a question.
+        """Runs a query.
 
         Args:
-            query: The question.
+            query: The query.
             current: Captures that are armed, being recorded or sealed.
-            days_in: Time zone of days, to count values; None to count none.
+            days_in: Time zone of days, for counting values; None to count none.
 
         Raises:
             StorageError: The index or the annotations cannot be read.
@@ -414,7 +413,7 @@ def _row(entry: IndexEntry, annotation: Annotation, analysed: bool) -> Row:
 
 
 def _current_row(document: CaptureDocument, analysed: bool) -> Row:
-    """A capture in the making: what only its end decides is unknown."""
+    """A running capture, whose verdict and losses are still unknown."""
     return Row(
         document.id,
         document.created_utc,

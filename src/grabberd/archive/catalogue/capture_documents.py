@@ -1,6 +1,6 @@
-"""The documents of captures and their runs, with coverage and channels, built from what is known of them.
+"""Documents of captures and their runs, with coverage and channels.
 
-A sealed capture is described once until its file changes, and none holds up who asks for others.
+The description of a sealed capture is cached until its file changes; a slow one does not delay others.
 """
 
 import math
@@ -41,13 +41,13 @@ AXES = ("x", "y", "z")
 KEPT = 4096
 """Number of captures whose descriptions are cached."""
 LONGEST_S = 25.0
-"""Time to describe one capture: less than a request for a list has, so that no file takes all of it."""
+"""Time limit for describing one capture, less than that for a list, so that no file uses up all of it."""
 TOO_SLOW_FOR_S = 600.0
-"""Time for which a file that took longer than that is not tried again."""
+"""Time for which a file that exceeded the limit is not tried again."""
 
 
 def ledger_document(ledger: Ledger, rate_hz: float) -> LedgerDocument:
-    """A ledger, with its gaps at the times that the rate gives them."""
+    """A ledger as a document; its text has the times of gaps by the rate."""
     return LedgerDocument(
         complete=ledger.complete,
         in_words=ledger.in_words(rate_hz),
@@ -62,17 +62,12 @@ def _entry(entry: LedgerEntry) -> LedgerEntryDocument:
     return LedgerEntryDocument.model_validate({**entry._asdict(), "cause": cause})
 
 
-def run_document(run: RunInfo) -> RunDocument:
-    """A run in short."""
-    return RunDocument.model_validate(_run(run))
-
-
 def whole_run(path: Path, run: int) -> WholeRunDocument:
     """A run with the documents that its points were measured with.
 
     Raises:
-        CaptureFileError: the file cannot be read.
-        NotFound: there is no such run.
+        CaptureFileError: The file cannot be read.
+        NotFound: The run does not exist.
     """
     with CaptureReader(path) as reader, reading_errors(path):
         found = reader.run(run)
@@ -82,10 +77,10 @@ def whole_run(path: Path, run: int) -> WholeRunDocument:
 
 
 def describe(path: Path) -> CaptureDocument:
-    """The capture in a file.
+    """The document of the capture in a file.
 
     Raises:
-        CaptureFileError: the file cannot be read.
+        CaptureFileError: The file cannot be read.
     """
     with CaptureReader(path) as reader, reading_errors(path):
         document = document_of(
@@ -106,9 +101,9 @@ def damaged_document(entry: IndexEntry, path: Path, reason: str) -> CaptureDocum
     """A capture whose file cannot be read.
 
     Args:
-        entry: the capture's entry in the index.
-        path: its file.
-        reason: why the file cannot be read.
+        entry: The capture's entry in the index.
+        path: Its file.
+        reason: Why the file cannot be read.
     """
     return document_without_fields(
         id=entry.id,
@@ -127,7 +122,7 @@ def _size_bytes(path: Path) -> int:
 
 
 def document_without_fields(**known: object) -> CaptureDocument:
-    """A capture of which no field is known."""
+    """A capture without known fields."""
     nothing = dict.fromkeys(("verdict", "ended_because", "trigger_utc"))
     none_of = dict.fromkeys(("pre_trigger_fields", "bits", "fields", "size_bytes"), 0)
     rest: dict[str, object] = {"lines": None, "note": "", "runs": [], "labels": {}, "pinned": False}
@@ -145,8 +140,8 @@ def document_of(
     size_bytes: int,
     account: Account | None,
 ) -> CaptureDocument:
-    """A capture by its metadata, ledger and runs, be they in memory or from its file."""
-    described = [run_document(run) for run in runs]
+    """A capture from its metadata, ledger and runs, in memory or from its file."""
+    described = [RunDocument.model_validate(_run(run)) for run in runs]
     trigger, group = meta.extra.get("trigger", {}), meta.extra.get("group")
     known = {
         "id": meta.id,
@@ -174,7 +169,7 @@ def document_of(
         "rig": meta.extra.get("rig"),
         "field_order": meta.extra.get("field_order"),
     }
-    # Validated: the strings may be a file's own, so nothing is known of their types.
+    # Validated, because the values may come from a file and have any type.
     return CaptureDocument.model_validate(known)
 
 
@@ -184,26 +179,26 @@ def _run(run: RunInfo) -> dict[str, object]:
 
 
 def _first_field_s(meta: CaptureMeta, first_time_ns: int | None) -> float | None:
-    """From its start to the middle of its first field's exposure; None for a recording played again."""
+    """Time from the start to the middle of the first field's exposure; None for a replayed recording."""
     if first_time_ns is None or not meta.device.get("stream", {}).get("live", True):
         return None
     return (first_time_ns - meta.start_ns) / 1e9
 
 
 def coverage_summary(stored: Mapping[str, Any] | None) -> CoverageSummary | None:
-    """The coverage in short; None for a run that was not counted.
+    """The coverage in short; None if the run has none.
 
     Raises:
-        ValueError: The file's document is invalid.
+        ValueError: The stored document is invalid.
     """
     return None if stored is None else CoverageSummary.model_validate(_summary(stored))
 
 
 def whole_coverage(stored: Mapping[str, Any] | None) -> CoverageDocument | None:
-    """The coverage with its targets; None for a run that was not counted.
+    """The coverage with its targets; None if the run has none.
 
     Raises:
-        KeyError, ValueError: The file's document is invalid.
+        KeyError, ValueError: The stored document is invalid.
     """
     if stored is None:
         return None
@@ -245,7 +240,7 @@ def _target(columns: Mapping[str, Any], i: int) -> TargetCoverage:
 
 
 def channels_summary(account: Account | None, *, sealed: bool) -> ChannelsSummary | None:
-    """Verdict on the channels of a capture; None if it has none."""
+    """Verdict on the channels of a capture; None without channels."""
     if account is None:
         return None
     names = [one.name for one in account.channels]
@@ -253,7 +248,7 @@ def channels_summary(account: Account | None, *, sealed: bool) -> ChannelsSummar
 
 
 class Descriptions:
-    """Describes files, each once until it changes: the ledger of a long capture takes a while to read.
+    """A cache of descriptions, each valid until its file changes: reading a long ledger takes a while.
 
     Args:
         describe: Describes a file.
@@ -267,9 +262,9 @@ class Descriptions:
         """The description of a file.
 
         Raises:
-            CaptureFileError: It is damaged.
-            StorageError: It takes longer than `LONGEST_S`.
-            ReadingGivenUp: Nobody waits for it any longer.
+            CaptureFileError: The file is damaged.
+            StorageError: Reading takes longer than `LONGEST_S`.
+            ReadingGivenUp: The reading was cancelled.
         """
         changed_ns = _changed_ns(path)
         key = (path, changed_ns)

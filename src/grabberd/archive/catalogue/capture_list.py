@@ -1,6 +1,6 @@
-"""Several captures at once: listed page by page, as a table for spreadsheets, and acted upon each by itself.
+"""Several captures at once: paginated lists, tables for spreadsheets, and batch operations.
 
-Captures that come or go meanwhile shift no page; one that an act fails on keeps no other from it.
+Captures that are added or deleted meanwhile do not shift pages; a batch continues after a failure.
 """
 
 import csv
@@ -27,7 +27,7 @@ from grabberd.errors import GrabberdError, NotFound
 from grabberd.extension import extensions, load
 
 _ATTEMPTS = 3
-"""Times that a page is asked for whose captures were removed by hand, which is noticed as they are shown."""
+"""Attempts to get a page without captures whose files were removed by hand, which reading them reveals."""
 
 
 class CapturePage(NamedTuple):
@@ -35,8 +35,8 @@ class CapturePage(NamedTuple):
 
     Attributes:
         captures: Their documents, in order.
-        found: What the library answered.
-        widths_mm: Course of the wall's width by capture, as far as it is known.
+        found: Result of the library.
+        widths_mm: Curve of the wall's width by capture, where it is known.
     """
 
     captures: list[CaptureDocument]
@@ -49,11 +49,11 @@ def list_captures(archive: Archive, query: CaptureQuery, days_in: tzinfo | None 
 
     Args:
         archive: The captures.
-        query: Which of them.
-        days_in: Time zone of days, to count values; None to count none.
+        query: Filter and order.
+        days_in: Time zone of days, for counting values; None to count none.
 
     Raises:
-        StorageError: They cannot be read.
+        StorageError: The captures cannot be read.
     """
     for _ in range(_ATTEMPTS):
         current = {document.id: document for document in archive.current()}
@@ -74,13 +74,13 @@ def _document(
     entries: Mapping[str, IndexEntry],
     capture_id: str,
 ) -> CaptureDocument | None:
-    """Returns the document of a capture; None if it was deleted since it was found."""
+    """Returns the document of a capture; None if it was deleted after the query."""
     if capture_id in current:
         return current[capture_id]
     if (entry := entries.get(capture_id)) is None:
         return None
     try:
-        # Pages are cut by the time in the index, so that is the time shown, whatever the file has.
+        # The time in the index determines the page, so it is also the time shown.
         return archive.listed(entry).model_copy(update={"created_utc": entry.created_utc})
     except NotFound:
         return None
@@ -117,7 +117,7 @@ def _values(counts: Iterable[Count]) -> list[FacetValue]:
 
 
 Columns = Callable[[CaptureDocument | None], Mapping[str, object]]
-"""Gives the columns that an extension adds, with a capture's values; of None their names count alone."""
+"""Returns an extension's columns with the values of a capture; for None, only the names are used."""
 
 
 def captures_csv(captures: Sequence[CaptureDocument]) -> str:
@@ -156,11 +156,11 @@ def _row(capture: CaptureDocument, labels: Iterable[str]) -> list[object]:
 
 
 def for_each(captures: Iterable[str], act: Callable[[str], str | None]) -> BatchDocument:
-    """Does something with each capture, in order.
+    """Applies an operation to each capture, in order.
 
     Args:
-        captures: Their ids; one that is named twice counts once.
-        act: Called with each id; returns the id of a job that it has queued, if any.
+        captures: Their ids, without regard to duplicates.
+        act: Called with each id; returns the id of the job that it has queued, if any.
     """
     done: list[str] = []
     failed: list[BatchFailure] = []

@@ -1,4 +1,4 @@
-"""Questions for a list of captures: which of them, in which order, from where on; their conditions in SQL."""
+"""Queries for lists of captures: filter, order and page, and their conditions in SQL."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -8,15 +8,15 @@ from typing import NamedTuple, Self
 from grabberd.errors import InputError
 
 KEY = 64
-"""Characters of a label that it is sorted by; captures with the same sort by their ids."""
+"""Length of the sort key of a label; captures with equal keys are sorted by id."""
 LABEL = "label."
-"""Before the name of a label, in the name of its order and of its facet."""
+"""Prefix of a label's name in the name of its order and of its facet."""
 _NUMBER = re.compile(r"\d+")
 SORTS = ("time", "length", "losses", "size")
 
 
 class Position(NamedTuple):
-    """Position of a capture in a sorted list: what it is sorted by, and its id."""
+    """Position of a capture in a sorted list: its sort key and id."""
 
     key: str | int
     id: str
@@ -37,10 +37,10 @@ class Order(NamedTuple):
 
     @classmethod
     def of(cls, text: str) -> Self:
-        """An order in the words of a client: "time", "-length", "label.cow".
+        """Parses an order: "time", "-length", "label.cow".
 
         Raises:
-            InputError: There is no such order.
+            InputError: The order is unknown.
         """
         by = text.removeprefix("-")
         if by.startswith(LABEL) and by != LABEL:
@@ -51,16 +51,16 @@ class Order(NamedTuple):
         return cls(by, text != by)
 
     def position(self, key: str, own_id: str) -> Position:
-        """A position in this order from the texts of a cursor.
+        """Parses a position in this order from the parts of a cursor.
 
         Raises:
-            InputError: It is a position in another order.
+            InputError: The cursor belongs to another order.
         """
         if self.by in ("time", "label"):
             return Position(key, own_id)
         if not re.fullmatch(r"-?\d{1,18}", key):
             raise InputError(
-                f"the cursor {key!r} is of a list in another order", "ask for the first page again"
+                f"the cursor {key!r} belongs to a list in another order", "ask for the first page again"
             )
         return Position(int(key), own_id)
 
@@ -70,7 +70,7 @@ NEWEST_FIRST = Order()
 
 @dataclass(frozen=True, slots=True)
 class CaptureQuery:
-    """Filter and order of a list of captures; None and nothing filter nothing.
+    """Filter and order of a list of captures; None and empty values do not filter.
 
     Attributes:
         limit: Maximum number of results.
@@ -78,13 +78,13 @@ class CaptureQuery:
         device: Name of the device.
         since_utc: Earliest start; ISO 8601 with milliseconds and Z.
         until_utc: Time before which the captures started.
-        search: Words that each have to be in note or labels, or begin the id, ignoring case.
-        pinned: True for pinned captures alone, False for the others alone.
-        analysed: The same for those that have an analysis.
-        measured: The same for those that have points.
-        verdicts: One of these verdicts: complete, incomplete, damaged.
-        calibrations: One of these ids of calibrations, with which the newest run was made.
-        labels: For each name one of these values.
+        search: Words, each contained in note or labels or a prefix of the id, ignoring case.
+        pinned: True for pinned captures only, False for the others only.
+        analysed: Likewise for captures with an analysis.
+        measured: Likewise for captures with points.
+        verdicts: Any of these verdicts: complete, incomplete, damaged.
+        calibrations: Any of these ids for the calibration of the newest run.
+        labels: For each name, any of these values.
         order: Order of the list.
     """
 
@@ -104,7 +104,7 @@ class CaptureQuery:
 
 
 def sort_key(value: str) -> str:
-    """The key that a label is sorted by: ignoring case, and with cow 9 before cow 10."""
+    """The sort key of a label: ignores case, and puts cow 9 before cow 10."""
     return _NUMBER.sub(lambda found: found.group().zfill(8), value[:KEY].casefold())[:KEY]
 
 
@@ -112,9 +112,9 @@ class Condition(NamedTuple):
     """A condition on a row of the catalogue.
 
     Attributes:
-        facet: The facet that it filters; empty for one that counts as none.
-        sql: The condition, with marks for its values.
-        values: These.
+        facet: The facet that it filters; empty for a condition that belongs to none.
+        sql: The condition, with placeholders for its values.
+        values: The values.
     """
 
     facet: str
@@ -123,15 +123,15 @@ class Condition(NamedTuple):
 
 
 def plain_conditions(query: CaptureQuery) -> list[Condition]:
-    """Conditions that every count obeys: the words that are searched for, and whether there are points."""
-    # Not anywhere in an id: the number of a cow is part of many times.
+    """Conditions that apply to all counts: the search words, and whether there are points."""
+    # Only as a prefix of the id: the number of a cow may occur anywhere in the time.
     found = "instr(words, ?) > 0 OR instr(lower(id), ?) = 1"
     words = (Condition("", found, (word, word)) for word in (query.search or "").casefold().split())
     return [*words, *_flag("measured", query.measured)]
 
 
 def conditions_of(query: CaptureQuery) -> list[Condition]:
-    """Conditions of the facets, each of which the counts of its own facet leave aside."""
+    """Conditions on facets, each of which is ignored when counting the values of its own facet."""
     return [
         *_among("device", () if query.device is None else (query.device,)),
         *_among("verdict", query.verdicts),
@@ -167,5 +167,5 @@ def _label(name: str, values: tuple[str, ...]) -> Condition:
 
 
 def marks(values: Iterable[object]) -> str:
-    """A mark for each value of a statement."""
+    """Placeholders for the values of a statement."""
     return ", ".join("?" for _ in values)

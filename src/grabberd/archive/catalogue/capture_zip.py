@@ -1,7 +1,7 @@
-"""Several captures as one ZIP file, under names that people recognise, made while it is sent.
+"""Several captures as one ZIP file with readable names, generated while it is sent.
 
-It is not compressed and takes little memory. What cannot be sent whole is named in a text inside, so that
-nobody takes the archive for complete.
+It is not compressed and takes little memory. Files that cannot be sent completely are listed in a text file
+inside, so that nobody mistakes the archive for complete.
 """
 
 import os
@@ -22,22 +22,22 @@ from grabberd.files.held_files import hold
 
 _FIRST = ("name", "cow", "teat", "liner")
 _LONGEST = 100
-"""Characters of a name, of which file systems allow 255 bytes."""
+"""Longest name in characters; file systems allow 255 bytes."""
 _UNFIT = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|]+')
-"""Characters that no file name may have somewhere."""
+"""Characters that are not allowed in file names on some system."""
 MISSING = "MISSING.txt"
-"""Name of the text that names what is not whole."""
+"""Name of the text file that lists incomplete files."""
 _PIECE = 1 << 18
-"""Bytes that are read at once."""
+"""Number of bytes read at once."""
 _CHANGED = "it was changed while being sent, so its copy in this archive is unusable; download it again"
 
 
 def captures_zip(archive: Archive, captures: Sequence[str], zone: tzinfo) -> Iterator[bytes]:
-    """The pieces of the archive: each capture's file, and a table of all.
+    """The pieces of the ZIP file: a table of all captures, then the file of each.
 
     Args:
         archive: The captures.
-        captures: Their ids; one that is gone is named in the archive.
+        captures: Their ids; missing captures are listed in the ZIP file.
         zone: Time zone of the names.
     """
     documents = {one: document for one in dict.fromkeys(captures) if (document := _known(archive, one))}
@@ -53,7 +53,7 @@ def captures_zip(archive: Archive, captures: Sequence[str], zone: tzinfo) -> Ite
 def _known(archive: Archive, capture_id: str) -> CaptureDocument | None:
     try:
         return archive.document(capture_id)
-    except GrabberdError:  # it is named when its turn comes
+    except GrabberdError:  # it will be listed as missing
         return None
 
 
@@ -77,7 +77,7 @@ def _ordered(labels: dict[str, str], others: list[str]) -> list[str]:
 
 
 def _free(name: str, taken: set[str]) -> str:
-    """A name that no other capture has: the second of a name gets a number."""
+    """A unique name: the second of equal names gets a number."""
     numbers = (name if number == 1 else f"{name} ({number})" for number in range(1, len(taken) + 2))
     free = next(one for one in numbers if one.casefold() not in taken)
     taken.add(free.casefold())
@@ -88,10 +88,10 @@ class Member(NamedTuple):
     """A file to be sent.
 
     Attributes:
-        name: Its name in the archive.
-        moment: Its time there.
-        find: Returns its path when its turn comes.
-        about: Name by which a text speaks of it.
+        name: Its name in the ZIP file.
+        moment: Its time in the ZIP file.
+        find: Returns its path; called when its turn comes.
+        about: Name for messages.
     """
 
     name: str
@@ -101,21 +101,21 @@ class Member(NamedTuple):
 
 
 class _Sink:
-    """Takes what the archive is written to; nobody can go back in it."""
+    """The unseekable file to which the ZIP file is written."""
 
     def __init__(self) -> None:
         self._pieces: list[bytes] = []
 
     def write(self, data: bytes) -> int:
-        """Takes some bytes."""
+        """Appends bytes."""
         self._pieces.append(bytes(data))
         return len(data)
 
     def flush(self) -> None:
-        """Does nothing: all is taken at once."""
+        """Does nothing: there is no buffer."""
 
     def tell(self) -> int:
-        """Refuses, as a pipe does: the archive then counts for itself.
+        """Fails as for a pipe, so that `zipfile` counts the bytes itself.
 
         Raises:
             OSError: Always.
@@ -123,16 +123,16 @@ class _Sink:
         raise OSError("nobody can go back in it")
 
     def take(self) -> bytes:
-        """Bytes that have come since the last time."""
+        """Bytes written since the last call."""
         taken, self._pieces = b"".join(self._pieces), []
         return taken
 
 
 def zip_stream(texts: Iterable[tuple[str, str]], members: Iterable[Member]) -> Iterator[bytes]:
-    """The pieces of an archive.
+    """The pieces of a ZIP file.
 
     Args:
-        texts: Names and contents of small files, which come first.
+        texts: Names and contents of small text files, which come first.
         members: The files.
     """
     sink = _Sink()
@@ -149,7 +149,7 @@ def zip_stream(texts: Iterable[tuple[str, str]], members: Iterable[Member]) -> I
 
 
 def _sent(archive: zipfile.ZipFile, sink: _Sink, member: Member, missing: list[str]) -> Iterator[bytes]:
-    """Sends a file, and notes in `missing` why it is not whole."""
+    """Sends a file; adds the reason to `missing` if it is incomplete."""
     try:
         with hold(member.find()) as held:
             before = _version(held.descriptor)

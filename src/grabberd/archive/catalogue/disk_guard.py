@@ -1,4 +1,4 @@
-"""Disk space: how long captures may go on, and when they have to end."""
+"""Disk space: how long captures can continue, and when they must end."""
 
 import errno
 import os
@@ -12,34 +12,33 @@ from grabberd.files.disk import storage_errors
 GB = 1_000_000_000
 DEFAULT_RESERVE_BYTES = GB // 5
 SHARE = {1: 0.04, 2: 0.04, 3: 0.12, 4: 0.21, 5: 0.36, 6: 0.5, 8: 0.6}
-"""Share of a packed field that is left after compression, by its bits; measured on pictures with 2 % noise,
-rounded up."""
+"""Compressed size relative to a packed field, by bits; measured on pictures with 2 % noise, rounded up."""
 POINTS_BYTES = 2_500
-"""Bytes of one field's points and the rows around them, with some seventy targets."""
+"""Bytes of one field's points and their rows, with some seventy targets."""
 _CAUSES = {
     errno.ENOENT: Cause.DISK_MISSING,
     errno.ENOTDIR: Cause.DISK_MISSING,
     errno.EROFS: Cause.DISK_READ_ONLY,
 }
 LEAST_S = 60.0
-"""Seconds of a capture without a length that must fit on the disk."""
+"""Seconds that must fit on the disk for a capture without a length."""
 
 
 def free_bytes(folder: Path) -> int:
     """Free bytes on the disk that holds a folder.
 
     Raises:
-        OSError: The folder is missing, or the disk is read-only, as one becomes with a fault.
+        OSError: The folder is missing, or the disk is read-only, as after a fault.
     """
     disk = os.statvfs(folder)
     if disk.f_flag & os.ST_RDONLY:
         raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(folder))
-    # f_bavail, not f_bfree: the daemon is not root and cannot use the blocks that are kept for root.
+    # f_bavail, not f_bfree: the daemon is not root and cannot use blocks reserved for root.
     return disk.f_bavail * disk.f_frsize
 
 
 def cause_of(error: StorageError) -> Cause:
-    """Cause code of a disk that cannot be asked."""
+    """Cause code of a disk whose space cannot be determined."""
     if error.cause is not None:
         return error.cause
     source = error.__cause__
@@ -48,16 +47,16 @@ def cause_of(error: StorageError) -> Cause:
 
 
 def bytes_per_field(bits: int, rows: int, columns: int) -> float:
-    """Bytes that a field is expected to take in a capture file, its points included."""
+    """Expected size of a field in a capture file, with its points."""
     return SHARE[bits] * rows * columns * bits / 8 + POINTS_BYTES
 
 
 class DiskGuard:
-    """Lets captures use the disk down to a reserve, which leaves room to seal them.
+    """Lets captures use the disk down to a reserve, which is needed to seal them.
 
     Args:
-        reserve_bytes: Bytes that stay free.
-        free: Gives the free bytes on the disk of a folder.
+        reserve_bytes: Bytes that are kept free.
+        free: Returns the free bytes on the disk of a folder.
     """
 
     def __init__(
@@ -76,7 +75,7 @@ class DiskGuard:
             return self._free(folder)
 
     def seconds_left(self, folder: Path, bytes_per_s: float) -> float:
-        """Seconds until captures that together write this much have used what is free but for the reserve."""
+        """Seconds until the free space above the reserve is used up at this total rate."""
         return max(0, self.free_bytes(folder) - self.reserve_bytes) / bytes_per_s
 
     def document(
@@ -88,14 +87,14 @@ class DiskGuard:
         removed: int = 0,
         removed_bytes: int = 0,
     ) -> StorageDocument:
-        """The disk's document, also of one that fails.
+        """The disk's document, also for a failing disk.
 
         Args:
-            folder: where captures are written to.
-            bytes_per_s: rate at which all devices together write.
-            check: raises StorageError while the folder is gone.
-            removed: number of captures that retention has removed.
-            removed_bytes: their total size.
+            folder: Folder of the captures.
+            bytes_per_s: Total rate at which all devices write.
+            check: Raises StorageError while the folder is missing.
+            removed: Number of captures removed by retention.
+            removed_bytes: Their total size.
         """
         free, left_s, problem, code = None, None, None, None
         try:
@@ -113,10 +112,10 @@ class DiskGuard:
         )
 
     def check_fits(self, folder: Path, bytes_per_s: float, duration_s: float | None) -> None:
-        """Checks that a capture of this length fits; of one without a length, that a minute of it does.
+        """Checks that a capture of this length fits, or a minute of a capture without a length.
 
         Raises:
-            StorageError: It does not; the message gives the minutes that would.
+            StorageError: It does not fit; the message states the available minutes.
         """
         left_s, wanted_s = self.seconds_left(folder, bytes_per_s), duration_s or LEAST_S
         if left_s >= wanted_s:
@@ -129,7 +128,7 @@ class DiskGuard:
         )
 
     def shortage(self, folder: Path) -> StorageError | None:
-        """The reason why a running capture has to end while it can still be sealed; None if it need not.
+        """The error that ends a running capture while it can still be sealed; None if there is enough space.
 
         Raises:
             StorageError: The folder is missing.

@@ -23,11 +23,11 @@ EVERY_S = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """Limits on how long captures are kept; without any, until somebody deletes them.
+    """Limits on how long captures are kept; without limits, nothing is removed.
 
     Attributes:
         keep_days: Maximum age in days, or None.
-        min_free_bytes: Free disk space that the oldest captures make room for, or None.
+        min_free_bytes: Free disk space below which the oldest captures are removed, or None.
     """
 
     keep_days: float | None = None
@@ -41,7 +41,7 @@ class Policy:
 
     @property
     def removes(self) -> bool:
-        """True if the policy ever removes anything."""
+        """True if the policy has any limit."""
         return self.keep_days is not None or self.min_free_bytes is not None
 
 
@@ -62,12 +62,12 @@ class Removal(NamedTuple):
 
 
 def removals(captures: Iterable[Candidate], policy: Policy, now: datetime, free_bytes: int) -> list[Removal]:
-    """Returns what a policy removes at a moment, oldest first.
+    """Returns what a policy removes now, oldest first.
 
     Args:
         captures: The candidates.
         policy: How long captures are kept.
-        now: The time.
+        now: Present time.
         free_bytes: Free space on the disk.
     """
     found = []
@@ -75,7 +75,7 @@ def removals(captures: Iterable[Candidate], policy: Policy, now: datetime, free_
         because = _because(capture, policy, now, free_bytes)
         if because:
             found.append(Removal(capture.id, capture.size_bytes, because))
-            # Nothing is deleted yet, but what has been chosen makes room for what remains.
+            # As if the capture were deleted already, so that no more than necessary is chosen.
             free_bytes += capture.size_bytes
     return found
 
@@ -100,20 +100,20 @@ def candidates(
 
 
 def _changed(created_utc: str, written: float) -> datetime:
-    """Returns the later of both: a capture just copied here, or re-measured, is not old."""
+    """Returns the later of the two: a capture that was just copied here or re-measured is not old."""
     return max(datetime.fromtimestamp(written, UTC), datetime.fromisoformat(created_utc))
 
 
 class Retention:
-    """Removes captures as the policy says, once a minute in a thread of its own.
+    """Removes captures according to the policy, once a minute in its own thread.
 
     Args:
         archive: The captures.
         policy: How long they are kept.
         disk: Measures the free space.
-        clock: Tells the captures' age.
-        spared: Returns the ids of captures that stay whatever the policy says.
-        delete: Deletes one capture; raises Conflict or NotFound if it has to stay after all.
+        clock: Source of time.
+        spared: Returns the ids of captures that must be kept regardless of the policy.
+        delete: Deletes one capture; raises Conflict or NotFound if it cannot be deleted after all.
 
     Attributes:
         removed: Number of captures removed since the start; `removed_bytes`: their total size.
@@ -140,7 +140,7 @@ class Retention:
         self._last_failure: str | None = None
 
     def start(self) -> None:
-        """Starts the thread if the policy ever removes anything."""
+        """Starts the thread if the policy has any limit."""
         if self._policy.removes:
             threading.Thread(target=self._run, name="retention", daemon=True).start()
 
@@ -149,10 +149,10 @@ class Retention:
         self._stopping.set()
 
     def apply(self) -> list[Removal]:
-        """Removes what the policy no longer keeps, and returns it.
+        """Removes captures according to the policy, and returns them.
 
         Raises:
-            StorageError: A file cannot be deleted, or the captures to spare are unknown.
+            StorageError: A file cannot be deleted, or the captures to keep are unknown.
         """
         directory = self._archive.directory
         known = candidates(directory, self._archive.index.list(), self._spared())
@@ -162,7 +162,7 @@ class Retention:
     def _remove(self, removal: Removal) -> bool:
         try:
             self._delete(removal.id)
-        except (Conflict, NotFound):  # pinned, submitted to a job or deleted since `spared` was read
+        except (Conflict, NotFound):  # pinned, needed by a job or deleted after `spared` was called
             return False
         self.removed += 1
         self.removed_bytes += removal.size_bytes
@@ -177,12 +177,12 @@ class Retention:
                 self._last_failure = None
             except (
                 Exception
-            ) as error:  # whatever an index or a file holds: without this thread the disk fills
+            ) as error:  # whatever the index or a file contains: without this thread the disk fills up
                 self._report(str(error) or type(error).__name__)
             self._stopping.wait(EVERY_S)
 
     def _report(self, failure: str) -> None:
-        """Logs a failure once, not every minute for as long as it lasts."""
+        """Logs a failure once, not every minute while it lasts."""
         if failure != self._last_failure:
             log.error("no capture can be removed: %s", failure)
         self._last_failure = failure

@@ -1,4 +1,4 @@
-"""Scrubbing: once a month all sealed captures are read and held against their digests."""
+"""Scrubbing: once a month, all sealed captures are checked against their digests."""
 
 import logging
 import threading
@@ -17,21 +17,21 @@ from grabberd.fault_board import FaultBoard
 log = logging.getLogger(__name__)
 EVERY = timedelta(days=30)
 LOOK_S = 600.0
-"""How often it is looked whether a month is over, and, while a capture is being recorded, whether it has
-ended: a disk that is read beside has less time for what is written."""
+"""Interval of checks whether a month is over and whether a running capture has ended: scrubbing would compete
+with recording for the disk."""
 KEY = "scrub"
 _NAMED = 3
 
 
 class Scrub:
-    """Verifies the captures in a thread of its own; one that is damaged is told as a fault until it is gone.
+    """Verifies the captures in its own thread; damaged ones are reported as a fault until they are removed.
 
     Args:
         archive: The captures.
-        store: Keeps the outcome over restarts.
-        faults: Where damage is told.
+        store: Stores the result over restarts.
+        faults: Board for reporting damage.
         clock: Source of time.
-        busy: True while a capture is being recorded.
+        busy: Returns True while a capture is being recorded.
         verify_files: Verifies files, in order.
     """
 
@@ -58,33 +58,33 @@ class Scrub:
         threading.Thread(target=self._run, name="scrub", daemon=True).start()
 
     def stop(self) -> None:
-        """Ends the thread after the file that it reads; the next round begins anew."""
+        """Ends the thread after the present file; the next round starts from the first."""
         self._stopping.set()
 
     def look(self) -> bool:
-        """Verifies all captures if a month is over; True if it has.
+        """Verifies all captures if a month is over; returns True if it did.
 
         Raises:
-            StorageError: The captures are not there, or no process can be started.
+            StorageError: The captures are not accessible, or no process can be started.
         """
         known = self._store.get(KEY) or {}
-        if not known:  # the first start: whatever is there was not written by this program
+        if not known:  # the first start: a month begins
             self._keep({})
             return False
-        self._tell(known.get("damaged", {}))
+        self._report(known.get("damaged", {}))
         since = self._clock.utc_now() - datetime.fromisoformat(known["ended_utc"])
-        # A clock that was set back must not put the next round off for years.
+        # A negative interval: a clock that was set back must not delay the next round for years.
         if timedelta(0) <= since < EVERY or self._busy():
             return False
         damaged = self._round()
         if damaged is None:
             return False
         self._keep(damaged)
-        self._tell(damaged)
+        self._report(damaged)
         return True
 
     def _round(self) -> dict[str, str] | None:
-        """The damaged captures with what is wrong with them; None if it was broken off."""
+        """The damaged captures with the damage of each; None if the round was interrupted."""
         damaged: dict[str, str] = {}
         entries = [entry for entry in self._archive.index.list() if entry.state == SEALED_ENTRY]
         for entry in entries:
@@ -103,7 +103,7 @@ class Scrub:
     def _keep(self, damaged: Mapping[str, str]) -> None:
         self._store.put({KEY: {"ended_utc": iso_utc(self._clock.utc_now()), "damaged": dict(damaged)}})
 
-    def _tell(self, damaged: Mapping[str, str]) -> None:
+    def _report(self, damaged: Mapping[str, str]) -> None:
         there = {entry.id for entry in self._archive.index.list() if entry.state == SEALED_ENTRY}
         left = {capture_id: reason for capture_id, reason in damaged.items() if capture_id in there}
         if not left:
@@ -113,9 +113,9 @@ class Scrub:
         more = f"; and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
         self._faults.report(
             Cause.CAPTURE_CHANGED,
-            f"the disk has changed what it stores: {named}{more}",
+            f"the disk has altered stored data: {named}{more}",
             "copy these captures back from a backup, or delete them after exporting what is left; "
-            "check the disk (smartctl); grabberd storage verify tells all that is damaged",
+            "check the disk (smartctl); grabberd storage verify lists everything that is damaged",
         )
 
     def _run(self) -> None:
@@ -128,7 +128,7 @@ class Scrub:
             self._stopping.wait(LOOK_S)
 
     def _complain(self, failure: str) -> None:
-        """Logs a failure once, not every ten minutes for as long as it lasts."""
+        """Logs a failure once, not every ten minutes while it lasts."""
         if failure != self._failure:
             log.error("the captures cannot be verified: %s", failure)
         self._failure = failure

@@ -1,6 +1,6 @@
-"""The course of the wall's width of each capture, in few numbers, which tell captures apart at a glance.
+"""A short curve of the wall's width for each capture, by which captures can be recognised in a list.
 
-It is made when the capture is sealed or first asked for, and kept in the index.
+It is computed when the capture is sealed or first requested, and stored in the index.
 """
 
 import json
@@ -17,15 +17,15 @@ from grabberd.errors import GrabberdError, NotFound
 
 log = logging.getLogger(__name__)
 SPAN_S = 6.0
-"""Time that is looked at, in the middle of the capture: several pulsations, whatever its length."""
+"""Length of the curve, taken from the middle of the capture: several pulsations."""
 MOST = 60
-"""Widths of a course."""
+"""Maximum number of widths."""
 _EVERY = 5
-"""Fields from one number to the next: odd, so that both parities are seen."""
+"""Fields per width; odd, so that both parities are used."""
 
 
 class WidthCourses:
-    """Keeps them in the index.
+    """Computes the curves and stores them in the index.
 
     Args:
         archive: The captures.
@@ -36,13 +36,13 @@ class WidthCourses:
         self._sealed: deque[str] = deque()
 
     def of(self, capture_id: str) -> list[float | None]:
-        """Widths of a sealed capture in mm, ten a second from its middle; none where there are no points.
+        """Widths of a sealed capture in mm, ten a second, from its middle; empty without points.
 
         Raises:
             NotFound: No capture has that id.
-            Conflict: It is not sealed.
-            CaptureFileError: It cannot be read.
-            StorageError: It cannot be read now.
+            Conflict: The capture is not sealed.
+            CaptureFileError: The file is damaged.
+            StorageError: The file cannot be read now.
         """
         path = self._archive.sealed_path(capture_id)
         entry = self._archive.index.get(capture_id)
@@ -52,26 +52,26 @@ class WidthCourses:
         return check_widths(entry.widths)
 
     def sealed(self, capture_id: str) -> None:
-        """Takes note of a capture that is sealed: the next look makes its course."""
+        """Queues a sealed capture: the next `look` computes its curve."""
         self._sealed.append(capture_id)
 
     def look(self) -> None:
-        """Makes the courses of the captures that have been sealed; called once a second."""
+        """Computes the curves of queued captures; called once a second."""
         while self._sealed:
             try:
                 self.of(self._sealed.popleft())
-            except GrabberdError as error:  # deleted meanwhile, or damaged: whoever asks for it is told
+            except GrabberdError as error:  # deleted or damaged: a request for the capture will report it
                 log.info("a capture has no course of its width: %s", error.message)
 
     def _keep(self, entry: IndexEntry) -> None:
         try:
             self._archive.index.keep_widths(entry, entry.widths)
-        except GrabberdError as error:  # a full disk: it is made again for the next one who asks
+        except GrabberdError as error:  # a full disk: the curve is computed again for the next request
             log.info("the widths of capture %s are not kept: %s", entry.id, error.message)
 
 
 def width_course(path: Path) -> list[float | None]:
-    """Widths in mm between the outermost facing targets that are seen, ten a second; none without points.
+    """Widths in mm between the outermost visible facing targets, ten a second; empty without points.
 
     Raises:
         CaptureFileError: The file cannot be read.
@@ -95,7 +95,7 @@ def width_course(path: Path) -> list[float | None]:
 
 
 def _best(fields: list[list[SectionWidth]]) -> list[float | None]:
-    """Widths of the pair that most fields have, the outermost of several."""
+    """Widths of the pair that is visible in most fields, the outermost if there are several."""
     pairs = list(dict.fromkeys(one.targets for widths in fields for one in widths))
     courses = [[_of(widths, pair) for widths in fields] for pair in pairs]
     seen = [sum(width is not None for width in course) for course in courses]

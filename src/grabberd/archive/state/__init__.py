@@ -1,4 +1,4 @@
-"""State that outlives captures: their index, `state.sqlite`, stored calibrations and analyses, backups.
+"""State that outlives captures: their index, `state.sqlite`, stored calibrations, the job queue, backups.
 
-The index can be rebuilt from the capture files; all else here cannot.
+The index can be rebuilt from the capture files; everything else here cannot.
 """

@@ -1,4 +1,4 @@
-"""Backup of what cannot be rebuilt: `state.sqlite` and the stored calibrations, in one file with checksums.
+"""Backup of `state.sqlite` and the stored calibrations, which cannot be rebuilt, in one file with checksums.
 
 A backup is a ZIP file. Its `manifest.json` has the version of the format, the time, the program's version,
 and the SHA-256 of every other member: `state.sqlite` and `calibrations/ID/NAME`.
@@ -36,17 +36,17 @@ from grabberd.files.json_value import read_json
 
 SCHEMA, VERSION = "grabberd/backup", 1
 MANIFEST, STATE, CALIBRATIONS = "manifest.json", "state.sqlite", "calibrations"
-# A crash may have left it; beside the restored database, SQLite would play it back into that one.
+# A crash may have left a journal; SQLite would apply it to the restored database.
 JOURNAL = f"{STATE}-journal"
 REPLACED = "replaced-"
 LARGEST_MEMBER = 64 << 20
 LARGEST_BACKUP = 512 << 20
-"""Bytes of all members, and of the file."""
+"""Limit in bytes for all members together, and for the file."""
 MOST_MEMBERS = 10_000
 _MEMBER = re.compile(rf"{STATE}|{CALIBRATIONS}/[0-9A-Za-z_-]{{1,80}}/[0-9A-Za-z][0-9A-Za-z_.-]{{0,80}}")
 
 _NO_BACKUP = (
-    *(OSError, EOFError, RuntimeError, zlib.error, zipfile.BadZipFile),  # what zipfile raises for wrong bytes
+    *(OSError, EOFError, RuntimeError, zlib.error, zipfile.BadZipFile),  # raised by zipfile for damaged files
     *(ValueError, KeyError, TypeError, AttributeError),
 )
 
@@ -65,7 +65,7 @@ def back_up(directory: Path, out: Path, created_utc: str, version: str) -> Backu
     Args:
         directory: State directory.
         out: File to create, readable by its owner alone.
-        created_utc: Present time, ISO 8601.
+        created_utc: Present time in ISO 8601.
         version: Version of this program.
 
     Raises:
@@ -95,18 +95,18 @@ def back_up(directory: Path, out: Path, created_utc: str, version: str) -> Backu
 def restore(directory: Path, backup: Path, now: str) -> tuple[BackupInfo, Path | None]:
     """Replaces the state and the calibrations of a state directory with those of a backup.
 
-    What was there is kept in a folder `replaced-TIME` of the state directory. Captures stay as they are.
+    The previous state is kept in a folder `replaced-TIME` of the state directory. Captures are not affected.
 
     Args:
         directory: State directory that no daemon is using.
-        backup: Backup file, which is checked completely before anything is touched.
-        now: Present time in a form that can be part of a file name.
+        backup: Backup file, which is checked completely before anything is changed.
+        now: Present time in a form suitable for a file name.
 
     Returns:
-        What was restored, and the folder with what was replaced; None if there was nothing.
+        Contents of the backup, and the folder with the previous state; None if there was none.
 
     Raises:
-        InputError: The file is damaged, no backup, or of a later version.
+        InputError: The file is damaged, not a backup, or of a later version.
         StorageError: A daemon is using the directory, or it cannot be written.
     """
     manifest, members = _read(backup)
@@ -128,7 +128,7 @@ def restore(directory: Path, backup: Path, now: str) -> tuple[BackupInfo, Path |
 
 
 def _check_limits(out: Path, members: Mapping[str, bytes]) -> None:
-    """Refuses what could not be restored."""
+    """Refuses a backup that could not be restored."""
     sizes = [len(content) for content in members.values()]
     if len(sizes) > MOST_MEMBERS or max(sizes) > LARGEST_MEMBER or sum(sizes) > LARGEST_BACKUP:
         raise StorageError(
@@ -143,7 +143,7 @@ def _members(directory: Path) -> Iterator[tuple[str, bytes]]:
         yield STATE, _database(directory / STATE)
         for file in sorted((directory / CALIBRATIONS).glob("*/*")):
             name = file.relative_to(directory).as_posix()
-            if file.is_file() and _MEMBER.fullmatch(name):  # leaves out what a crash left half written
+            if file.is_file() and _MEMBER.fullmatch(name):  # skips files left incomplete by a crash
                 yield name, file.read_bytes()
 
 
@@ -168,7 +168,7 @@ def _write_zip(path: Path, members: Mapping[str, bytes]) -> None:
 
 
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Manifest and members, whose checksums are verified."""
+    """The manifest and the members, with verified checksums."""
     try:
         if path.stat().st_size > LARGEST_BACKUP:
             raise ValueError(f"it has more than {LARGEST_BACKUP} bytes")
@@ -203,9 +203,9 @@ def _members_of(archive: zipfile.ZipFile, names: Collection[str]) -> dict[str, b
 
 
 def _member(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
-    """Reads a member up to a limit, whatever length the archive states."""
+    """Reads a member up to a limit, regardless of its stated length."""
     if archive.getinfo(name).compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise ValueError(f"{name} is compressed in another way")  # LZMA takes as much memory as it states
+        raise ValueError(f"{name} is compressed by another method")  # LZMA allocates as much memory as stated
     with archive.open(name) as file:
         content = file.read(most + 1)
     if len(content) > most:
@@ -226,7 +226,7 @@ def _check_version(manifest: Mapping[str, Any], path: Path) -> None:
 
 def _check_state(content: bytes, backup: Path) -> None:
     """Checks that the database is intact, has the known tables and values, and is not of a later version."""
-    # The door for databases opens files alone; this one is the owner's, and gone before anything is touched.
+    # In a temporary file, because guarded databases are opened by path.
     with storage_errors(backup), tempfile.TemporaryDirectory(prefix="grabberd-restore-") as folder:
         state = Path(folder, STATE)
         state.write_bytes(content)
@@ -247,7 +247,7 @@ def _check_database(state: Path, backup: Path) -> None:
 
 
 def _check_content(connection: sqlite3.Connection) -> None:
-    """Checks every page, and the JSON texts that the daemon reads at its start."""
+    """Checks every page, and the JSON values that the daemon reads at its start."""
     whole = connection.execute("PRAGMA integrity_check").fetchone()[0]
     if whole != "ok":
         raise ValueError(whole)
@@ -264,13 +264,13 @@ def _write_members(folder: Path, members: Mapping[str, bytes]) -> None:
 
 
 def _forget_surroundings(state: Path) -> None:
-    """Drops what a state knows of its folder of captures and of its origin: both are others now."""
+    """Removes the id of the captures folder and the origin, which do not apply to the restored state."""
     with closing(sqlite3.connect(state)) as connection, connection:
         connection.execute("DELETE FROM settings WHERE key IN (?, ?)", (CAPTURES_FOLDER, ORIGIN))
 
 
 def _keep(directory: Path, folder: Path) -> Path | None:
-    """Moves the present state aside; links `state.sqlite` instead, so that there is one at any instant."""
+    """Moves the present state aside; `state.sqlite` is only linked, so that it exists at any time."""
     present = [name for name in (JOURNAL, STATE, CALIBRATIONS) if (directory / name).exists()]
     if not present:
         return None

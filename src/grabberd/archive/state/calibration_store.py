@@ -1,11 +1,11 @@
-"""Calibrations on disk: a folder each, which never changes.
+"""Calibrations on disk, each in a folder that never changes.
 
     ID/calibration.json    the document, byte for byte as it was stored
     ID/record.json         device, origin, note, the document's SHA-256
     ID/report.json         the report as a document, if it was made from a capture
     ID/report.html         the report as a page, if it could be drawn
 
-A folder is written under another name, synchronised and renamed, so it exists whole or not at all.
+A folder is written under a temporary name, synchronised and renamed, so it exists completely or not at all.
 """
 
 import hashlib
@@ -45,7 +45,7 @@ class CalibrationRecord:
 
     Attributes:
         device: Device that it belongs to.
-        origin: Made here from a capture, or imported.
+        origin: "capture" if it was made here, "import" otherwise.
         stored_utc: Time when it was stored, ISO 8601.
         note: Note for people.
         capture: Id of the capture it was made from, or None.
@@ -81,14 +81,14 @@ class CalibrationStore:
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory
-        # Keyed by time and size as well: a folder that was repaired by hand is read again.
+        # Keyed by time and size, too, so that a folder repaired by hand is read again.
         self._read = lru_cache(REMEMBERED)(lambda folder, mtime_ns, size: _read(folder))
 
     def open(self) -> None:
-        """Creates the folder, and removes what a crash left unfinished.
+        """Creates the folder, and removes unfinished calibrations left by a crash.
 
         Raises:
-            StorageError: It cannot be written.
+            StorageError: The folder cannot be written.
         """
         clear_scratch(self.directory)
 
@@ -100,18 +100,18 @@ class CalibrationStore:
         report: Mapping[str, Any] | None = None,
         page: str | None = None,
     ) -> Calibration:
-        """Stores a calibration for good, whole or not at all.
+        """Stores a calibration durably, completely or not at all.
 
         Args:
-            document: Calibration; its id becomes the folder's name.
+            document: The calibration; its id becomes the folder's name.
             record: Record to be stored beside it; the SHA-256 is filled in here.
-            report: Report of how it was made.
+            report: Report on how it was made.
             page: The report as HTML.
 
         Raises:
-            InputError: The document is no calibration, or its id cannot name a folder.
-            Conflict: A calibration of that id exists.
-            StorageError: It cannot be written, or does not read back as it was written.
+            InputError: The document is not a calibration, or its id is not a valid folder name.
+            Conflict: A calibration with that id already exists.
+            StorageError: The calibration cannot be written, or differs when read back.
         """
         calibration = Calibration.from_document(document)
         check_id(calibration.id)
@@ -134,7 +134,7 @@ class CalibrationStore:
         """A folder beside the calibrations, removed afterwards.
 
         Raises:
-            StorageError: It cannot be made.
+            StorageError: The folder cannot be created.
         """
         with storage_errors(self.directory):
             self.directory.mkdir(parents=True, exist_ok=True)
@@ -153,7 +153,7 @@ class CalibrationStore:
 
         Raises:
             NotFound: No calibration has that id.
-            StorageError: It is damaged.
+            StorageError: The calibration is damaged.
         """
         self._folder(calibration_id)
         entry = self._entry(calibration_id)
@@ -165,7 +165,7 @@ class CalibrationStore:
         return entry
 
     def made_by(self, job: str) -> str | None:
-        """Id of the calibration that a job has stored; None if it has stored none."""
+        """Id of the calibration stored by a job; None if it has stored none."""
         return next((entry.id for entry in self.list() if entry.record.job == job), None)
 
     def content(self, calibration_id: str) -> bytes:
@@ -208,7 +208,7 @@ class CalibrationStore:
             return StoredCalibration(name, problem=f"{getattr(error, 'strerror', None) or error}")
 
     def _publish(self, made: Path) -> None:
-        """Renames a finished folder; a rename never replaces a folder that is not empty."""
+        """Renames a finished folder; renaming never replaces a non-empty folder."""
         target = self.directory / made.name
         try:
             made.rename(target)
@@ -222,10 +222,10 @@ class CalibrationStore:
 
 
 def check_id(calibration_id: str) -> None:
-    """Checks that an id can be the name of a folder and part of a URL.
+    """Checks that an id can be used as a folder name and in URLs.
 
     Raises:
-        InputError: It cannot.
+        InputError: The id is invalid.
     """
     if not ID.fullmatch(calibration_id):
         raise InputError(
@@ -235,7 +235,7 @@ def check_id(calibration_id: str) -> None:
 
 
 def moment_of(created_utc: str) -> datetime:
-    """The time in a calibration's `created_utc`; UTC if it names no zone."""
+    """The time in a calibration's `created_utc`; UTC if it has no zone."""
     moment = datetime.fromisoformat(created_utc)
     return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
 
@@ -274,7 +274,7 @@ def _write_folder(folder: Path, files: Mapping[str, bytes | None]) -> None:
 
 
 def _read_back(folder: Path, files: Mapping[str, bytes | None]) -> None:
-    """Reads a folder as those who ask for it do: the page as HTML, the calibration to measure with."""
+    """Checks a folder as it will be read later: the files, and the calibration as a whole."""
     for name, content in files.items():
         if content is not None:
             check_file(folder / name, text_check(content.decode()), name)

@@ -1,6 +1,6 @@
-"""An index of captures, which can be rebuilt from their files at any time.
+"""The index of captures, which can be rebuilt from their files at any time.
 
-While the daemon runs, it is rebuilt whenever it is found missing or damaged.
+A running daemon rebuilds it whenever it is found missing or damaged.
 """
 
 import builtins
@@ -40,7 +40,7 @@ _MARKS = ", ".join("?" for _ in IndexEntry._fields)
 _INSERT = f"INSERT OR REPLACE INTO captures VALUES ({_MARKS})"  # noqa: S608 - marks
 _NOTHING = nullcontext()
 _AT_ONCE = 500
-"""Captures that one statement asks for."""
+"""Maximum number of captures per statement."""
 
 VERSION = 4
 _TABLE = """
@@ -54,29 +54,29 @@ CREATE TABLE captures (
 CREATE INDEX newest ON captures (created_utc DESC);
 """
 PATIENCE_S = 2.0
-"""How long a request waits for the index; a thousand captures are read in about a second."""
+"""Time for which a request waits for a rebuild; a thousand captures take about a second."""
 PAUSE_S = 10.0
-"""Time between two attempts: each reads every capture file."""
+"""Pause between two attempts, each of which reads every capture file."""
 
 
 class Unusable(Exception):
-    """The index is missing or damaged: it has to be rebuilt."""
+    """The index is missing or damaged and has to be rebuilt."""
 
 
 class CaptureIndex:
     """`index.sqlite` beside the captures; each call has its own connection, so any thread may call.
 
-    Captures that could not be entered because the disk was full are entered as soon as there is room.
+    Captures that could not be added because the disk was full are added as soon as there is space.
 
     Args:
         directory: Folder of the captures.
-        check: Raises StorageError while the folder is not there.
-        heal: Rebuilds an index that is missing or damaged, or raises StorageError; by default at once.
-        read_entries: Reads the entries of files, in order, whatever they hold.
+        check: Raises StorageError while the folder is missing.
+        heal: Rebuilds a missing or damaged index, or raises StorageError; by default at once.
+        read_entries: Reads the entries of files, in order, also of damaged ones.
+        changed: Called with the id of a capture whose entry has changed, or None for all.
 
     Attributes:
-        read: While it is rebuilt, how many captures have been read, and of how many.
-        changed: Called with the id of a capture whose entry has changed, or None for all.
+        read: Progress of a rebuild: number of captures read, and of captures to read.
     """
 
     def __init__(
@@ -85,11 +85,12 @@ class CaptureIndex:
         check: Callable[[], None] = lambda: None,
         heal: Callable[[Unusable], None] | None = None,
         read_entries: Callable[[Sequence[Path]], Iterable[Reading]] = read_entries,
+        changed: Callable[[str | None], None] = lambda capture_id: None,
     ) -> None:
         self.directory = directory
         self.path = directory / "index.sqlite"
         self.read = (0, 0)
-        self.changed: Callable[[str | None], None] = lambda _: None
+        self._changed = changed
         self._check = check
         self._heal = heal or (lambda _: self.rebuild(anew=True))
         self._read_entries = read_entries
@@ -98,14 +99,14 @@ class CaptureIndex:
         self._rebuilding = False
 
     def rebuild(self, unsealed: Iterable[Path] = (), *, anew: bool = False) -> None:
-        """Rebuilds the index from the capture files; those that cannot be read are set aside as damaged.
+        """Rebuilds the index from the capture files; unreadable ones are set aside as damaged.
 
-        Files that are as the old index has them, if that can be read, are not opened again. Captures that
-        end meanwhile are entered afterwards.
+        Files that are unchanged according to the old index are not opened again. Captures that end meanwhile
+        are added afterwards.
 
         Args:
-            unsealed: `.grab.part` files that nobody writes and that could not be sealed.
-            anew: True if the old index is not to be believed.
+            unsealed: `.grab.part` files that could not be sealed.
+            anew: True if the old index must not be used.
 
         Raises:
             StorageError: The index cannot be written.
@@ -117,13 +118,13 @@ class CaptureIndex:
                 self._publish([one for one in entries if os.path.lexists(self.directory / one.file)])
         finally:
             self._rebuilding = False
-        self.changed(None)
+        self._changed(None)
 
     def add(self, path: Path) -> None:
-        """Enters a sealed capture, as damaged if it cannot be read.
+        """Adds a sealed capture, as damaged if it cannot be read.
 
         Raises:
-            StorageError: The index cannot be written now; the capture is entered later.
+            StorageError: The index cannot be written now; the capture is added later.
         """
         self._kept_out.add(path)
         self._enter_kept_out()
@@ -133,10 +134,10 @@ class CaptureIndex:
         self._change(
             lambda connection: connection.execute("DELETE FROM captures WHERE id = ?", (capture_id,))
         )
-        self.changed(capture_id)
+        self._changed(capture_id)
 
     def keep_widths(self, known: IndexEntry, widths: str) -> None:
-        """Keeps the course of the wall's width, unless the file's entry has been read anew since."""
+        """Stores the curve of the wall's width, unless the file's entry has been updated since."""
         change = "UPDATE captures SET widths = ? WHERE id = ? AND changed_ns = ?"
         self._change(
             lambda connection: connection.execute(change, (widths, known.id, known.changed_ns)).fetchall()
@@ -147,7 +148,7 @@ class CaptureIndex:
         return self._select("ORDER BY created_utc DESC, id DESC")
 
     def damaged(self) -> "builtins.list[IndexEntry]":
-        """Captures that cannot be read, newest first."""
+        """Unreadable captures, newest first."""
         return self._select("WHERE state = ? ORDER BY created_utc DESC, id DESC", DAMAGED_ENTRY)
 
     def page(self, after: tuple[str, str] | None, limit: int) -> "builtins.list[IndexEntry]":
@@ -168,14 +169,14 @@ class CaptureIndex:
         return found[0]
 
     def some(self, ids: Sequence[str]) -> "builtins.list[IndexEntry]":
-        """Those of some captures that there are, in any order."""
+        """The captures with these ids that exist, in any order."""
         parts = (ids[first : first + _AT_ONCE] for first in range(0, len(ids), _AT_ONCE))
         found = (self._select(f"WHERE id IN ({', '.join('?' * len(part))})", *part) for part in parts)
         return [entry for entries in found for entry in entries]
 
     def with_prefix(self, text: str) -> "builtins.list[IndexEntry]":
         """Captures whose id begins with `text`, sorted by id."""
-        # Not LIKE, in which the _ and % of an id stand for any letters.
+        # Not LIKE, in which _ and % are wildcards.
         return self._select("WHERE substr(id, 1, ?) = ? ORDER BY id", len(text), text)
 
     def _entries(self, unsealed: Iterable[Path], known: Mapping[str, IndexEntry]) -> Iterator[IndexEntry]:
@@ -188,12 +189,12 @@ class CaptureIndex:
             self.read = (len(kept) + number, len(sealed))
             if not (reading.is_damage and _set_aside(reading)):
                 yield reading.entry
-        # Last: files that could not be read have only now been set aside.
+        # Last, because unreadable files have been set aside above.
         aside = self._named((self.directory / DAMAGED).glob("*"))
         yield from (aside_entry(path) for path in aside if path.name.endswith(CAPTURES))
 
     def _known(self) -> dict[str, IndexEntry]:
-        """Entries of the index as it is, by file; none where it cannot be used."""
+        """Entries of the present index, by file; empty if it cannot be used."""
         try:
             entries = self._attempt(lambda connection: _entries_of(connection, "SELECT * FROM captures"))
         except (Unusable, StorageError):
@@ -205,7 +206,7 @@ class CaptureIndex:
         return sorted(plain for path in paths if (plain := plainly_named(path)) is not None)
 
     def _publish(self, entries: Iterable[IndexEntry]) -> None:
-        """Replaces the index by a new one, complete or not at all."""
+        """Replaces the index by a new one, completely or not at all."""
         new = self.path.with_name(f".{self.path.name}{PART}")
         with storage_errors(self.path):
             _forget(new)
@@ -213,12 +214,12 @@ class CaptureIndex:
                 connection.executescript(_TABLE + f"PRAGMA user_version = {VERSION};")
                 with connection:
                     connection.executemany(_INSERT, entries)
-            # A journal that was left beside the old one would be played back into the new.
+            # A journal of the old index would be applied to the new one.
             self.path.with_name(self.path.name + JOURNAL).unlink(missing_ok=True)
             os.replace(new, self.path)
 
     def _select(self, which: str, *values: object) -> "builtins.list[IndexEntry]":
-        """Captures by the rest of a query, after those that could not be entered before."""
+        """Captures selected by a clause, after adding those that could not be added before."""
         if self._kept_out:
             with suppress(StorageError):
                 self._enter_kept_out()
@@ -226,7 +227,7 @@ class CaptureIndex:
         return self._use(lambda connection: _entries_of(connection, query, *values))
 
     def _enter_kept_out(self) -> None:
-        # One that has begun may have missed their files, and will replace what is written into the index now.
+        # A running rebuild may have missed these files, and would overwrite what is written to the index now.
         if self._rebuilding:
             return
         paths = sorted(self._kept_out)
@@ -234,16 +235,16 @@ class CaptureIndex:
         self._change(lambda connection: connection.executemany(_INSERT, entries))
         self._kept_out.difference_update(paths)
         for entry in entries:
-            self.changed(entry.id)
+            self._changed(entry.id)
 
     def _change(self, act: Callable[[sqlite3.Connection], object]) -> None:
-        """Changes the index, but not while a new one takes its place."""
+        """Changes the index, but not while it is being replaced."""
         self._use(act, self._changing)
 
     def _use(
         self, act: Callable[[sqlite3.Connection], T], held: AbstractContextManager[object] = _NOTHING
     ) -> T:
-        """Acts in one transaction, once more if the index had to be rebuilt first."""
+        """Runs `act` in a transaction, and again if the index had to be rebuilt first."""
         self._check()
         try:
             with held:
@@ -295,7 +296,7 @@ def _entry(row: tuple[Any, ...]) -> IndexEntry:
 
 
 def _set_aside(reading: Reading) -> bool:
-    """Sets a damaged file aside; False if it stays where it is."""
+    """Sets a damaged file aside; returns False if that fails."""
     try:
         set_aside(reading.path, reading.entry.reason)
     except StorageError:
@@ -309,16 +310,16 @@ def _forget(database: Path) -> None:
 
 
 class IndexKeeper:
-    """Rebuilds in a thread of its own, one at a time; requests that come meanwhile wait a moment.
+    """Rebuilds the index in a separate thread; requests wait for it for a short time.
 
     Args:
         index: The index.
-        unsealed: Returns the `.grab.part` files that nobody writes and that could not be sealed.
-        faults: Where it is told.
+        unsealed: Returns the `.grab.part` files that could not be sealed.
+        faults: Board for reporting rebuilds and failures.
         now_s: Source of monotonic time.
 
     Attributes:
-        rebuilt: How often it has been rebuilt since the start.
+        rebuilt: Number of rebuilds since the start.
     """
 
     def __init__(
@@ -342,8 +343,8 @@ class IndexKeeper:
         """Returns when the index has been rebuilt.
 
         Raises:
-            IndexRebuilding: That takes longer.
-            StorageError: It has failed, a moment ago or now.
+            IndexRebuilding: The rebuild takes longer than `patience_s`.
+            StorageError: The rebuild has failed, now or within the last `PAUSE_S`.
         """
         done = self._started(reason)
         if not done.wait(patience_s):

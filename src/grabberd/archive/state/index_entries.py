@@ -1,6 +1,6 @@
-"""Entries of the index: what a list of captures shows of each file.
+"""Entries of the index: the properties of each file that lists of captures show.
 
-They are read in a process of its own, which is killed where a file holds it up.
+They are read in a separate process, which is killed if a file makes it hang.
 """
 
 import json
@@ -22,7 +22,7 @@ from grabberd.work.process import HOSTILE, ask_each
 
 SEALED_ENTRY, DAMAGED_ENTRY = "sealed", "damaged"
 CAPTURES = (SUFFIX, SUFFIX + PART)
-"""Endings of the files that are listed."""
+"""Suffixes of listed files."""
 LONGEST_REASON = 1000
 
 
@@ -35,14 +35,14 @@ class IndexEntry(NamedTuple):
         note: Note in the file, for searching.
         labels: Labels in the file as a JSON object, for searching.
         reason: Why it is damaged; empty if it is not.
-        size_bytes: Size of the file when it was read, and `changed_ns`, when it, its name or its rights had
-            last been changed, which nobody can set; −1 if it is read again each time.
+        size_bytes: Size of the file when it was read; −1 if it must be read again each time.
+        changed_ns: Its change time (ctime) then, which programs cannot set; −1 likewise.
         verdict: "complete" or "incomplete"; empty if it is damaged.
-        length: Number of fields that should have come, and `losses`, of those that did not; −1 if unknown.
+        length: Number of expected fields, and `losses`, of those not received; −1 if unknown.
         runs: Number of runs.
         calibration: Id of the calibration of the newest run; empty if there is none.
-        widths: Course of the wall's width as a JSON list, see `archive.export.width_course`; empty until
-            somebody has asked for it.
+        widths: Curve of the wall's width as a JSON list, see `catalogue.width_courses`; empty until it is
+            first requested.
     """
 
     id: str
@@ -63,8 +63,8 @@ class IndexEntry(NamedTuple):
     widths: str = ""
 
     def still_holds(self, path: Path) -> bool:
-        """True if the file need not be read again: same name, size and time of its last change."""
-        # One whose id is not its name may be a copy: which of them has the id depends on all files.
+        """True if the file need not be read again: its name, size and change time are the same."""
+        # A file whose id is not its name may be a copy: which of them gets the id depends on all files.
         if self.state != SEALED_ENTRY or path.name != f"{self.id}{SUFFIX}":
             return False
         try:
@@ -75,15 +75,15 @@ class IndexEntry(NamedTuple):
 
 
 def check_entry(entry: IndexEntry) -> None:
-    """Checks an entry that was read from the index: a forged one could name any file, to be sent or deleted.
+    """Checks an entry from the index: a forged one could name any file, to be downloaded or deleted.
 
     Raises:
-        ValueError: It is none that this program writes.
+        ValueError: The entry is invalid.
     """
     if not all(isinstance(text, str) for text in (*entry[:8], entry.verdict, *entry[-2:])):
-        raise ValueError("an entry has what is no text")
+        raise ValueError("an entry has a value that is not text")
     if not all(isinstance(number, int) for number in (entry.length, entry.losses, entry.runs)):
-        raise ValueError("an entry has what is no number")
+        raise ValueError("an entry has a value that is not a number")
     name = entry.file.removeprefix(f"{DAMAGED}/")
     if not is_plain(name) or "/" in name or not name.endswith(CAPTURES):
         raise ValueError(f"it names the file {entry.file!r}")
@@ -98,19 +98,19 @@ def check_entry(entry: IndexEntry) -> None:
 
 
 def check_widths(text: str) -> list[float | None]:
-    """The course of the wall's width in an entry; none where there is no text.
+    """Parses the curve of the wall's width in an entry; empty for an empty text.
 
     Raises:
-        ValueError: It is no list of numbers.
+        ValueError: The text is not a list of numbers.
     """
     widths = read_json(text) if text else []
     if not isinstance(widths, list) or not all(isinstance(width, float | int | None) for width in widths):
-        raise ValueError("the widths of an entry are none")
+        raise ValueError("the widths of an entry are invalid")
     return widths
 
 
 def entry_of(path: Path) -> IndexEntry:
-    """A capture file's entry; one that cannot be read is damaged, with its file's name as id."""
+    """A capture file's entry; an unreadable file is damaged, with its name as id."""
     try:
         return sealed_entry(path)
     except (CaptureFileError, StorageError) as error:
@@ -118,14 +118,14 @@ def entry_of(path: Path) -> IndexEntry:
 
 
 def sealed_entry(path: Path) -> IndexEntry:
-    """Entry of a file that can be read.
+    """Entry of a readable file.
 
     Raises:
-        CaptureFileError: It is damaged.
-        StorageError: It cannot be read now.
+        CaptureFileError: The file is damaged.
+        StorageError: The file cannot be read now.
     """
     with storage_errors(path):
-        found = path.lstat()  # before it is read: what changes meanwhile is read again
+        found = path.lstat()  # before reading, so that a file that changes meanwhile is read again
     with CaptureReader(path) as reader:
         meta = reader.meta
         entry = IndexEntry(
@@ -144,7 +144,7 @@ def sealed_entry(path: Path) -> IndexEntry:
             runs=reader.run_count,
             calibration=reader.calibration_id,
         )
-    # Here, and not where it is read from the index, which would be made again and again because of it.
+    # Checked before it enters the index, which would otherwise be rebuilt again and again because of it.
     try:
         check_entry(entry)
     except ValueError as error:
@@ -153,7 +153,7 @@ def sealed_entry(path: Path) -> IndexEntry:
 
 
 def damaged_entry(path: Path, reason: str) -> IndexEntry:
-    """Entry of a file that cannot be read."""
+    """Entry of an unreadable file."""
     folder = f"{DAMAGED}/" if path.parent.name == DAMAGED else ""
     short = reason[:LONGEST_REASON]
     name = path.name.split(".")[0] or path.name
@@ -161,7 +161,7 @@ def damaged_entry(path: Path, reason: str) -> IndexEntry:
 
 
 def aside_entry(path: Path) -> IndexEntry:
-    """Entry of a file in the folder `damaged`, by the reason beside it."""
+    """Entry of a file in the folder `damaged`, with the reason stored beside it."""
     try:
         with reason_of(path).open(encoding="utf-8", errors="replace") as file:
             reason = file.read(LONGEST_REASON).strip()
@@ -180,18 +180,18 @@ def distinct(entries: Iterable[IndexEntry]) -> Iterator[IndexEntry]:
 
 
 LONGEST_S = 30.0
-"""Time for one file, of which only some rows are read; a disk that has to spin up takes ten seconds."""
+"""Time limit for one file, of which only some rows are read; a disk may need ten seconds to spin up."""
 READ = f"{__name__}:read_entry"
 """The function that the process calls."""
 
 
 class Reading(NamedTuple):
-    """Outcome of reading a file.
+    """Result of reading a file.
 
     Attributes:
         path: The file.
         entry: Its entry.
-        is_damage: True if its content is to blame, and no later version, lock or disk.
+        is_damage: True if its content is damaged; False for a later version, a lock or a failing disk.
     """
 
     path: Path
@@ -204,7 +204,7 @@ def read_entries(paths: Iterable[Path], longest_s: float = LONGEST_S) -> Iterato
 
     Args:
         paths: The files.
-        longest_s: Time for each of them.
+        longest_s: Time limit for each.
 
     Raises:
         StorageError: No process can be started.
@@ -219,9 +219,9 @@ def read_entries(paths: Iterable[Path], longest_s: float = LONGEST_S) -> Iterato
 
 
 def read_entry(path: Path, longest_s: float) -> list[Any]:
-    """The entry of a file, after whether its content is to blame; called in a process of its own."""
+    """`is_damage` and the entry of a file; called in the separate process."""
     try:
-        # Half the time: a statement that is too long ends by itself, with a reason.
+        # Half of the time limit, so that a slow statement is interrupted with a reason.
         with within(Patience(monotonic() + longest_s / 2)):
             return [False, *sealed_entry(path)]
     except (LaterVersion, ReadingGivenUp, StorageError) as error:  # the file itself may be sound

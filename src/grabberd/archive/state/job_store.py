@@ -1,10 +1,10 @@
-"""The jobs on disk, in a database of their own: what is asked for outlives the daemon, however that ends.
+"""The jobs on disk, in their own database, so that they survive any end of the daemon.
 
     jobs/queue.sqlite           the jobs, and which captures could not be analysed and why
     jobs/queue.sqlite.damaged-… one that was damaged, kept as it was found
 
-It is no part of `state.sqlite` and of no backup: a queue that is restored would do again what is long done. A
-file that is damaged is set aside, and an empty queue begins.
+It is not part of `state.sqlite` or of any backup: a restored queue would repeat jobs that are long done. A
+damaged file is set aside and replaced by an empty queue.
 """
 
 import sqlite3
@@ -31,37 +31,38 @@ MIGRATIONS: Migrations = (
             capture TEXT PRIMARY KEY, state TEXT NOT NULL, problem TEXT NOT NULL) WITHOUT ROWID""",
     ),
 )
-"""As those of `state.sqlite`."""
+"""Like those of `state.sqlite`."""
 _COLUMNS = 11
 
 
 class JobStore(StateDatabase):
-    """The table of jobs in `queue.sqlite`, and that of captures that could not be analysed.
+    """The tables in `queue.sqlite`: the jobs, and the captures that could not be analysed.
 
     Args:
         directory: State directory.
-
-    Attributes:
-        lost: Called with what was lost and where it is kept, after a damaged file was set aside.
     """
 
     migrations: ClassVar[Migrations] = MIGRATIONS
 
     def __init__(self, directory: Path) -> None:
         super().__init__(directory / FOLDER / QUEUE, self._start_anew)
-        self.lost: Callable[[str], None] = lambda _: None
+        self._lost: Callable[[str], None] = lambda what: None
 
     @property
     def folder(self) -> Path:
         """Folder of the queue."""
         return self.path.parent
 
-    def open(self) -> None:
-        """Opens the queue, an empty one in place of one that is damaged.
+    def open(self, lost: Callable[[str], None] = lambda what: None) -> None:
+        """Opens the queue; a damaged one is set aside and replaced by an empty one, now or later.
+
+        Args:
+            lost: Called with what was lost and where it is kept, whenever a damaged queue was set aside.
 
         Raises:
             StorageError: It cannot be read or written now.
         """
+        self._lost = lost
         if (reason := self._damage()) is not None:
             self._start_anew(reason)
         super().open()
@@ -80,12 +81,12 @@ class JobStore(StateDatabase):
     def put(
         self, *jobs: StoredJob, unanalysed: Iterable[Unanalysed] = (), analysed: Iterable[str] = ()
     ) -> None:
-        """Writes jobs as they now stand, with what follows for their captures: all of it, or nothing.
+        """Writes the present state of jobs and the consequences for captures, all in one transaction.
 
         Args:
-            jobs: The jobs; each takes the place of the row of its number.
+            jobs: The jobs; each replaces the row with its number.
             unanalysed: Captures that could not be analysed.
-            analysed: Captures of which nothing of the kind is to be known any longer.
+            analysed: Captures for which such a record is removed.
         """
         marks = ", ".join("?" * _COLUMNS)
         with self.transaction() as connection:
@@ -94,16 +95,16 @@ class JobStore(StateDatabase):
             connection.executemany("INSERT OR REPLACE INTO unanalysed VALUES (?, ?, ?)", unanalysed)
 
     def remove(self, numbers: Iterable[int]) -> None:
-        """Forgets jobs."""
+        """Removes jobs."""
         with self.transaction() as connection:
             connection.executemany("DELETE FROM jobs WHERE number = ?", [(one,) for one in numbers])
 
     def forget_capture(self, capture_id: str) -> None:
-        """Forgets that a capture could not be analysed."""
+        """Removes the record that a capture could not be analysed."""
         self.execute("DELETE FROM unanalysed WHERE capture = ?", capture_id)
 
     def _damage(self) -> str | None:
-        """Reason why the file cannot be used; None if it can, or there is none yet."""
+        """Reason why the file cannot be used; None if it can, or does not exist yet."""
         if not self.path.exists() or not self.path.stat().st_size:
             return None
         try:
@@ -121,8 +122,8 @@ class JobStore(StateDatabase):
             raise StorageError(f"{QUEUE} cannot be read: {error}", "fix the disk, or its rights") from error
 
     def _start_anew(self, reason: str) -> None:
-        """Sets the file aside and begins an empty queue."""
-        aside = set_aside(self.path, datetime.now(UTC))  # the wall clock dates the file's name alone
+        """Sets the file aside and starts an empty queue."""
+        aside = set_aside(self.path, datetime.now(UTC))  # the wall clock is only used for the file's name
         super().open()
         kept = f"; it is kept as {aside}" if aside else ""
-        self.lost(f"{FOLDER}/{QUEUE} could not be used ({reason}){kept}")
+        self._lost(f"{FOLDER}/{QUEUE} could not be used ({reason}){kept}")

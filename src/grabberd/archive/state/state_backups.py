@@ -1,7 +1,7 @@
-"""Backups of `state.sqlite` that the daemon makes by itself, and the recovery of a damaged state from them.
+"""Automatic backups of `state.sqlite`, and recovery of a damaged state from them.
 
-They lie beside it in the folder `backups`, the newest three: `state-TIME.tokens-COUNT.sqlite`. Each was
-intact when it was written. The count survives damage of the backup: it tells whether anybody was let in.
+The newest three are kept beside it in the folder `backups`: `state-TIME.tokens-COUNT.sqlite`. Each was intact
+when it was written. The count, which survives damage of the backup, shows whether access required a token.
 """
 
 import hashlib
@@ -33,15 +33,15 @@ from grabberd.files.disk import OWNER_ONLY, is_damaged, storage_errors, sync_dir
 STATE, FOLDER = "state.sqlite", "backups"
 KEPT = 3
 CAPTURES_FOLDER = "captures_folder"
-"""Key of the settings: id of the folder of captures."""
+"""Key of the settings: id of the captures folder."""
 ORIGIN = "origin"
-"""Key of the settings: where the state comes from, unless it has just been kept."""
+"""Key of the settings: origin of a recovered state that was not accepted yet."""
 _NAME = re.compile(r"state-(\d{8}T\d{12}Z)\.tokens-(\d+)\.sqlite")
 _MATTERS = ("settings", "tokens", "annotations")
 
 
 class Backup(NamedTuple):
-    """One backup, by its name: when it was made, and how many tokens there were."""
+    """A backup, with its time and number of tokens from its name."""
 
     path: Path
     made: datetime
@@ -49,12 +49,12 @@ class Backup(NamedTuple):
 
 
 class Origin(NamedTuple):
-    """The origin of a state that is not the one of before.
+    """Origin of a recovered state.
 
     Attributes:
-        at_utc: When it was put in place.
-        from_utc: When the backup was made that it comes from; None: there was no good one, everything is new.
-        aside: Name of the damaged file; None if it was gone.
+        at_utc: Time of the recovery.
+        from_utc: Time of the backup that was used; None if there was no good one, so the state is new.
+        aside: Name of the damaged file; None if it was missing.
         reason: What was wrong with it.
     """
 
@@ -65,7 +65,7 @@ class Origin(NamedTuple):
 
 
 class StateBackups:
-    """The backups of one state directory, for one thread of the program that has locked the directory."""
+    """The backups of one state directory; used by one thread of the program that has locked it."""
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory
@@ -74,7 +74,7 @@ class StateBackups:
         self._digest: bytes | None = None
 
     def backups(self) -> list[Backup]:
-        """All backups, newest first, also damaged ones."""
+        """All backups, newest first, including damaged ones."""
         with storage_errors(self.folder):
             names = sorted((path.name for path in self.folder.glob("*")), reverse=True)
         found = ((name, _NAME.fullmatch(name)) for name in names)
@@ -85,14 +85,14 @@ class StateBackups:
         ]
 
     def back_up(self, now: datetime, *, always: bool = False) -> bool:
-        """Backs the state up if what matters in it has changed since the last time; returns True if it did.
+        """Backs up the state if settings, tokens or annotations have changed, or `always`.
 
-        Settings, tokens and annotations matter; `always`: whatever has changed. Backups with a token that has
-        been removed since are deleted, so that no recovery makes it valid again.
+        Returns True if a backup was made. Backups with a token that has been removed since are deleted, so
+        that no recovery makes it valid again.
 
         Raises:
-            sqlite3.DatabaseError: The state is damaged; no backup was touched.
-            StorageError: It cannot be read or written now.
+            sqlite3.DatabaseError: The state is damaged; no backup was changed.
+            StorageError: The state cannot be read or written now.
         """
         copy = self._copy()
         with _opened(copy) as connection:
@@ -112,13 +112,13 @@ class StateBackups:
         return True
 
     def damage(self) -> str | None:
-        """Reason why the state cannot be used; None if it is intact, or there is none and never was.
+        """Reason why the state cannot be used; None if it is intact or has never existed.
 
         Raises:
-            StorageError: It cannot be read now, whatever is in it.
+            StorageError: The state cannot be read now.
         """
         if not self.path.exists() or not self.path.stat().st_size:
-            # A first start may have been cut off before anything was written.
+            # The first start may have been interrupted before anything was written.
             return "it is gone" if self._was_there() else None
         try:
             self._copy()
@@ -127,10 +127,10 @@ class StateBackups:
         return None
 
     def check(self) -> None:
-        """Checks that the state is intact, so that nobody begins a new one in place of one that is gone.
+        """Checks that the state is intact, so that a lost state is not silently replaced by a new one.
 
         Raises:
-            StorageError: It is not.
+            StorageError: The state is damaged or missing.
         """
         if (reason := self.damage()) is not None:
             raise StorageError(
@@ -139,9 +139,10 @@ class StateBackups:
             )
 
     def recover(self, reason: str, now: datetime) -> Origin:
-        """Puts the newest good backup in the place of a damaged state, or a new state if there is none.
+        """Replaces a damaged state with the newest good backup, or with a new state if there is none.
 
-        The damaged file is kept under a dated name. Sessions of browsers end: some may have ended since.
+        The damaged file is kept under a dated name. All browser sessions end, since some may have been ended
+        after the backup.
 
         Raises:
             StorageError: The disk cannot be read or written.
@@ -158,7 +159,7 @@ class StateBackups:
         state = StateStore(part)
         state.open()
         state.execute("DELETE FROM sessions")
-        # Of the newest by its name, damaged or not; where no backup tells, there may have been tokens.
+        # By the name of the newest backup, damaged or not; without any, there may have been tokens.
         guarded = {GUARDED: True} if not known or known[0].tokens else {}
         state.put({**guarded, ORIGIN: origin._asdict()})
         with storage_errors(self.path):
@@ -170,11 +171,11 @@ class StateBackups:
         return bool(self.backups()) or any(self.directory.glob(f"{STATE}.{ASIDE}*"))
 
     def _copy(self) -> bytes:
-        """The state at one moment, checked, even while it is being written.
+        """A consistent, checked copy of the state, even while it is being written.
 
         Raises:
-            sqlite3.DatabaseError: It is damaged.
-            StorageError: It cannot be read now.
+            sqlite3.DatabaseError: The state is damaged.
+            StorageError: The state cannot be read now.
         """
         try:
             content = copy_of(self.path, "rw")
@@ -186,7 +187,7 @@ class StateBackups:
         return content
 
     def _last_digest(self) -> bytes | None:
-        """Digest of the newest backup, None if that is damaged or there is none."""
+        """Digest of the newest backup; None if it is damaged or does not exist."""
         newest = self.backups()[:1]
         if self._digest is None and newest and (copy := _intact(newest[0].path)) is not None:
             with _opened(copy) as connection:
@@ -201,10 +202,10 @@ class StateBackups:
 
 
 def origin_of(state: StateDatabase) -> Origin | None:
-    """The origin of the state in use; None if it is the one of before, or was accepted.
+    """The origin of the state in use; None if it was never recovered, or was accepted.
 
     Raises:
-        StorageError: It cannot be read.
+        StorageError: The state cannot be read.
     """
     with state.errors():
         rows = state.execute("SELECT value FROM settings WHERE key = ?", ORIGIN)
@@ -212,7 +213,7 @@ def origin_of(state: StateDatabase) -> Origin | None:
 
 
 def accept_state(path: Path, captures: Path) -> list[str]:
-    """Accepts a recovered state, and a folder of captures that is another than before; returns what that was.
+    """Accepts a recovered state and a different captures folder; returns what was accepted, in words.
 
     Raises:
         StorageError: The state cannot be read or written.
@@ -250,7 +251,7 @@ def _check(content: bytes) -> None:
         found = connection.execute("PRAGMA integrity_check").fetchone()[0]
         if found != "ok":
             raise sqlite3.DatabaseError(found)
-        # A later version's is sound, and refused where it is opened.
+        # A state of a later version is intact; it is refused when it is opened.
         version = connection.execute("PRAGMA user_version").fetchone()[0]
         if version == 0:
             raise sqlite3.DatabaseError("it is empty")

@@ -1,7 +1,7 @@
-"""`state.sqlite`, which cannot be rebuilt from captures: its schema by versions, one transaction a call.
+"""`state.sqlite`, which cannot be rebuilt from captures: its schema by version, one transaction per call.
 
 Its stores: settings, annotations of captures (pins, notes, labels, marks), answers to requests that must take
-effect once however often they are sent, and summaries that await acknowledgement by a receiver.
+effect only once however often they are sent, and summaries that await acknowledgement by a receiver.
 """
 
 import json
@@ -52,19 +52,19 @@ MIGRATIONS: Migrations = (
     ),
     ("ALTER TABLE annotations ADD COLUMN marks TEXT",),
 )
-"""Entry n leads from version n to n + 1. Released entries never change; new ones are appended."""
+"""Entry n migrates from version n to n + 1. Released entries never change; new ones are appended."""
 TIMEOUT_S = 10.0
 STAMP = "%Y%m%dT%H%M%S%fZ"
-"""A moment in the name of a file."""
+"""Format of a time in a file name."""
 ASIDE = "damaged-"
-"""Before the moment, in the name of a database that was set aside."""
+"""Prefix of the time in the name of a database that was set aside."""
 
 
 def tables_of(version: int, migrations: Migrations = MIGRATIONS) -> str:
-    """The statements that make the tables of a version.
+    """The statements that create the tables of a version.
 
     Raises:
-        ValueError: No program of this name has written that version.
+        ValueError: The version does not exist.
     """
     if version not in range(1, len(migrations) + 1):
         raise ValueError(f"its version is {version}")
@@ -72,14 +72,14 @@ def tables_of(version: int, migrations: Migrations = MIGRATIONS) -> str:
 
 
 def copy_of(path: Path, mode: str) -> bytes:
-    """The content of a database at one moment, even while it is being written.
+    """A consistent copy of a database, even while it is being written.
 
     Args:
-        path: Its file.
-        mode: "rw" if what a crash left unfinished may be rolled back, else "ro".
+        path: The file.
+        mode: "rw" if an interrupted transaction may be rolled back, otherwise "ro".
 
     Raises:
-        sqlite3.Error: It is damaged, or cannot be read.
+        sqlite3.Error: The database is damaged, or cannot be read.
     """
     uri = f"{path.absolute().as_uri()}?mode={mode}"
     with closing(sqlite3.connect(uri, uri=True)) as source, closing(sqlite3.connect(":memory:")) as copy:
@@ -88,14 +88,14 @@ def copy_of(path: Path, mode: str) -> bytes:
 
 
 def set_aside(path: Path, now: datetime) -> str | None:
-    """Keeps a database and its journal under a dated name; returns the name, None if the file is gone.
+    """Renames a database and its journal to a dated name; returns the name, None if the file is missing.
 
     Raises:
-        StorageError: They cannot be renamed.
+        StorageError: The files cannot be renamed.
     """
     aside = path.with_name(f"{path.name}.{ASIDE}{now.astimezone(UTC):{STAMP}}")
     with storage_errors(path):
-        for end in (JOURNAL, ""):  # a journal beside another file would be played back into that one
+        for end in (JOURNAL, ""):  # a remaining journal would be applied to the next database
             if (there := path.with_name(path.name + end)).exists():
                 os.rename(there, aside.with_name(aside.name + end))
         sync_directory(path.parent)
@@ -103,19 +103,19 @@ def set_aside(path: Path, now: datetime) -> str | None:
 
 
 class StateDatabase:
-    """Access from any thread, and from other programs beside the daemon: each call has its own connection.
+    """A database for any thread, and for several programs: each call has its own connection.
 
-    The stores in `state.sqlite` are its subclasses; one in a file of its own has other migrations.
+    The stores in `state.sqlite` are subclasses; a store in another file has its own migrations.
 
     Args:
         path: The file.
-        heal: Recovers a file that seems to be damaged or gone, with the reason; None: that is an error.
+        heal: Recovers a file that seems damaged or missing, given the reason; None: that is an error.
 
     Attributes:
         migrations: The file's schema, version by version.
 
     Raises:
-        StorageError: From any method of theirs: the file cannot be read or written.
+        StorageError: From any method of a store: the file cannot be read or written.
     """
 
     migrations: ClassVar[Migrations] = MIGRATIONS
@@ -130,7 +130,7 @@ class StateDatabase:
         May be called again, and by several programs at once.
 
         Raises:
-            StorageError: it cannot be written, is damaged, or is of a later version.
+            StorageError: The file cannot be written, is damaged, or is of a later version.
         """
         with self.errors():
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -141,26 +141,26 @@ class StateDatabase:
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
-        """A connection and one transaction on it: all of it, or nothing.
+        """A connection with one transaction, which is rolled back on an error.
 
         Raises:
-            StorageError: the file cannot be used.
+            StorageError: The file cannot be used.
         """
         with self.errors(), closing(self._opened()) as connection, connection:
             yield connection
 
     def execute(self, statement: str, *values: Any) -> list[tuple[Any, ...]]:
-        """Runs one statement in a transaction of its own; returns its rows.
+        """Runs one statement in its own transaction; returns its rows.
 
         Raises:
-            StorageError: the file cannot be used.
+            StorageError: The file cannot be used.
         """
         with self.transaction() as connection:
             return connection.execute(statement, values).fetchall()
 
     @contextmanager
     def errors(self) -> Iterator[None]:
-        """Turns errors with the file into `StorageError`, whose text an operator can act on."""
+        """Translates errors with the file to `StorageError`, whose text an operator can act on."""
         try:
             yield
         except (sqlite3.Error, OSError, ValueError) as error:
@@ -174,7 +174,7 @@ class StateDatabase:
             ) from error
 
     def _opened(self) -> sqlite3.Connection:
-        """A connection to the file, which was recovered first if there was need."""
+        """A connection to the file, after recovering it if necessary."""
         try:
             return self._checked()
         except sqlite3.Error as error:
@@ -194,11 +194,10 @@ class StateDatabase:
         return connection
 
     def _connect(self) -> sqlite3.Connection:
-        # Without the mode, SQLite would create an empty file in place of one that is gone.
+        # Without the mode, SQLite would create an empty file if it is missing.
         uri = f"{self.path.absolute().as_uri()}?mode=rw"
         connection = sqlite3.connect(uri, uri=True, timeout=TIMEOUT_S)
-        # Off by default in SQLite, and a setting of the connection, not of the file: without it, the
-        # sessions of a removed token would stay valid.
+        # Off by default, and set per connection: without it, sessions of a removed token would stay valid.
         connection.execute("PRAGMA foreign_keys = ON")
         return connection
 
@@ -207,11 +206,11 @@ class StateDatabase:
 
 
 class _Empty(sqlite3.DatabaseError):
-    """The file has no content: it is not the one that was opened at the start."""
+    """The file is empty, so it is not the one that was opened at the start."""
 
 
 def _migrate(connection: sqlite3.Connection, path: Path, migrations: Migrations) -> None:
-    # The write lock comes before the version is read: another program may be migrating at this moment.
+    # The write lock is taken before the version is read: another program may be migrating right now.
     connection.execute("BEGIN IMMEDIATE")
     version = connection.execute("PRAGMA user_version").fetchone()[0]
     if version > len(migrations):
@@ -233,7 +232,7 @@ class StateStore(StateDatabase):
             return json.loads(rows[0][0]) if rows else None
 
     def put(self, values: Mapping[str, Any]) -> None:
-        """Writes some keys, all or none of them."""
+        """Writes keys, all or none of them."""
         rows = [(key, json.dumps(value, ensure_ascii=False)) for key, value in values.items()]
         with self.transaction() as connection:
             connection.executemany("INSERT OR REPLACE INTO settings VALUES (?, ?)", rows)
@@ -249,9 +248,9 @@ class Annotation:
 
     Attributes:
         pinned: True if retention must not remove the capture.
-        note: Note in place of the one in the file; None to leave that one.
-        labels: Labels in place of those in the file; None to leave those.
-        marks: Names of marked fields by their numbers.
+        note: Replacement for the note in the file; None to use that.
+        labels: Replacement for the labels in the file; None to use those.
+        marks: Names of marked fields, by number.
     """
 
     pinned: bool = False
@@ -267,7 +266,7 @@ class AnnotationStore(StateDatabase):
     """The annotations in `state.sqlite`."""
 
     def get(self, capture_id: str) -> Annotation:
-        """The annotation of a capture, an empty one if there is none."""
+        """The annotation of a capture; an empty one by default."""
         with self.errors():
             rows = self.execute(f"{_QUERY} WHERE capture = ?", capture_id)
             return _annotation(rows[0]) if rows else Annotation()
@@ -315,7 +314,7 @@ class IdempotencyStore(StateDatabase):
     """The keys in `state.sqlite`. Times are ISO 8601 UTC in one format: they sort as text."""
 
     def begin(self, key: str, digest: bytes, now_utc: str, oldest_utc: str) -> KeptAnswer | None:
-        """Stores a key and drops those older than `oldest_utc`; returns what was stored for it before."""
+        """Stores a key unless it exists, and drops keys older than `oldest_utc`; returns what was stored."""
         with self.transaction() as connection:
             connection.execute("DELETE FROM idempotency WHERE created_utc < ?", (oldest_utc,))
             row = connection.execute(
@@ -339,17 +338,17 @@ class IdempotencyStore(StateDatabase):
 
 
 class Outbox(StateDatabase):
-    """The captures entered in `state.sqlite`, each with its summary until that is acknowledged.
+    """Captures in `state.sqlite` whose summaries are to be sent, each kept until it is acknowledged.
 
-    An acknowledged capture stays entered without its summary, so that it is not sent again.
+    An acknowledged capture stays without its summary, so that it is not sent again.
     """
 
     def entered(self) -> set[str]:
-        """Ids of all captures that were entered and not forgotten."""
+        """Ids of all captures, acknowledged or not."""
         return {capture_id for (capture_id,) in self.execute("SELECT capture FROM outbox")}
 
     def enter(self, capture_id: str, summary: Mapping[str, Any]) -> None:
-        """Stores a summary until it is acknowledged; an earlier one of the capture is left as it is."""
+        """Stores a summary until it is acknowledged; does not replace an earlier one of the capture."""
         document = json.dumps(summary, ensure_ascii=False)
         self.execute("INSERT OR IGNORE INTO outbox VALUES (?, ?)", capture_id, document)
 
@@ -358,18 +357,18 @@ class Outbox(StateDatabase):
         return int(self.execute("SELECT count(*) FROM outbox WHERE summary IS NOT NULL")[0][0])
 
     def first(self) -> tuple[str, dict[str, Any]] | None:
-        """The first waiting capture by id, and its summary; None if none is waiting."""
+        """The first waiting capture, by id, and its summary; None if none is waiting."""
         query = "SELECT capture, summary FROM outbox WHERE summary IS NOT NULL ORDER BY capture LIMIT 1"
         return next(
             ((capture_id, json.loads(document)) for capture_id, document in self.execute(query)), None
         )
 
     def acknowledge(self, capture_id: str) -> None:
-        """Drops a summary that has arrived."""
+        """Drops a summary that was received."""
         self.execute("UPDATE outbox SET summary = NULL WHERE capture = ?", capture_id)
 
     def forget(self, captures: Collection[str]) -> None:
-        """Forgets captures that no longer exist, except those whose summary is waiting."""
+        """Removes captures that no longer exist, except those whose summary is waiting."""
         with self.transaction() as connection:
             connection.executemany(
                 "DELETE FROM outbox WHERE capture = ? AND summary IS NULL", [(one,) for one in captures]

@@ -1,4 +1,4 @@
-"""Keeps `state.sqlite`: backs it up by itself, and recovers it whenever it is damaged."""
+"""Backs up `state.sqlite` automatically, and recovers it whenever it is damaged."""
 
 import logging
 import sqlite3
@@ -17,7 +17,7 @@ from grabberd.files.disk import DirectoryLock
 log = logging.getLogger(__name__)
 
 ALWAYS_NS = 3600 * 10**9
-"""Interval after which the whole state is read, checked and backed up, changed or not."""
+"""Interval at which the whole state is read, checked and backed up, changed or not."""
 _ORIGINS = (Cause.SETTINGS_RESTORED, Cause.SETTINGS_LOST)
 
 
@@ -26,9 +26,9 @@ class StateKeeper:
 
     Args:
         directory: State directory; it is locked while it is open.
-        faults: Where damage is told.
+        faults: Board for reporting damage.
         clock: Source of time.
-        restored: Called after a recovery while the daemon runs: what is in force is to be stored again.
+        restored: Called after a recovery in a running daemon, to store active settings again.
 
     Attributes:
         backed_up: Number of backups made since the start.
@@ -55,10 +55,10 @@ class StateKeeper:
         self._origin: Origin | None = None
 
     def open(self) -> None:
-        """Locks the state directory and opens its database, recovered if it is damaged; safe twice.
+        """Locks the state directory and opens its database, recovering it if needed; may be called twice.
 
         Raises:
-            StorageError: Another program uses it, the disk is to blame, or a later version wrote it.
+            StorageError: Another program uses it, the disk fails, or a later version wrote it.
         """
         self._lock.acquire()
         with self._one:
@@ -72,15 +72,15 @@ class StateKeeper:
             self.look()
 
     def close(self) -> None:
-        """Backs up what has changed last, and lets other programs have the state directory."""
+        """Backs up the latest changes, and unlocks the state directory."""
         self.look()
         self._lock.release()
 
     def heal(self, reason: str) -> None:
-        """Recovers the state if it is really damaged; called by whoever finds it so.
+        """Recovers the state if it is really damaged; called by any store that finds it so.
 
         Raises:
-            StorageError: It cannot be recovered, or the state directory is gone.
+            StorageError: The state cannot be recovered, or the state directory is missing.
         """
         with self._one:
             self._check_in_place()
@@ -93,7 +93,7 @@ class StateKeeper:
             self._restored()
 
     def look(self) -> None:
-        """Backs the state up if it has changed, and recovers it if it is damaged; called now and then."""
+        """Backs up the state if it has changed, and recovers it if it is damaged; called periodically."""
         try:
             with self._one:
                 self._look()
@@ -103,7 +103,7 @@ class StateKeeper:
 
     @property
     def pins_known(self) -> bool:
-        """True unless the state is a recovered one that nobody has accepted: pins may be missing in it."""
+        """True unless the state was recovered and not accepted yet, so that pins may be missing."""
         return self._origin is None
 
     def _look(self) -> None:
@@ -152,10 +152,10 @@ class StateKeeper:
         return (found.st_ino, found.st_mtime_ns, found.st_size)
 
     def _check_in_place(self) -> None:
-        """Checks that the state directory is the one that is locked: nothing is recovered into another.
+        """Checks that the state directory is the locked one, so that nothing is recovered into another.
 
         Raises:
-            StorageError: It is not.
+            StorageError: The state directory is missing or a different one.
         """
         if not self._lock.in_place:
             raise StorageError(

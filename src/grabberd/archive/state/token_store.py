@@ -1,4 +1,4 @@
-"""Tokens and the browser sessions they were exchanged for: hashes only, never a secret."""
+"""Tokens and the browser sessions they were traded for: only hashes, never a secret."""
 
 from typing import NamedTuple
 
@@ -6,16 +6,16 @@ from grabberd.archive.state.state_database import StateDatabase
 from grabberd.errors import Conflict, NotFound
 
 GUARDED = "guarded"
-"""Key of the settings: tokens were lost, so nobody is let in without one until there is one again."""
+"""Key of the settings: tokens were lost, so access requires a token until a new one is added."""
 SESSIONS_A_TOKEN = 32
-"""Sessions per token; beyond it, the oldest end."""
+"""Maximum number of sessions per token; beyond it, the oldest end."""
 
 
 class TokenRow(NamedTuple):
-    """A token without its secret, and how many of its sessions have not ended.
+    """A token without its secret, with the number of its active sessions.
 
     Attributes:
-        expires_utc: None: valid until it is removed.
+        expires_utc: Expiry; None: valid until it is removed.
     """
 
     name: str
@@ -47,10 +47,10 @@ class TokenStore(StateDatabase):
     def add(
         self, name: str, role: str, token_hash: bytes, created_utc: str, expires_utc: str | None = None
     ) -> None:
-        """Stores a token, for good or until it expires.
+        """Stores a token.
 
         Raises:
-            Conflict: A token of that name exists.
+            Conflict: A token with that name already exists.
         """
         with self.transaction() as connection:
             if connection.execute("SELECT 1 FROM tokens WHERE name = ?", (name,)).fetchone():
@@ -83,7 +83,7 @@ class TokenStore(StateDatabase):
         return [TokenRow(*row) for row in self.execute(query, now_utc)]
 
     def guards(self) -> bool:
-        """True if there is any token, even an expired one, or there may have been some that were lost."""
+        """True if there is any token, even an expired one, or tokens may have been lost."""
         return bool(
             self.execute(
                 "SELECT 1 FROM tokens UNION ALL SELECT 1 FROM settings WHERE key = ? LIMIT 1", GUARDED
@@ -106,7 +106,7 @@ class TokenStore(StateDatabase):
         return self._holder(query, session_hash, now_utc)
 
     def add_session(self, session_hash: bytes, token: str, now_utc: str, expires_utc: str) -> None:
-        """Stores a session, and removes those that have ended.
+        """Stores a session, and removes expired ones.
 
         Raises:
             NotFound: The token has been removed.

@@ -1,10 +1,10 @@
 """From a grabber's buffers to numbered fields in the ring.
 
-`device` is the contract that every driver of a grabber implements; `discovery` finds drivers by name, and
-the devices that they can see. `numbering` works out which of the camera's fields a grabbed one is and what
-was lost before it, although timestamps jitter and drivers' counters cannot be trusted; `content_check` and
-`shifted_rows` look for damage and a missing signal in the picture itself. The `ring` holds the newest packed
-fields for several readers, none of which can hold up the capture; `standstill` tells why the program was
+`device` is the contract implemented by every grabber driver; `discovery` finds drivers by name, and the
+devices that they detect. `numbering` determines which of the camera's fields a grabbed one is and which were
+lost before it, although timestamps jitter and drivers' counters are unreliable; `content_check` and
+`shifted_rows` detect damage and a missing signal in the picture itself. The `ring` holds the newest packed
+fields for several readers, none of which can delay the capture; `standstill` finds out why the program was
 late. No threads are started here.
 """
 

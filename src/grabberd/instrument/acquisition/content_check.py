@@ -1,11 +1,11 @@
 """Content check of a live device's fields: grabbers deliver most damage without any error flag.
 
-It finds pictures that the chip draws when no camera is connected, rows left over from an earlier field, and
-rows shifted sideways (`shifted_rows`). A field is copied out of the driver's buffer, looked at and packed in
-one pass over its rows: by the compiled kernel if the installation has one, else by numpy, which finds the
-same. Recordings are not checked: their fields may legitimately repeat. A dark camera has noise of its own,
-with less contrast than snow, and counts as a picture; a row that repeats is stale only where it has enough
-noise for a match to mean anything, which is learned from the stream.
+It detects pictures drawn by the chip when no camera is connected, rows left over from an earlier field, and
+rows shifted sideways (`shifted_rows`). A field is copied out of the driver's buffer, checked and packed in
+one pass over its rows: by the compiled kernel if installed, else by numpy, with the same results. Recordings
+are not checked: their fields may legitimately repeat. A dark camera's noise has less contrast than snow and
+counts as a picture; a repeated row is stale only where it has enough noise for a match to be significant,
+which is learned from the stream.
 """
 
 import math
@@ -24,14 +24,14 @@ FLAT = "no signal: a flat picture"
 BARS = "no signal: bars"
 SNOW = "no signal: snow"
 KINDS = (None, FLAT, BARS, SNOW)
-"""By the number that the kernel gives them."""
+"""Indexed by the kernel's result."""
 _EDGE_ROWS = 4
 """Rows at the top and bottom that a chip may blank."""
 _SNOW_SIGMA = 25
 """Grey values; a dark camera stays well below."""
 _SNOW_CORRELATION = 0.1
 _SNOW_EVERY_ROW = _FEW = 16
-"""Sampling of rows: a sixteenth of the picture decides, so that a normal field costs next to nothing."""
+"""Sampling of rows: a sixteenth of the picture suffices, so that a normal field costs almost nothing."""
 
 
 def no_picture(rows: NDArray[np.uint8], hashes: NDArray[np.uint64]) -> str | None:
@@ -62,7 +62,7 @@ def _snow(rows: NDArray[np.uint8]) -> str | None:
     """Detect strong contrast that is uncorrelated from row to row."""
     lower = rows[_SNOW_EVERY_ROW::_SNOW_EVERY_ROW].ravel().astype(np.float64)
     count, total = len(lower), int(lower.sum())
-    # Whole numbers, so that the order of the sums is of no importance.
+    # Integers, so that the order of summation does not matter.
     variance = count * int(lower @ lower) - total**2
     if not count or variance < (_SNOW_SIGMA * count) ** 2:
         return None
@@ -76,9 +76,9 @@ def _snow(rows: NDArray[np.uint8]) -> str | None:
 
 
 REMEMBERED = 64
-"""Fields: with 32 buffers, a driver may hand out what it received up to 32 frames ago."""
+"""Fields: with 32 buffers, a driver may deliver data received up to 32 frames ago."""
 _LEARNED = 8
-"""Field pairs over which the least difference counts, so that one lively pair proves nothing."""
+"""Field pairs over which the least difference is taken, so that a single lively pair is not enough."""
 _EVIDENCE = 40
 """Pixel groups that should have differed: by chance all are equal less than once in e⁴⁰ fields."""
 
@@ -93,7 +93,7 @@ class StaleRows:
         words: Number of groups of eight pixels in a row.
 
     Attributes:
-        memory: Everything below in one array, as the kernel takes it.
+        memory: Everything below in one array, as expected by the kernel.
         hashes: (rows,) numbers of the newest field's rows; equal rows have equal numbers.
         differing: (rows,) number of words in which it differs from the last good field of its parity.
     """
@@ -115,7 +115,7 @@ class StaleRows:
 
     @property
     def place(self) -> int:
-        """Index of the next field among those remembered."""
+        """Index of the next field in the memory."""
         return self._fields % REMEMBERED
 
     def hash(self, words: Words) -> None:
@@ -129,8 +129,8 @@ class StaleRows:
     def find(self, words: Words) -> tuple[int, int] | None:
         """Find the first and last stale row of the hashed field, or None, and write it into the memory.
 
-        Rows without contrast at the ends of a stale run are not counted. A wholly stale field is found from
-        the first field on, a partly stale one only once it is known how much fields differ.
+        Rows without contrast at the ends of a stale run are not counted. A completely stale field is detected
+        from the first field on, a partly stale one only once it is known how much fields differ.
         """
         old = (self._seen == self.hashes).any(axis=0)
         self._seen[self.place] = self.hashes
@@ -169,7 +169,7 @@ def _runs(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 def _contrast(words: Words) -> NDArray[np.int64]:
     """(rows,) number of groups of eight pixels with more than one grey value."""
-    # A word equals itself turned by a byte only if its eight pixels are alike.
+    # A word equals itself rotated by a byte only if its eight pixels are equal.
     turned = (words >> np.uint64(8)) | (words << np.uint64(56))
     return (words != turned).sum(axis=1)
 
@@ -179,12 +179,12 @@ REPEATED = "repeated"
 _WORD = 8
 _NOTHING: Words = np.empty(0, np.uint64)
 _REFERENCE_NS = 70_000_000
-"""Greatest age of the field that rows are compared with, unless the one before is older: by then the
-scene has moved on."""
+"""Maximum age of the field that rows are compared with, unless the previous one is older: after that the
+scene has changed."""
 _STAYS_S = 0.5
-"""Time for which fields have the same shift after which the scene has changed, not the rows."""
+"""If fields have the same shift for this time, the scene has changed and the rows are not shifted."""
 _BACK_COLUMNS, _BACK_ROWS = 2, 12
-"""Columns and rows by which a shift back may differ from the shift that it ends."""
+"""Columns and rows by which a shift back may differ from the shift that it undoes."""
 _FOR_A_WHILE_S = 0.1
 """Time without a picture before the stream counts as having no signal."""
 _NEXT = 1.5
@@ -195,8 +195,7 @@ class Content(NamedTuple):
     """Findings about one field.
 
     Attributes:
-        no_picture: Picture that the grabber substitutes, e.g. "no signal: a flat picture"; None for a real
-            one.
+        no_picture: Picture substituted by the grabber, e.g. "no signal: a flat picture"; None for a real one.
         damage: E.g. "repeated", "stale from line 290" or "shifted by -40 px from line 290" (columns count to
             the right, lines are frame lines); None if nothing is wrong.
     """
@@ -206,7 +205,7 @@ class Content(NamedTuple):
 
 
 class _Copy(NamedTuple):
-    """Private copy of a field, since the driver takes its buffer back."""
+    """Copy of a field, since its buffer is returned to the driver."""
 
     words: Words
     rows: NDArray[np.uint8]
@@ -327,9 +326,9 @@ class ContentCheck:
     def _shift_of(self, copy: _Copy) -> Shift | None:
         """Shift of a field's rows.
 
-        A field is compared with the one before, whatever was wrong with that: one that is like a shifted
-        field is shifted, and one that is shifted back is good again. So no field is ever taken for the
-        measure of its neighbours that is shifted itself.
+        A field is compared with the previous one even if that is damaged: a field that matches a shifted one
+        is shifted as well, and a field that is shifted back is good again. So a shifted field never becomes
+        the reference of its neighbours.
         """
         held, self._shift = self._shift, None
         relative = self._shift_to(self._before, copy)
@@ -351,7 +350,7 @@ class ContentCheck:
         return find_shift(copy.rows, reference.rows, copy.profiles, reference.profiles, self._kernel)
 
     def _remember(self, copy: _Copy, parity: int, content: Content) -> None:
-        """Keep the last field, and the last good one of each parity; buffers of others are used again."""
+        """Keep the last field, and the last good one of each parity; the buffers of others are reused."""
         if content.no_picture or content.damage == REPEATED:
             self._spare.append(copy)
             return
@@ -368,7 +367,7 @@ class ContentCheck:
 
 
 def _ends(back: Shift, shift: Shift) -> bool:
-    """True if a shift is the other one undone."""
+    """True if a shift undoes the other one."""
     columns, rows = abs(back.columns + shift.columns), abs(back.row - shift.row)
     return columns <= _BACK_COLUMNS and rows <= _BACK_ROWS
 

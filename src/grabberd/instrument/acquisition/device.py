@@ -36,7 +36,7 @@ class StreamInfo:
         rate_hz: Fields per second, or whole pictures where there are no fields.
         field_order: See `FieldOrder`.
         pixel_format: E.g. "GREY".
-        buffers: Number of fields that the driver holds while nobody dequeues: two for each buffer of a frame.
+        buffers: Number of fields that the driver holds if none are dequeued: two for each buffer of a frame.
         live: False for a recording, whose fields may repeat bit for bit.
         counts_losses: True if `sequence` grows by more than one when a field is lost.
         tells_signal: True if `signal()` can be trusted.
@@ -66,7 +66,7 @@ class StreamInfo:
 
     @property
     def buffered_ns(self) -> int:
-        """Time that the driver's buffers last for, while nobody takes fields."""
+        """Time for which the driver's buffers last if no fields are taken."""
         return round(self.buffers * 1e9 / self.rate_hz)
 
 
@@ -75,10 +75,10 @@ class GrabbedField(NamedTuple):
 
     Attributes:
         field: Grey values, a view that is valid only inside the `dequeue` block.
-        time_ns: Middle of the exposure, CLOCK_MONOTONIC, as exactly as the driver can tell.
+        time_ns: Middle of the exposure, CLOCK_MONOTONIC, as exactly as known to the driver.
         sequence: The driver's own count of *fields*, or None if it has none.
         damage: Fault reported by the driver in a few words, or None. "no signal" comes from a recording: the
-            picture was not the camera's.
+            picture was not from the camera.
     """
 
     field: Field
@@ -92,15 +92,15 @@ class Grabber(Protocol):
 
     @property
     def called_ns(self) -> int:
-        """Time spent so far in calls to the device that should return at once, not in waiting for fields: a
-        driver that hangs is known by it. It never decreases; 0 for a simulated one.
+        """Total time spent in calls to the device that should return at once, without waiting for fields; it
+        reveals a hanging driver. It never decreases; 0 for a simulated device.
         """
         ...
 
     @property
     def found_empty(self) -> bool:
-        """True if no field was waiting when the last `dequeue` began: by this, the program knows that it
-        takes fields as fast as they come, whatever the computer does besides.
+        """True if no field was waiting when the last `dequeue` started: then the program takes fields as fast
+        as they come, even if the computer is busy.
         """
         ...
 
@@ -108,9 +108,9 @@ class Grabber(Protocol):
         """Open the device and start streaming.
 
         Raises:
-            DeviceAbsent: The device is not there; trying again later may help.
-            DeviceRefused: The device is there but cannot be used as asked.
-            StreamFailed: The device does not answer as it should; `reset` may help.
+            DeviceAbsent: The device is not connected; trying again later may help.
+            DeviceRefused: The device is connected, but cannot be used as requested.
+            StreamFailed: The device does not respond properly; `reset` may help.
         """
         ...
 
@@ -121,8 +121,8 @@ class Grabber(Protocol):
         empty sequence means that nothing arrived in time.
 
         Raises:
-            DeviceLost: The device went away.
-            StreamFailed: The device is there but no longer streams; `restart` may help.
+            DeviceLost: The device has disappeared.
+            StreamFailed: The device is connected, but no longer streams; `restart` may help.
             StreamEnded: A recording has no further field.
             PictureError: A recording's next picture cannot be read; those before it were delivered.
         """
@@ -136,17 +136,17 @@ class Grabber(Protocol):
         """Stop and restart the stream of the open device; fields waiting in its buffers are dropped.
 
         Raises:
-            DeviceLost: The device is not open, or went away.
+            DeviceLost: The device is not open, or has disappeared.
             StreamFailed: The stream does not start.
-            DeviceRefused: The stream granted now differs from the one granted before.
+            DeviceRefused: The granted stream differs from the previous one.
         """
         ...
 
     def reset(self) -> None:
-        """Reset the closed device as unplugging it would, where software can do that.
+        """Reset the closed device like unplugging it, if software can do that.
 
         Raises:
-            DeviceAbsent: The device is not there.
+            DeviceAbsent: The device is not connected.
             DeviceRefused: The device cannot be reset, or not with these permissions; the hint says what is
                 missing.
         """

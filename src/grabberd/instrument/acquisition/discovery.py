@@ -1,9 +1,9 @@
-"""The installed drivers of grabbers and loggers, by name, and the devices of this computer that they find.
+"""The installed drivers of grabbers and loggers, by name, and the devices that they find in this computer.
 
 A driver that can search offers a function without arguments in the entry point group `grabberd.discovery`,
 for loggers `grabberd.logger_discovery`. It opens devices to query them, never to stream, and lists a device
-even if another program is using it, or no configuration names it. `by_number` and `attribute` read the
-kernel's trees for it.
+even if another program is using it, or no configuration names it. It can read the kernel's trees with
+`by_number` and `attribute`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -82,7 +82,7 @@ def by_number(folder: Path, pattern: str) -> list[Path]:
 
 
 def attribute(file: Path) -> str:
-    """Text of an attribute in sysfs; "" if it does not exist or its device has just gone."""
+    """Text of an attribute in sysfs; "" if it does not exist or its device has just disappeared."""
     try:
         return file.read_text(encoding="utf-8", errors="replace").strip(" \t\r\n\0")
     except OSError:
@@ -107,7 +107,7 @@ def _load(entry: EntryPoint) -> Discovery:
         find: Discovery = entry.load()
     except (ImportError, AttributeError) as error:
         raise DriverMissing(
-            f"driver '{entry.name}' cannot look for its devices: {error}", "reinstall the driver's package"
+            f"driver '{entry.name}' cannot search for devices: {error}", "reinstall the driver's package"
         ) from error
     return find
 

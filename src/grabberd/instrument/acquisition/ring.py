@@ -12,13 +12,13 @@ from grabberd.core.ledger import LedgerEntry, LedgerEvent, Outcome, Slot
 from grabberd.errors import RingOverrun
 
 OVERRUN_REASON = "ring overrun"
-TOLD = 256
-"""Slots whose losses and changes of numbers and times the ring remembers after it has overwritten them: a
-loose cable tells of a few a second, and a reader that has missed more has waited for a minute."""
+_REMEMBERED = 256
+"""Slots whose losses and rebases the ring remembers after overwriting them: a loose cable causes a few a
+second, and a reader that has missed more has waited for a minute."""
 
 
-class _Told(NamedTuple):
-    """Losses and changes that a slot told of, and its position among all slots ever put."""
+class _Report(NamedTuple):
+    """Losses and rebases of a slot, and its position among all slots ever put."""
 
     position: int
     losses: tuple[LedgerEntry, ...]
@@ -40,7 +40,7 @@ class Ring:
 
     Attributes:
         slots: Number of slots kept.
-        bits: Bits per pixel of the fields that it is configured for.
+        bits: Configured bits per pixel.
         lines: "doubled" or "field".
         deepest: Greatest number of slots that ever waited for a reader.
     """
@@ -52,11 +52,11 @@ class Ring:
         self.bits = bits
         self.lines = lines
         self.deepest = 0
-        # Weak: a reader that its owner dropped without closing it does not count as waiting for ever.
+        # Weak: a reader dropped by its owner without closing it must not count as waiting forever.
         self._readers: weakref.WeakSet[RingReader] = weakref.WeakSet()
         self._kept: deque[Slot] = deque(maxlen=slots)
-        # What slots told besides their field outlives them: an unplugged camera stays one for a late reader.
-        self._told: deque[_Told] = deque(maxlen=TOLD)
+        # Kept longer than the slots: a late reader must still learn that the camera was unplugged.
+        self._reports: deque[_Report] = deque(maxlen=_REMEMBERED)
         self._head = 0
         self._first_n: int | None = None
         self._closed = False
@@ -69,12 +69,12 @@ class Ring:
                 self._first_n = slot.first_n
             self._kept.append(slot)
             if slot.lost_before or slot.rebases:
-                self._told.append(_Told(self._head, slot.lost_before, slot.rebases))
+                self._reports.append(_Report(self._head, slot.lost_before, slot.rebases))
             self._head += 1
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Announce that nothing more will come; readers get the remaining slots, then None."""
+        """Announce the end; readers get the remaining slots, then None."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
@@ -87,7 +87,7 @@ class Ring:
 
     @property
     def waiting(self) -> int:
-        """Number of slots waiting for the reader that is furthest behind."""
+        """Number of slots waiting for the slowest reader."""
         with self._changed:
             return max((reader._fill for reader in self._readers if not reader._closed), default=0)
 
@@ -109,7 +109,7 @@ class RingReader:
 
     Attributes:
         policy: Reaction to being overtaken: `count` reports it in the next slot's `lost_before`, beside what
-            the overwritten slots told, `stop` raises `RingOverrun`, at once and on every later call.
+            the overwritten slots reported, `stop` raises `RingOverrun`, at once and on every later call.
         deepest: Greatest number of the ring's slots that ever waited for this reader.
         oldest: The first pre-trigger slot, or None.
     """
@@ -189,7 +189,7 @@ class RingReader:
         return slot
 
     def _skip(self, overwritten: int) -> Slot:
-        """Skip overwritten slots; take the next one with what they told.
+        """Skip overwritten slots; take the next one with their losses and rebases.
 
         Their fields are overrun; fields that were lost among them keep their reason, as far as the ring
         remembers it.
@@ -201,9 +201,9 @@ class RingReader:
         if self.policy is Policy.STOP:
             self._overrun = RingOverrun(first_n, slot.first_n - first_n)
             raise self._overrun
-        told = [one for one in self._ring._told if begin <= one.position < self._next]
-        missed = _overrun_between(first_n, chain(*(one.losses for one in told)), slot.first_n)
-        rebases = chain(*(one.rebases for one in told), slot.rebases)
+        reports = [one for one in self._ring._reports if begin <= one.position < self._next]
+        missed = _overrun_between(first_n, chain(*(one.losses for one in reports)), slot.first_n)
+        rebases = chain(*(one.rebases for one in reports), slot.rebases)
         return slot._replace(lost_before=(*missed, *slot.lost_before), rebases=tuple(rebases))
 
 

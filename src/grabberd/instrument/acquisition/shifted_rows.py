@@ -26,7 +26,7 @@ _LEAST_BINS = 2
 _LEAST_LIKENESS = 0.6
 """Correlation with the previous field that a shift must reach."""
 _MOTION = range(-3, 4)
-"""Columns that the whole picture may really move from field to field."""
+"""Columns by which the whole picture may really move from field to field."""
 _LEAST_COARSE_GAIN = 0.05
 _LEAST_GAIN = 2.0
 """Least ratio of the residual contrast without the shift to that with it."""
@@ -122,7 +122,7 @@ def coarse_shift(now: Profiles, then: Profiles) -> Coarse | None:
         return None
     correlated = _correlated(one, other)
     gain = _from_below(correlated - correlated[:, :1])[candidates]
-    # Less than two bins to either side, round the end of the line: that much may be motion.
+    # Less than two bins to either side, wrapping round the end of the line, may be motion.
     gain[:, :_LEAST_BINS] = gain[:, 1 - _LEAST_BINS :] = 0
     best, shift = np.unravel_index(int(gain.argmax()), gain.shape)
     block = int(candidates[best])
@@ -153,12 +153,13 @@ def _correlated(now: Reals, then: Reals) -> Reals:
 
 
 def _fine_columns(rows: Rows, before: Rows, coarse: Coarse) -> int | None:
-    """The shift to the pixel, if it makes the previous field fit well, and much better than motion does."""
+    """The shift in pixels, if it makes the previous field match well, and much better than motion does."""
     now, then = (_smooth(one)[coarse.block :] for one in (rows, before))
     power = math.sqrt(float(np.vdot(now, now)) * float(np.vdot(then, then)))
     middle = coarse.bins * _BIN_COLUMNS
     near = range(middle - _BIN_COLUMNS, middle + _BIN_COLUMNS + 1)
-    likeness = {shift: _likeness(now, then, shift) / power for shift in (*near, *_MOTION)}
+    shifts = (*near, *_MOTION)
+    likeness = {shift: float(np.vdot(now, np.roll(then, shift, axis=1))) / power for shift in shifts}
     shifted = max(near, key=likeness.__getitem__)
     rest, unshifted_rest = 1 - likeness[shifted], 1 - max(likeness[shift] for shift in _MOTION)
     fits = likeness[shifted] >= _LEAST_LIKENESS and unshifted_rest >= _LEAST_GAIN * rest
@@ -172,10 +173,6 @@ def _smooth(rows: Rows) -> Singles:
     means /= np.diff(edges)[:, np.newaxis]
     means -= means.mean(axis=1, keepdims=True)
     return sum((np.roll(means, k, axis=1) for k in range(1, _BIN_COLUMNS)), start=means)
-
-
-def _likeness(now: Singles, then: Singles, shift: int) -> float:
-    return float(np.vdot(now, np.roll(then, shift, axis=1)))
 
 
 def _from_below(values: NDArray[Number]) -> NDArray[Number]:

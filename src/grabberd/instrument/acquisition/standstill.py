@@ -1,4 +1,4 @@
-"""Standstill: the program took no fields for a while, and what the kernel's account says of that."""
+"""Standstill: a time in which the program took no fields, with its cause by the kernel's accounting."""
 
 from typing import NamedTuple
 
@@ -12,11 +12,11 @@ class Standstill(NamedTuple):
     """Time for which no fields were taken, since the driver's buffers were empty.
 
     Attributes:
-        time_ns: All of it.
-        waited_ns: Time in it for which the capture thread could have run and waited for a processor; None
-            where the kernel does not tell.
-        used_ns: Processor time that the whole program used in it.
-        called_ns: Time in it that calls to the device took, which should return at once.
+        time_ns: Its length.
+        waited_ns: Part of it in which the capture thread was ready to run and waited for a processor; None
+            if the kernel does not report it.
+        used_ns: Processor time used by the whole program meanwhile.
+        called_ns: Part of it spent in calls to the device, which should return at once.
     """
 
     time_ns: int
@@ -31,17 +31,17 @@ class Standstill(NamedTuple):
 
     @property
     def is_hang(self) -> bool:
-        """True if it waited for a call to the device that should have returned at once."""
+        """True if it waited for a call to the device."""
         return self._was_off and self.called_ns >= _MOST_OF_IT * self.time_ns
 
     @property
     def _was_off(self) -> bool:
-        """True if it did not run and did not want to."""
+        """True if it neither ran nor was ready to run."""
         return self.waited_ns is not None and self.waited_ns + self.used_ns < _MOST_OF_IT * self.time_ns
 
     @property
     def reason(self) -> str:
-        """Cause in a few words, for fields that are lost meanwhile."""
+        """Cause in a few words, for fields lost meanwhile."""
         if self.waited_ns is None:
             return f"{COMPUTER_BUSY} (took no fields for {_seconds(self.time_ns)})"
         if self.is_hang:

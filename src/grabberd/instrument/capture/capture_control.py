@@ -27,7 +27,7 @@ class CaptureControl:
     Args:
         current: The captures of each device.
         archive: The captures on disk.
-        annotations: Notes, labels and pins; those of a capture that is disarmed go with it.
+        annotations: Notes, labels and pins; those of a disarmed capture are deleted with it.
         clock: Source of time.
     """
 
@@ -44,7 +44,7 @@ class CaptureControl:
         self._clock = clock
 
     def rate_hz(self, device: str | None) -> float:
-        """Fields per second of a device, whose name may be None where there is only one.
+        """Fields per second of a device, whose name may be None if there is only one.
 
         Raises:
             NotFound: There is no such device.
@@ -130,7 +130,7 @@ class CaptureControl:
         self._trigger(armed)
 
     def stop(self, capture_id: str) -> None:
-        """Stops a running capture; of an armed one nothing is left.
+        """Stops a running capture; an armed one is discarded.
 
         Raises:
             NotFound: There is no such capture.
@@ -144,7 +144,7 @@ class CaptureControl:
         self._stop(armed, recordings)
 
     def stop_group(self, group_id: str) -> None:
-        """Stops the captures of a group at the same moment; of armed ones nothing is left.
+        """Stops the captures of a group at the same moment; armed ones are discarded.
 
         Raises:
             NotFound: There is no such group.
@@ -210,14 +210,14 @@ class CaptureControl:
         group: Group | None = None,
         armed_utc: str | None = None,
     ) -> CaptureStart:
-        # First: nothing is recorded into a folder that has taken the place of the right one.
+        # First: nothing may be recorded into a folder that has replaced the right one.
         self._archive.check()
         part = part_path(self._archive.directory, capture_id)
         new = NewCapture(capture_id, request, part, group, armed_utc)
         return CaptureStart(self._current.devices[device], new)
 
     def _trigger(self, armed: list[ArmedCapture]) -> None:
-        # Of a group whose other captures were disarmed, the file names those that are left.
+        # If other captures of the group were disarmed, the file names the remaining ones.
         devices = tuple(one.device for one in armed)
         starts = [
             self._capture_start(

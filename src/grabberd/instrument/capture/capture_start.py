@@ -24,9 +24,9 @@ from grabberd.instrument.channels.channel_recording import ChannelRecording
 
 
 class CaptureStart:
-    """The steps from a request to a running capture, which the functions below take in order.
+    """The steps from a request to a running capture, performed in order by the functions below.
 
-    All steps are taken under the device's lock.
+    All steps are performed under the device's lock.
 
     Args:
         device: The captures of the device.
@@ -60,7 +60,7 @@ class CaptureStart:
         Raises:
             CaptureRunning: The device has a capture already.
             NotReady: The device does not stream.
-            InputError: The ring has fewer slots than the pre-trigger asks for.
+            InputError: The ring has fewer slots than the pre-trigger requires.
             CalibrationMismatch: The calibration is for pictures of another size than the stream's.
         """
         self.device.check_no_capture()
@@ -73,7 +73,7 @@ class CaptureStart:
             )
 
     def check_streams(self) -> None:
-        """Checks that the device streams pictures, and ones that fit its calibration if it has one.
+        """Checks that the device streams pictures that fit its calibration, if it has one.
 
         Raises:
             NotReady, CalibrationMismatch: See `check_free`.
@@ -91,7 +91,7 @@ class CaptureStart:
         """Gives the ring the capture's bits and lines, and chooses and holds its threshold."""
         pipeline = self.device.pipeline
         configured = pipeline.configure_ring(self.new.request.bits, self.new.request.lines)
-        # Without a signal no field comes to choose a threshold by, and the wait would run into its time-out.
+        # Without a signal no field comes for choosing a threshold, and the wait would end by its time-out.
         if self.device.board.now.signal is not Signal.ABSENT:
             pipeline.thresholds.settle(configured)
         pipeline.thresholds.hold()
@@ -114,7 +114,7 @@ class CaptureStart:
     def record(self, start: Moment) -> None:
         """Starts to take fields, from a moment on or with the pre-trigger's fields from the ring.
 
-        There is no file yet. However long that takes to be made, no field is missed meanwhile.
+        There is no file yet, so no field is missed even if creating it takes long.
         """
         pipeline, request = self.device.pipeline, self.new.request
         stream = replace(self.device.stream, rate_hz=self.device.pipeline.rate_hz)
@@ -163,7 +163,7 @@ class CaptureStart:
         )
 
     def discard(self) -> None:
-        """Ends what `record` and `make_file` have begun, and leaves nothing of it."""
+        """Undoes what `record` and `make_file` have started."""
         if self._recorder is not None:
             self._recorder.abandon()
         if self._channels is not None:
@@ -172,7 +172,7 @@ class CaptureStart:
             self._recording.discard()
 
     def begin(self) -> None:
-        """Starts writing; from now on the capture is the device's."""
+        """Starts writing; from now on the capture belongs to the device."""
         self.device.recording, self.device.armed = self.recording, None
         self.recording.start()
 
@@ -199,7 +199,7 @@ class CaptureStart:
             version=__version__,
             boot_id=boot_id(),
             extra={
-                # From the first commit on: what a crash cuts off is told by what was ordered.
+                # From the first commit on: after a crash, the ordered length shows what is missing.
                 "order": {
                     "fields": self._fields,
                     "pre_trigger_fields": request.pre_trigger_fields,
@@ -236,14 +236,14 @@ def arm(starts: Sequence[CaptureStart]) -> list[ArmedCapture]:
 
 
 def trigger(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:
-    """Starts armed captures, with as many fields from before the trigger as they want and the ring has.
+    """Starts armed captures, with the requested fields from before the trigger as far as the ring has them.
 
     Raises:
         Conflict: One is not armed.
         NotReady, CalibrationMismatch, StorageError, GroupRefused: As `start`; they stay armed.
     """
     with _locks_of(starts):
-        # Asked again under the locks: another request may have triggered or stopped one meanwhile.
+        # Checked again under the locks: another request may have triggered or stopped one meanwhile.
         _each(starts, lambda one: one.device.check_armed(one.new.id))
         _each(starts, CaptureStart.check_streams)
         _begin(starts, current)
@@ -253,7 +253,7 @@ def trigger(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:
 def _locks_of(starts: Sequence[CaptureStart]) -> Iterator[None]:
     """Holds the locks of all devices."""
     with ExitStack() as stack:
-        # Always in the order of the names: two groups that share devices would else wait for each other.
+        # Always in the order of the names: otherwise two groups that share devices could deadlock.
         for one in sorted(starts, key=lambda one: one.device.name):
             stack.enter_context(one.device.lock)
         yield
@@ -269,7 +269,7 @@ def _configured(starts: Sequence[CaptureStart]) -> Iterator[None]:
             _each(starts, CaptureStart.configure_ring)
             yield
         except GrabberdError:
-            # Of all: also of a device whose own ring was configured without an error.
+            # All of them, including those of devices whose rings were configured without an error.
             for one in starts:
                 one.device.pipeline.thresholds.release()
             raise
@@ -278,7 +278,7 @@ def _configured(starts: Sequence[CaptureStart]) -> Iterator[None]:
 def _begin(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:
     _check_room(starts, current)
     moment = Moment.now(starts[0].device.clock)
-    # All record before the first file is made: making one may take longer than the ring lasts (0.64 s).
+    # All record before the first file is created, which may take longer than the ring lasts (0.64 s).
     for one in starts:
         one.record(moment)
     try:
@@ -287,13 +287,13 @@ def _begin(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:
         for one in starts:
             one.discard()
         raise
-    # No capture is the device's before all files are there: until here everything can be undone.
+    # No capture belongs to its device until all files exist: until here everything can be undone.
     for one in starts:
         one.begin()
 
 
 def _check_room(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:
-    """Checks that captures fit on the disk, beside what running ones write there.
+    """Checks that captures fit on the disk, in addition to the running ones.
 
     Raises:
         StorageError: The disk has no room for all of them.
@@ -305,7 +305,7 @@ def _check_room(starts: Sequence[CaptureStart], current: CurrentCaptures) -> Non
 
 
 def _each(starts: Sequence[CaptureStart], step: Callable[[CaptureStart], None]) -> None:
-    """Takes a step for all at the same time, so that one that takes long delays no other.
+    """Performs a step for all at the same time, so that a slow one delays no other.
 
     Raises:
         GrabberdError: A single capture fails; GroupRefused: some of several fail.

@@ -1,4 +1,4 @@
-"""The captures of one device, and of all devices: which there are, and whether more may start."""
+"""The captures of one device, and of all devices, and whether more may start."""
 
 import threading
 from collections import Counter
@@ -38,7 +38,7 @@ class DeviceCaptures:
         queue_s: Seconds of fields that wait for a disk that stalls.
         on_sealed: Called with each recording once its file is closed.
         loggers: The data loggers, whose channels captures record.
-        lock: Held by whoever starts, arms or disarms a capture, or changes what a capture relies on.
+        lock: Held while a capture is started, armed or disarmed, or while something it relies on is changed.
         recording: The running or the last capture, or None.
         armed: The capture that waits for its trigger, or None.
         ended: Number of captures that are sealed or given up, by verdict.
@@ -92,25 +92,25 @@ class DeviceCaptures:
         return running is not None and running.has_room
 
     def interrupted(self, error: GrabberdError) -> None:
-        """Tells the running capture that the device fails to deliver."""
+        """Notifies the running capture that the device fails to deliver."""
         if (running := self.running) is not None:
             running.interrupted(error)
 
     def source_ended(self, error: GrabberdError) -> None:
-        """Ends the running capture: its source has ended, or delivers another picture than before."""
+        """Ends the running capture: its source has ended, or delivers different pictures than before."""
         if (running := self.running) is not None:
             running.source_ended(error)
 
     def sealed(self, recording: Recording) -> None:
-        """Counts a recording whose file is sealed, and frees the threshold that was held for it."""
+        """Counts a recording whose file is sealed, and releases the threshold held for it."""
         # Before the recording counts as sealed: from then on the next capture may hold the threshold.
         self.pipeline.thresholds.release()
         if recording.seal_failure is None:
-            self.count(recording)  # else its verdict is that of the seal that holds, later
+            self.count(recording)  # otherwise its verdict is that of a later, successful seal
         self.on_sealed(recording)
 
     def count(self, recording: Recording) -> None:
-        """Counts a capture by its verdict, once that will not change any more."""
+        """Counts a capture by its final verdict."""
         with self._counting:  # a capture that is sealed later is counted by another thread
             self.ended[recording.verdict] += 1
             if (measured := recording.coverage_verdict) is not None:
@@ -118,7 +118,7 @@ class DeviceCaptures:
 
     @property
     def accepts(self) -> bool:
-        """True if a capture could be started, were none running."""
+        """True if a capture could be started if none were running."""
         status = self.board.now
         return status.state in STREAMING and status.stream is not None
 
@@ -164,7 +164,7 @@ class DeviceCaptures:
             raise Conflict(f"capture {capture_id} is not armed", "it was triggered or has ended already")
 
     def disarm(self, capture_id: str) -> None:
-        """Ends an armed capture, of which nothing is left.
+        """Discards an armed capture.
 
         Raises:
             Conflict: It is not armed.
@@ -217,7 +217,7 @@ class CurrentCaptures:
 
 
 def of_device(by_name: Mapping[str, T], name: str | None) -> T:
-    """Looks up a device by its name, which may be left out where there is only one.
+    """Looks up a device by its name, which may be omitted if there is only one.
 
     Raises:
         NotFound: No device has that name, or the name is needed.
@@ -242,7 +242,7 @@ def check_picture_size(rig: RigConfig, stream: StreamInfo) -> None:
 
 
 def _frame_lines(stream: StreamInfo, expected: int) -> int:
-    """Lines of a stream's frames: its fields have half of them, unless they are doubled or have them all."""
+    """Lines of a stream's frames: twice those of a field, unless they are doubled or progressive."""
     whole = stream.field_order is FieldOrder.PROGRESSIVE or stream.field_rows == expected
     return stream.field_rows if whole else 2 * stream.field_rows
 

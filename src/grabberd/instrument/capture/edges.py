@@ -1,4 +1,4 @@
-"""Edges of a capture: from which field on, and up to which, its account goes."""
+"""Edges of a capture: its first and its last field."""
 
 import math
 from collections.abc import Iterable
@@ -19,13 +19,13 @@ from grabberd.instrument.acquisition import RingReader
 
 @dataclass(frozen=True, slots=True)
 class Begin:
-    """Begin of a capture, which its first field is not older than.
+    """Begin of a capture; its first field is not older.
 
     Attributes:
         time_ns: The instant of the request or trigger, less the pre-trigger; None for a source whose times
             are not those of the clock: its captures begin with the first field that comes.
         period_ns: Nominal time from field to field.
-        n: Number of the first field, if the ring has had one near it: by jitter each field tells another.
+        n: Number of the first field, if the ring had one near it; by jitter, each field gives another.
     """
 
     time_ns: int | None
@@ -34,9 +34,9 @@ class Begin:
 
     @classmethod
     def of(cls, reader: RingReader, asked_ns: int | None, pre_fields: int, period_ns: int) -> "Begin":
-        """Begin of a capture that was asked for, or triggered, at an instant.
+        """Begin of a capture that was requested, or triggered, at an instant.
 
-        Where the ring has had no field yet there is no pre-trigger either, whatever is still on its way.
+        If the ring has had no field yet, there is no pre-trigger either, even if fields are on their way.
         """
         if asked_ns is None:
             return cls(None, period_ns)
@@ -46,7 +46,7 @@ class Begin:
         return replace(begin, n=begin.first_n(reader.oldest))
 
     def first_n(self, slot: Slot) -> int:
-        """Number of the first field that belongs to the capture, as told by a field near it.
+        """Number of the first field that belongs to the capture, derived from a field near it.
 
         That may be a later one than `slot`, which is then too old, or one that was lost before it.
         """
@@ -54,15 +54,15 @@ class Begin:
             return self.n
         if self.time_ns is None:
             return slot.n
-        # What was before the oldest slot of the ring is not missing: the ring has never had it, or no longer.
+        # Fields before the oldest slot of the ring are not missing: it never had them, or no longer has.
         return max(number_at(slot, self.time_ns, self.period_ns), slot.first_n)
 
 
 class NumbersFromBegin:
-    """Tells by how many the numbers of a capture are off, as far as the stream has not told it.
+    """Finds by how many the numbers of a capture are off, beyond what the stream has reported.
 
-    A doubt about numbers may have begun before the capture, and an overrun of the ring takes what was told
-    with its fields. The next certain number is then compared with the time.
+    A doubt about numbers may have begun before the capture, and an overrun of the ring may drop reports with
+    their fields. The next certain number is then compared with the time.
 
     Args:
         begin: Of the capture.
@@ -72,7 +72,7 @@ class NumbersFromBegin:
         self._begin = begin
         self._certain: tuple[int, int] | None = None
         self._is_followed = self._began_in_doubt = False
-        self._told = 0
+        self._reported = 0
 
     def events(self, slot: Slot) -> tuple[LedgerEvent, ...]:
         """The changes with a slot that is numbered from the capture's first field."""
@@ -86,9 +86,9 @@ class NumbersFromBegin:
             events = tuple(event for event in events if event.kind is not Rebase.NUMBERS)
             if is_certain and (off := self._off(slot, self._begin.time_ns)):
                 events = (*events, numbers_off(slot.n, off))
-        self._told += sum(too_high_by(event) for event in events)
+        self._reported += sum(too_high_by(event) for event in events)
         if is_certain:
-            self._certain, self._told, self._is_followed = (slot.n, slot.time_ns), 0, True
+            self._certain, self._reported, self._is_followed = (slot.n, slot.time_ns), 0, True
         self._began_in_doubt |= not is_certain
         return events
 
@@ -97,7 +97,7 @@ class NumbersFromBegin:
         if self._certain is None:
             return number_at(slot, begin_ns, self._begin.period_ns) if self._began_in_doubt else 0
         n, time_ns = self._certain
-        return slot.n - n - round((slot.time_ns - time_ns) / self._begin.period_ns) - self._told
+        return slot.n - n - round((slot.time_ns - time_ns) / self._begin.period_ns) - self._reported
 
 
 def number_at(slot: Slot, time_ns: int, period_ns: int) -> int:

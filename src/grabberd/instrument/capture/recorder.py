@@ -16,9 +16,9 @@ T = TypeVar("T")
 GRACE_NS = 1_000_000_000
 """Time after its due end that a capture of given length still waits for missing fields."""
 SILENT_FIELDS = 5
-"""After this many field times without a field the stream may have stalled."""
+"""Field times without a field after which the stream may have stalled."""
 HEARINGS, HEARING_S = 12, 0.1
-"""How often, and for how long each time, a recorder that ends in silence waits for an explanation.
+"""Number and length of the waits for an explanation when a recording ends without fields.
 
 Together 1.2 s: longer than the capture thread takes to notice a stall (0.8 s) and to enter its reason.
 """
@@ -29,8 +29,8 @@ TAKE_S = 0.1
 class Backlog(Generic[T]):
     """An append-only list that forgets its head once it is on disk; indices count from the first item ever.
 
-    The writer must not fall behind by more than `capacity` items: then `append` refuses. The measuring
-    worker may fall behind as far as it likes: it reads from the file what has been forgotten meanwhile.
+    If the writer falls behind by more than `capacity` items, `append` refuses. The measuring worker may fall
+    behind without limit: it reads forgotten items from the file.
 
     Attributes:
         capacity: Number of items that the writer may fall behind.
@@ -69,7 +69,7 @@ class Backlog(Generic[T]):
             return True
 
     def close(self) -> None:
-        """Ends the list: nothing will be appended any more; whoever waits is woken."""
+        """Ends the list: nothing will be appended any more; waiting threads are woken."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
@@ -81,7 +81,7 @@ class Backlog(Generic[T]):
             return self.capacity - (self._end() - self._written)
 
     def from_index(self, index: int, timeout_s: float) -> list[T]:
-        """All items from an index on that is not forgotten; waits up to `timeout_s` for the first of them."""
+        """All items from an unforgotten index on; waits up to `timeout_s` for the first of them."""
         with self._changed:
             self._changed.wait_for(lambda: index < self._end() or self._closed, timeout_s)
             return list(itertools.islice(self._items, index - self._first, None))
@@ -90,7 +90,7 @@ class Backlog(Generic[T]):
         """Marks the next `count` items as on disk; all but the latest `capacity` of them are forgotten."""
         with self._changed:
             self._written += count
-            # The latest stay in memory for the worker, which reads the file only for what is forgotten.
+            # The latest stay in memory for the worker, which reads only forgotten ones from the file.
             while self._first < self._written and len(self._items) > self.capacity:
                 self._items.popleft()
                 self._first += 1
@@ -126,19 +126,19 @@ class Backlog(Generic[T]):
 class Recorder:
     """Takes fields until the capture has its length or is stopped; numbers them from the capture's first.
 
-    Its account begins at the instant asked for and ends at that of the stop: no field exposed before or after
-    is in it, and every one between is, lost ones included. A capture of given length ends on time, whatever
-    comes: a device that does not come back makes it incomplete, not endless. A source that waits for its
-    reader has no pace of its own, so its captures have no due end unless it is interrupted.
+    Its ledger begins at the requested instant and ends when the capture is stopped: it has every field
+    exposed between, lost ones included, and no other. A capture of given length always ends on time: a device
+    that does not come back makes it incomplete, not endless. A source that waits for its reader has no pace,
+    so its captures have no due end unless it is interrupted.
 
     Args:
         reader: Place in the ring; closed at the end.
-        backlog: Queue that the fields go into; closed at the end.
+        backlog: Queue for the fields; closed at the end.
         clock: Source of time.
         stream: The stream as the driver granted it.
-        source: The pipeline, which explains why no fields come, and tells at which rate they do.
+        source: The pipeline, which knows the rate of the fields and why none come.
         fields: Length of the capture, or None.
-        begin: Instant that the capture begins at; None: with whatever field comes first.
+        begin: Instant at which the capture begins; None: with the first field that comes.
 
     Attributes:
         reader: See above.
@@ -184,7 +184,7 @@ class Recorder:
         self._started = False
 
     def start(self, capture_id: str) -> None:
-        """Records in a thread of its own; does nothing the second time."""
+        """Starts recording in a separate thread; has no effect when repeated."""
         if not self._started:
             self._started = True
             threading.Thread(target=self.run, name=f"recorder-{capture_id}", daemon=True).start()
@@ -195,9 +195,9 @@ class Recorder:
         return self.ended_because is None
 
     def stop(self, because: str) -> None:
-        """Ends the recording; the first reason given stays."""
+        """Ends the recording; the first reason is kept."""
         if self.ended_because is None:
-            # The account goes up to this instant, however long the recorder takes to notice.
+            # The ledger ends at this instant, even if the recorder notices it later.
             self._end_ns, self.ended_because = self._clock.now_ns(), because
 
     def abandon(self) -> None:
@@ -206,7 +206,7 @@ class Recorder:
         self.reader.close()
 
     def run(self) -> None:
-        """Drains the ring until the recording ends, and then what is left in it."""
+        """Drains the ring until the recording ends, and then the rest of it."""
         try:
             while self.recording:
                 self._take_one()
@@ -225,7 +225,7 @@ class Recorder:
         if self.first_n is None:
             first_n = self._begin.first_n(slot)
             if slot.n < first_n:
-                return  # older than asked for
+                return  # older than requested
             self.first_n = first_n
         end_n = self._end_n(slot, self.first_n)
         slot = renumbered(slot, self.first_n)
@@ -246,7 +246,7 @@ class Recorder:
         return stopped_n if self.length_fields is None else min(stopped_n, self.length_fields)
 
     def _close_at(self, end_n: int, slot: Slot) -> None:
-        """Enters what was lost before the end, and ends the capture there."""
+        """Enters the fields lost before the end, and ends the capture there."""
         self._at_end = True
         self._enter_refused()
         for entry in cut(slot.lost_before, 0, end_n):
@@ -282,7 +282,7 @@ class Recorder:
         if self.length_fields is None or (self._lossless and self._source.interruption is None):
             return False
         begin_ns, missing = self._start_ns, self.length_fields
-        # A source that waits goes at its reader's pace: only the fields still missing have a due time.
+        # A source that waits follows its reader's pace: only the missing fields have a due time.
         if self._lossless:
             begin_ns, missing = self._newest_ns, self.length_fields - self.ledger.total
         return self._clock.now_ns() > begin_ns + missing * self._period_ns + GRACE_NS
@@ -290,14 +290,14 @@ class Recorder:
     def _has_heard_enough(self) -> bool:
         """Waits for an explanation once more; True if there is one, or it has waited for long enough.
 
-        The threads of a program that was stopped go on in any order: what the driver's buffers have kept may
-        still be on its way.
+        The threads of a stopped program continue in any order: fields from the driver's buffers may still be
+        on their way.
         """
         self._hearings -= 1
         return self._hearings < 0 or not self._keeps_pace or self._source.interruption is not None
 
     def _take_until_end(self) -> None:
-        """Takes what was exposed before the stop: the last fields are on their way, or in doubt.
+        """Takes the fields exposed before the stop: the last ones are on their way, or in doubt.
 
         If none come, it waits for an explanation: a stall may not have been noticed yet.
         """
@@ -318,7 +318,7 @@ class Recorder:
         return self._keeps_pace and silent_ns > SILENT_FIELDS * self._period_ns
 
     def _account_for_absence(self) -> None:
-        """Enters the fields that a device which is away or stalled at the end has failed to deliver."""
+        """Enters the fields not delivered by a device that is away or stalled at the end."""
         self._enter_refused()
         reason = self._source.interruption or ("nothing came" if self._is_silent else None)
         if reason is None or self._lossless or self._at_end:
@@ -339,7 +339,7 @@ class Recorder:
         self.stop("length reached")
 
     def _enter_refused(self) -> None:
-        """Enters the fields that found no room."""
+        """Enters the fields for which there was no room."""
         for entry in self._refused:
             self.ledger.add(entry)
         self._refused = ()

@@ -28,21 +28,21 @@ from grabberd.instrument.capture.recorder import Recorder
 from grabberd.instrument.channels.channel_recording import ChannelRecording
 
 ROOM_SLOTS = 8
-"""A source that waits for its reader is held back when as many slots wait, or as few places are left."""
+"""A source that waits for its reader is held back if so many slots wait, or so few places are left."""
 ENOUGH_FIELDS = 100
-"""Number of fields from which on the size of the file tells that of a field."""
+"""Number of fields from which on the size of a field is derived from that of the file."""
 COMMIT_EVERY_NS = 500_000_000
-"""Bounds what a kill costs (docs/decisions/archive.md); not shorter, since each commit waits for the disk."""
+"""Limits what a kill loses (docs/decisions/archive.md); not shorter, since each commit waits for the disk."""
 LIVE_RUN = 1
-"""Number of the run that is measured while the capture records."""
+"""Number of the run that is measured during the recording."""
 WAIT_S = 0.05
-"""Longest wait for a slot or for points; the commit that falls due meanwhile is late by no more than this."""
+"""Longest wait for a slot or for points, and so the longest delay of a commit that becomes due meanwhile."""
 
 
 class Recording:
     """A capture that records, is measured and written meanwhile, and is sealed when all are done.
 
-    Writing has a thread of its own, which takes slots from the backlog and points from the worker.
+    A separate thread writes slots from the backlog and points from the worker.
 
     Args:
         new: The capture as it was started.
@@ -50,15 +50,15 @@ class Recording:
         writer: The capture's file.
         clock: Source of time.
         measured: True if a worker measures the fields.
-        disk: Guard of the disk; None: the capture takes all there is.
-        channels: What is recorded beside the fields; None if nothing is.
+        disk: Guard of the disk; None: the capture may fill it.
+        channels: Channels recorded with the fields; None if there are none.
         on_sealed: Called when the file has been closed for good, or given up.
 
     Attributes:
         id: Id of the capture.
         group: Group of the capture, or None.
         recorder: The fields and their ledger.
-        committed: Number of slots that are in the file for good.
+        committed: Number of slots that are committed to the file.
         first_time_ns: Time of the first field that has been written; None before that.
         measured: True if a worker measures the fields.
         measuring_failure: Why measuring ended early, or None.
@@ -99,7 +99,7 @@ class Recording:
         self._cut_by: GrabberdError | None = None
         self._storage_failure: StorageError | None = None
         self.seal_failure: StorageError | None = None
-        # Unbounded: the worker must not wait for a disk that stalls.
+        # Unbounded: the worker must not wait for a stalled disk.
         self._results: queue.SimpleQueue[MeasuredField | None] = queue.SimpleQueue()
         self._all_measured = not measured
         self._appended = 0
@@ -107,7 +107,7 @@ class Recording:
         self._commit_due_ns = clock.now_ns() + COMMIT_EVERY_NS
 
     def start(self) -> None:
-        """Starts writing, and recording if that has not begun before, each in a thread of its own."""
+        """Starts writing, and recording if that has not started yet, each in a separate thread."""
         self.recorder.start(self.id)
         threading.Thread(target=self._write, name=f"writer-{self.id}", daemon=True).start()
 
@@ -120,7 +120,7 @@ class Recording:
         self._writer.discard()
 
     def seal_again(self) -> None:
-        """Seals the file of a capture that was given up, with all that is known of it.
+        """Seals the file of a capture that was given up, with all known metadata.
 
         Raises:
             StorageError: It still cannot be sealed.
@@ -137,12 +137,12 @@ class Recording:
 
     @property
     def path(self) -> Path:
-        """Present path of the file."""
+        """Current path of the file."""
         return self._writer.path
 
     @property
     def size_bytes(self) -> int:
-        """Size of the file, as it was last seen if it is gone."""
+        """Size of the file; its last known size if it is gone."""
         path = self.path
         for name in (path, sealed_path(path)):  # it may be getting its final name at this moment
             with contextlib.suppress(OSError):
@@ -152,7 +152,7 @@ class Recording:
 
     @property
     def meta(self) -> CaptureMeta:
-        """Metadata of the capture, as it was started with them."""
+        """Metadata with which the capture was started."""
         return self._writer.meta
 
     @property
@@ -167,7 +167,7 @@ class Recording:
 
     @property
     def document(self) -> CaptureDocument:
-        """The capture as it is shown while it is recorded, measured or sealed; its file is not read."""
+        """The document of the capture while it is recorded, measured or sealed; the file is not read."""
         document = document_of(
             self.meta,
             self.recorder.ledger,
@@ -189,15 +189,15 @@ class Recording:
         return self.recorder.first_n or 0
 
     def interrupted(self, error: GrabberdError) -> None:
-        """Notes that the device fails to deliver: the capture goes on with a gap, or is cut short."""
+        """Notes that the device fails to deliver: the capture continues with a gap, or is cut short."""
         if self._ends_when_interrupted:
             self.source_ended(DeviceLost(f"interrupted: {error.message}", error.hint))
 
     def source_ended(self, error: GrabberdError) -> None:
         """Ends the recording because its source has ended.
 
-        The end of a replayed recording is a good end. A picture that cannot be read, and a device that
-        delivers another picture than before, cut the capture short.
+        The end of a replayed recording is a regular end. An unreadable picture, or a device that delivers
+        different pictures than before, cuts the capture short.
         """
         if not isinstance(error, StreamEnded):
             self._cut_by = error
@@ -217,12 +217,12 @@ class Recording:
 
     @property
     def failure(self) -> GrabberdError | None:
-        """The error that kept the capture from being whole, or None."""
+        """The error that made the capture incomplete, or None."""
         return self._storage_failure or self._cut_by or self.seal_failure
 
     @property
     def complete(self) -> bool:
-        """True if every field that should have come is in the file, whole."""
+        """True if every due field is in the file, undamaged."""
         return self.recorder.ledger.complete and self.failure is None
 
     @property
@@ -243,7 +243,7 @@ class Recording:
         return self.recorder.recording and in_ring < ROOM_SLOTS and self._backlog.room > ROOM_SLOTS
 
     def recorded(self) -> Iterator[NumberedField]:
-        """Every good field in order: from memory, or from the file if memory has let go of it."""
+        """Every good field in order: from memory, or from the file if it was forgotten."""
         # The backlog counts slots, the file fields: a gap between two slots has numbers, but no index.
         index, next_n = 0, 0
         while not self._past_end(index):
@@ -269,10 +269,10 @@ class Recording:
         findings: Mapping[str, Any] | None = None,
         coverage: Coverage | None = None,
     ) -> None:
-        """Notes that the worker has measured the last field, or cannot go on.
+        """Notes that the worker has measured the last field, or cannot continue.
 
         Args:
-            failure: Why it cannot go on, or None.
+            failure: Why it cannot continue, or None.
             findings: Entries for the metadata, or None.
             coverage: Coverage of the fields that it has measured, or None.
         """
@@ -289,7 +289,7 @@ class Recording:
             yield from reader.received(first_n, end_n)
 
     def _watch_disk(self) -> None:
-        """Ends the recording while there is still room for the queued fields and for the seal."""
+        """Ends the recording while there is room for the queued fields and the seal."""
         if self._disk is None or not self.recorder.recording:
             return
         if (error := self._disk.shortage(self.path.parent)) is not None:
@@ -306,11 +306,11 @@ class Recording:
         finally:
             self.recorder.stop("storage failed")
             self._close_channels()
-            # The index and the counters are right by the time anybody who waits for `sealed` looks at them.
+            # Index and counters are up to date before `sealed` is set.
             try:
                 self._on_sealed(self)
             finally:
-                self.sealed.set()  # whatever that brought: the next capture must not wait for this one
+                self.sealed.set()  # in any case: the next capture must not wait for this one
 
     def _write_all(self) -> None:
         """Writes until everything recorded has been written and measured, or the disk fails."""
@@ -319,7 +319,7 @@ class Recording:
                 self._write_some()
             self._commit()
         except StorageError as error:
-            # Noted, not raised: the file is sealed with what is in it, if its disk allows that much.
+            # Noted, not raised: the file is sealed with its present content, if the disk allows it.
             self._storage_failure = error
             self.stop("storage failed")
 
@@ -364,7 +364,7 @@ class Recording:
             self._channels.close()
 
     def _wait_for_points(self) -> None:
-        """Sleeps while the worker measures the last fields: the worker needs the processor more."""
+        """Sleeps while the worker measures the last fields, to leave it the processor."""
         with contextlib.suppress(queue.Empty):
             self._append_points(self._results.get(timeout=WAIT_S))
 
@@ -376,7 +376,7 @@ class Recording:
 
     def _commit(self) -> None:
         self._writer.commit()
-        # Only now may the backlog forget them: what is forgotten must be readable from the file.
+        # Only now may the backlog forget them: forgotten fields must be readable from the file.
         self._backlog.written(self._appended)
         self.committed += self._appended
         self._appended = 0

@@ -1,5 +1,5 @@
-"""Channels while the daemon runs: a thread for each logger, its newest readings, what captures take of them.
+"""Channels in the running daemon: a thread for each logger, its newest readings, and those for captures.
 
-A logger that is absent, stops, jumps or says nonsense delays nobody: whoever takes fields, records or ends
-looks at what there is, and never waits for more than a deadline.
+A logger that is absent, stops, jumps or delivers nonsense delays nothing: taking fields, recording and
+stopping use the readings that exist, and never wait beyond a deadline.
 """

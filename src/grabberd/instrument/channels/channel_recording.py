@@ -17,13 +17,13 @@ from grabberd.instrument.channels.logger_board import LoggerBoard
 
 UNKNOWN_UNIT = "not stated yet"
 LEVEL = "level"
-"""Unit of a light whose logger states none."""
+"""Unit of a light if its logger states none."""
 DELAY_SIGMA_MS = 5.0
-"""σ of the delay of a logger whose shortest way nobody has measured: that of an adapter on USB."""
+"""σ of the delay of a logger if it was not measured: that of an adapter on USB."""
 
 
 def calibration_of(channel: Channel, config: LoggerConfig, info: LoggerInfo | None) -> ChannelCalibration:
-    """The calibration of a channel: two readings tell a straight line.
+    """The calibration of a channel: two readings define a straight line.
 
     Args:
         channel: The channel as configured.
@@ -41,7 +41,7 @@ def calibration_of(channel: Channel, config: LoggerConfig, info: LoggerInfo | No
 
 
 def _delay_sigma_ms(config: LoggerConfig, info: LoggerInfo | None) -> float:
-    """The σ of the delay as configured, or as the driver knows it."""
+    """The σ of the delay as configured, or as known to the driver."""
     if config.delay_sigma_ms is not None:
         return config.delay_sigma_ms
     known_ns = None if info is None else info.delay_sigma_ns
@@ -49,9 +49,9 @@ def _delay_sigma_ms(config: LoggerConfig, info: LoggerInfo | None) -> float:
 
 
 MARGIN_NS = 250_000_000
-"""How far readings reach beyond the first and last field: the vacuum at these lies between two readings."""
+"""Time by which readings extend past the first and last field, whose vacuum is interpolated."""
 LAST_NS = 1_000_000_000
-"""Time that the last readings may take to come; the capture is sealed without them then."""
+"""Longest wait for the last readings; after that the capture is sealed without them."""
 OTHER_UNIT = "its unit has changed"
 OTHER_CLOCK = "the fields do not go by this computer's clock"
 
@@ -65,7 +65,7 @@ class LoggerRecording:
         channels: Its channels that are recorded, by their place among all of the logger's.
         follower: Its readings; None if they cannot be recorded.
         ledgers: Accounts of the channels, in the same order.
-        newest_ns: Time of the newest reading that was taken over.
+        newest_ns: Time of the newest recorded reading.
     """
 
     board: LoggerBoard
@@ -84,7 +84,7 @@ class LoggerRecording:
             self.interrupted(status.cause or "not opened yet")
 
     def interrupted(self, reason: str) -> None:
-        """Notes why nothing comes from now on."""
+        """Notes why no more readings come."""
         for ledger in self.ledgers:
             ledger.interrupted(reason)
 
@@ -121,7 +121,7 @@ class ChannelRecording:
         return Account(tuple(ledgers), self._anomalies.counts)
 
     def write(self, writer: CaptureWriter, first_ns: int, newest_ns: int) -> None:
-        """Writes what was measured beside the fields that are written.
+        """Writes the readings that belong to the written fields.
 
         Args:
             writer: The capture's file.
@@ -139,7 +139,7 @@ class ChannelRecording:
         writer.keep_account(self.account)
 
     def has_all(self, newest_ns: int) -> bool:
-        """True if nothing more is to come, or has come in time, up to the last field.
+        """True if no more readings up to the last field are expected, or the wait for them is over.
 
         Args:
             newest_ns: Time of the last field.
@@ -151,7 +151,7 @@ class ChannelRecording:
         return not waits or now_ns >= self._due_ns
 
     def close(self) -> None:
-        """Takes no more."""
+        """Stops taking readings."""
         for logger in self._loggers:
             if logger.follower is not None:
                 logger.follower.close()
@@ -181,7 +181,7 @@ class ChannelRecording:
 
     @staticmethod
     def _is_of(writer: CaptureWriter, logger: LoggerRecording, place: int, part: Part) -> bool:
-        """True if values of a part are in the unit of those before; the first ones tell which that is."""
+        """True if values of a part have the same unit as those before; the first ones determine it."""
         channel, calibration = logger.channels[place], part.calibrations[place]
         if channel.calibration.unit == UNKNOWN_UNIT:
             channel = logger.channels[place] = channel._replace(calibration=calibration)

@@ -1,4 +1,4 @@
-"""The newest readings of a logger, from its thread to whoever wants them; means of the last minutes."""
+"""The newest readings of a logger, from its thread to its readers; means of the last minutes."""
 
 import threading
 from collections import deque
@@ -11,13 +11,13 @@ from grabberd.archive.capture.reading_groups import ChannelCalibration
 from grabberd.core.channels import Anomaly, Dating
 
 STEP_NS = 20_000_000
-"""Time over which readings are averaged, short beside a pulsation, whatever the camera's rate."""
+"""Time over which readings are averaged: short compared with a pulsation, at any rate of the camera."""
 STEPS = 15_000
 """Five minutes: 120 kB, and 180 kB for each channel."""
 
 
 class StepMeans:
-    """A ring of steps; each has its place by its time, so that a gap stays one.
+    """A ring of time steps, placed by their time, so that gaps are kept.
 
     Args:
         channels: Number of channels.
@@ -40,7 +40,7 @@ class StepMeans:
         np.add.at(self._count, places, known)
 
     def since(self, time_ns: int, channel: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """(K,) middle of each step since a time in which the channel said something, and (K,) its mean."""
+        """(K,) middle of each step since a time in which the channel has readings, and (K,) its mean."""
         found = np.flatnonzero((self._step >= time_ns // STEP_NS) & (self._count[:, channel] > 0))
         found = found[np.argsort(self._step[found])]
         means = self._sum[found, channel] / self._count[found, channel]
@@ -48,9 +48,9 @@ class StepMeans:
 
 
 KEPT_NS = 10_000_000_000
-"""Age of the readings that are kept for pre-triggers and for who looks at them."""
+"""Age of the readings that are kept for pre-triggers and for display."""
 MOST_KEPT = 200_000
-"""Readings that are kept, and that wait for a capture whose disk stalls."""
+"""Number of readings that are kept, and that may wait for a capture whose disk stalls."""
 DISK_TOO_SLOW = "disk too slow"
 
 
@@ -61,12 +61,12 @@ class Part(NamedTuple):
         posted_ns: When they came.
         time_ns: (K,) when each was taken, ascending.
         values: (K, C) of the logger's channels in their order, in its own units; NaN where one has none.
-        kpa: (K, C) the same in kPa below atmosphere; of a light as it is.
-        calibrations: What turns one into the other; the same object for all parts of one opening.
-        dating: What the times go by.
+        kpa: (K, C) the same in kPa below atmosphere; of a light unchanged.
+        calibrations: Conversions from values to kPa; the same object for all parts of one opening.
+        dating: Base of the times.
         time_sigma_ns: σ of each.
-        anomalies: What else came.
-        interruption: Why nothing comes from now on, or None.
+        anomalies: Whatever else came.
+        interruption: Why no more readings come, or None.
     """
 
     posted_ns: int
@@ -81,17 +81,17 @@ class Part(NamedTuple):
 
     @classmethod
     def interrupted(cls, posted_ns: int, reason: str) -> "Part":
-        """No readings, and why."""
+        """A part without readings, and the reason."""
         nothing = np.empty((0, 0))
         return cls(posted_ns, np.empty(0, np.int64), nothing, nothing, (), Dating.ARRIVAL, 0, (), reason)
 
     @property
     def newest_ns(self) -> int:
-        """Time of its last reading, or when it came if it has none."""
+        """Time of its last reading, or of its arrival if it has none."""
         return int(self.time_ns[-1]) if len(self.time_ns) else self.posted_ns
 
     def until(self, time_ns: int) -> tuple["Part", "Part | None"]:
-        """The part up to a time, and the rest of it; anomalies go by their own times."""
+        """The part up to a time, and the rest; anomalies are split by their own times."""
         if self.newest_ns <= time_ns:
             return self, None
         count = int(np.searchsorted(self.time_ns, time_ns, side="right"))
@@ -105,7 +105,7 @@ class Part(NamedTuple):
 
 
 class Follower:
-    """Parts that wait for one capture; what does not fit is counted."""
+    """Parts that wait for one capture; those that do not fit are counted."""
 
     def __init__(self, feed: "Feed", kept: list[Part]) -> None:
         self._feed = feed
@@ -114,7 +114,7 @@ class Follower:
         self._refused = 0
 
     def take(self, until_ns: int) -> list[Part]:
-        """Hands over what was taken up to a time, in order; it no longer waits."""
+        """Removes and returns the parts up to a time, in order."""
         taken = []
         with self._feed.lock:
             while self._parts:
@@ -127,7 +127,7 @@ class Follower:
         return taken
 
     def close(self) -> None:
-        """Wants no more."""
+        """Stops following."""
         with self._feed.lock:
             self._feed.followers.discard(self)
 
@@ -144,11 +144,11 @@ class Follower:
 
 
 class Feed:
-    """Takes parts from the logger's thread; looks at them cost the thread nothing.
+    """Takes parts from the logger's thread; reading them does not delay that thread.
 
     Attributes:
         lock: Held while a part is passed on.
-        followers: The captures that take all readings.
+        followers: The captures that record all readings.
         newest_ns: Time of the newest reading; None before the first.
         newest_sigma_ns: Its σ.
     """
@@ -163,7 +163,7 @@ class Feed:
         self._count = 0
 
     def put(self, part: Part) -> None:
-        """Passes a part on to all followers, and forgets what is too old."""
+        """Passes a part on to all followers, and drops parts that are too old."""
         with self.lock:
             self._kept.append(part)
             self._count += len(part.time_ns)
@@ -178,7 +178,7 @@ class Feed:
                 follower.put(part)
 
     def follow(self) -> Follower:
-        """Follows the feed from now on, with all that is kept."""
+        """Follows the feed from now on, including the kept parts."""
         with self.lock:
             follower = Follower(self, list(self._kept))
             self.followers.add(follower)
@@ -190,7 +190,7 @@ class Feed:
             return [one for one in self._kept if one.posted_ns >= since_ns and len(one.time_ns)]
 
     def means_since(self, since_ns: int, channel: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """(K,) middle of each time of a field in which a channel said something, and (K,) its mean."""
+        """(K,) middle of each step in which a channel has readings, and (K,) its mean."""
         with self.lock:
             if self._means is None:
                 return np.empty(0, np.int64), np.empty(0)

@@ -1,4 +1,4 @@
-"""Status of a logger from moment to moment; written by its thread, read by everybody."""
+"""Current status of a logger; written by its thread, read by any other."""
 
 import logging
 import threading
@@ -14,9 +14,9 @@ from grabberd.errors import Cause, DeviceError, GrabberdError
 log = logging.getLogger(__name__)
 
 DOUBTFUL_NS = 10_000_000_000
-"""Time for which an anomaly is shown as one of the present."""
+"""Time for which an anomaly is shown as current."""
 STUCK_S = 5.0
-"""Time that a driver may take to answer a read of a tenth of a second."""
+"""Time within which a driver must return from a read of a tenth of a second."""
 STUCK, STUCK_HINT = (
     "its driver does not return",
     "unplug the logger; if it comes again, restart and report it",
@@ -29,14 +29,14 @@ class LoggerStatus:
 
     Attributes:
         state: Opening, ready, absent, failed or ended.
-        since_utc: Time at which it came to this state.
+        since_utc: Time at which it entered this state.
         cause: Cause of the state in a sentence, or None.
         hint: What an operator can do about it, or None.
         code: Machine-readable code of the cause, or None.
-        info: The logger as found last, or None before the first opening.
+        info: The logger as last found, or None before the first opening.
         openings: Number of times that it has been opened.
         readings: Number of readings since the daemon started.
-        anomalies: What else it said since then, by reason.
+        anomalies: Number of anomalies since then, by reason.
         doubt: The latest anomaly of the last seconds, or None.
     """
 
@@ -63,7 +63,7 @@ class LoggerBoard:
     Args:
         name: Name of the logger.
         clock: Source of time.
-        changed: Called with each change that people have to know of.
+        changed: Called with each change that is relevant for people.
 
     Attributes:
         name: Name of the logger.
@@ -81,7 +81,7 @@ class LoggerBoard:
 
     @property
     def now(self) -> LoggerStatus:
-        """The present status; failed while the logger's thread hangs in its driver."""
+        """The current status; failed while the logger's thread hangs in its driver."""
         status = self._status
         silent_s = (self._clock.now_ns() - self._beat_ns) / 1e9
         if silent_s < STUCK_S or not status.is_reading:
@@ -94,7 +94,7 @@ class LoggerBoard:
             self._status = replace(self._status, info=info, openings=self._status.openings + 1)
 
     def came(self, readings: int, anomalies: tuple[Anomaly, ...]) -> None:
-        """Notes what has come; called with every look at the logger, also if nothing has."""
+        """Notes new readings; called after every read, even without readings."""
         now_ns = self._beat_ns = self._clock.now_ns()
         with self._lock:
             before = self._status
@@ -115,7 +115,7 @@ class LoggerBoard:
             self._changed()
 
     def enter(self, state: DeviceState, error: GrabberdError | None) -> None:
-        """Changes the state, with the error for which no readings come, if any."""
+        """Changes the state, with the error that stopped the readings, if any."""
         message, hint = (error.message, error.hint) if error else (None, None)
         code = error.cause if isinstance(error, DeviceError) else None
         with self._lock:

@@ -20,7 +20,7 @@ class LoggerSetup:
         name: Name of the logger.
         config: The logger's part of the configuration.
         logger: The logger, not opened yet.
-        channels: What it measures.
+        channels: The channels that it measures.
     """
 
     name: str
@@ -64,7 +64,7 @@ def create_logger(
 
 
 def _conflicts(config: Config) -> Iterator[tuple[str, str]]:
-    """Keys and problems of channels that belong to no device, or to one that has another for the same."""
+    """Keys and problems of channels that belong to no device, or whose device has another for the same."""
     taken: dict[tuple[str, str], str] = {}
     for name, logger in config.loggers.items():
         for channel in logger.measured():

@@ -1,6 +1,6 @@
-"""The only thread that touches a logger: opens it, takes its readings, and opens it anew when none come.
+"""The only thread that uses a logger: opens it, takes its readings, and reopens it when none come.
 
-It checks what the logger gives before anybody relies on it: a driver may err like every other program.
+Readings are checked before they are used: a driver may have errors like every other program.
 """
 
 import logging
@@ -28,23 +28,23 @@ from grabberd.instrument.device.recovery import (
 )
 
 AHEAD_NS = 1_000_000_000
-"""How far a reading may lie in the future: clocks that are related to each other err by less."""
+"""How far a reading may be in the future: synchronised clocks differ by less."""
 NOT_FINITE = "not a finite number"
 TIME_BACK = "its time went back"
 TIME_AHEAD = "its time is ahead of the clock"
 
 
 def checked(readings: Readings, info: LoggerInfo, last_ns: int, now_ns: int) -> Readings:
-    """Readings without those that cannot be; each kind of them is an anomaly more.
+    """Readings without the impossible ones; each kind of those adds an anomaly.
 
     Args:
-        readings: What the driver gave.
+        readings: The driver's readings.
         info: The logger as found.
-        last_ns: Time of the reading before.
-        now_ns: The present moment.
+        last_ns: Time of the previous reading.
+        now_ns: The current time.
 
     Raises:
-        StreamFailed: They are not of this logger's columns.
+        StreamFailed: They do not have this logger's columns.
     """
     time_ns, values, anomalies = readings.time_ns, readings.values, list(readings.anomalies)
     if values.shape != (len(time_ns), len(info.channels)):
@@ -72,18 +72,18 @@ def checked(readings: Readings, info: LoggerInfo, last_ns: int, now_ns: int) -> 
 log = logging.getLogger(__name__)
 
 READ_TIMEOUT_S = 0.1
-"""Longest wait for readings; also how long a stop may go unnoticed."""
+"""Longest wait for readings, and so the longest delay of a stop."""
 SILENT_S, SILENT_STEPS = 3.0, 10.0
-"""Silence after which a logger has failed: so long, and so many of its readings missing."""
+"""Silence after which a logger has failed: this time and this number of readings."""
 
 
 class LoggerThread(threading.Thread):
-    """Takes readings into the feed until it is stopped, and never waits for anybody.
+    """Takes readings into the feed until it is stopped, and never waits for other threads.
 
     Args:
         setup: Parts of the logger.
-        feed: Where readings go.
-        board: Where its status is told.
+        feed: Receives the readings.
+        board: Status of the logger.
         clock: Source of time.
         stopping: Set to end the thread.
     """
@@ -112,7 +112,7 @@ class LoggerThread(threading.Thread):
         self._stopping.set()
 
     def run(self) -> None:
-        """Reads and opens anew until stopped."""
+        """Reads and reopens until stopped."""
         while not self._stopping.is_set():
             opened_ns = self._clock.now_ns()
             error = self._until_it_fails()
@@ -137,7 +137,7 @@ class LoggerThread(threading.Thread):
         return wait_s
 
     def _until_it_fails(self) -> GrabberdError | None:
-        """Opens the logger and reads; returns why no more comes, or None when it is stopped."""
+        """Opens the logger and reads; returns why no more readings come, or None when it is stopped."""
         try:
             info = self._logger.open()
             self._board.opened(info)

@@ -1,4 +1,4 @@
-"""All data loggers: started and stopped with the service, told as faults, followed by captures."""
+"""All data loggers: started and stopped with the service, reported as faults, followed by captures."""
 
 import itertools
 from collections.abc import Mapping
@@ -24,9 +24,9 @@ from grabberd.instrument.channels.logger_setup import LoggerSetup
 from grabberd.instrument.channels.logger_thread import LoggerThread
 
 STOP_S = 1.0
-"""Time that all loggers together get to close; one that hangs is left behind."""
+"""Time for all loggers together to close; one that hangs is abandoned."""
 SHOWN_NS = 500_000_000
-"""Age of the readings whose mean is shown as the present value."""
+"""Age of the readings whose mean is shown as the current value."""
 _TROUBLED = (DeviceState.ABSENT, DeviceState.FAILED)
 
 
@@ -38,7 +38,7 @@ class _Logger:
     thread: LoggerThread
 
     def is_settled(self, sigma_ns: int) -> bool:
-        """True if its readings are dated to within a σ, or no longer waiting makes them so."""
+        """True if its readings are dated to within a σ, or waiting longer would not help."""
         status = self.board.now
         if not status.is_reading:
             return status.state is not DeviceState.OPENING
@@ -54,7 +54,7 @@ class ChannelMeans(NamedTuple):
     Attributes:
         channel: The channel.
         logger: Name of its logger.
-        time_ns: (K,) middle of each time, ascending; those without readings are not there.
+        time_ns: (K,) middle of each time, ascending; those without readings are omitted.
         kpa: (K,) kPa below atmosphere, or the level of a light.
     """
 
@@ -70,7 +70,7 @@ class Loggers:
     Args:
         setups: Their parts, by name.
         clock: Source of time.
-        faults: Where trouble is told; None: nowhere, but in their documents.
+        faults: Where trouble is reported; None: only in their documents.
     """
 
     def __init__(
@@ -88,12 +88,12 @@ class Loggers:
         return _Logger(setup, feed, board, LoggerThread(setup, feed, board, self._clock))
 
     def start(self) -> None:
-        """Opens all of them, each on a thread of its own."""
+        """Opens all of them, each in a separate thread."""
         for one in self._loggers.values():
             one.thread.start()
 
     def stop(self) -> None:
-        """Closes all of them; one that hangs delays nobody for longer than `STOP_S`."""
+        """Closes all of them; those that hang delay it by `STOP_S` at most."""
         started = [one.thread for one in self._loggers.values() if one.thread.ident is not None]
         for thread in started:
             thread.stop()
@@ -106,8 +106,8 @@ class Loggers:
 
         Args:
             device: Name of the device.
-            same_clock: False if its fields do not go by the clock of the loggers; then nothing is recorded,
-                which the account says.
+            same_clock: False if its fields have another clock than the loggers; then nothing is recorded,
+                and the ledger states this.
 
         Returns:
             None if the device has no channels.
@@ -134,22 +134,22 @@ class Loggers:
         ]
 
     def unsettled(self, sigma_ns: int) -> list[str]:
-        """Names of loggers that are not open yet, or whose clocks are not related to ours to within a σ."""
+        """Names of loggers that are not open yet, or whose clocks are not yet synchronised to within a σ."""
         return [name for name, one in self._loggers.items() if not one.is_settled(sigma_ns)]
 
     def ages_s(self) -> dict[str, float]:
-        """Age of the newest reading of each logger that has ever given one."""
+        """Age of the newest reading of each logger that has had one."""
         now_ns = self._clock.now_ns()
         known = {name: one.feed.newest_ns for name, one in self._loggers.items()}
         return {name: (now_ns - ns) / 1e9 for name, ns in known.items() if ns is not None}
 
     def document(self) -> dict[str, LoggerDocument]:
-        """The loggers at this moment, by name."""
+        """Current documents of the loggers, by name."""
         since_ns = self._clock.now_ns() - SHOWN_NS
         return {name: _document(one, since_ns) for name, one in self._loggers.items()}
 
     def look(self) -> None:
-        """Tells which loggers are in trouble, as one fault, and which are doubtful, as another."""
+        """Reports loggers in trouble as one fault, and doubtful ones as another."""
         if self._faults is None:
             return
         now = {name: one.board.now for name, one in self._loggers.items()}
@@ -180,7 +180,7 @@ class Loggers:
 
 
 def _recorded(number: int, channel: Channel, setup: LoggerSetup, info: LoggerInfo | None) -> RecordedChannel:
-    """A channel as a capture keeps it."""
+    """A channel as stored in a capture."""
     source = {
         "driver": setup.config.driver,
         "options": without_secrets(setup.config.options),

@@ -1,4 +1,4 @@
-"""The only thread that touches a device: opens it, takes its fields, and recovers it when none come."""
+"""The only thread that uses a device: opens it, takes its fields, and recovers it when none come."""
 
 import logging
 import math
@@ -28,23 +28,23 @@ from grabberd.instrument.device.status_board import StatusBoard, cause_of
 log = logging.getLogger(__name__)
 
 DEQUEUE_TIMEOUT_S = 0.05
-"""Longest wait for a field, unless two of them take longer; also how long a stop may go unnoticed."""
+"""Longest wait for a field, unless two field periods are longer; also the longest delay of a stop."""
 TIMEOUT_PERIODS, STALLED_PERIODS = 2.5, 5.0
-"""Periods of a slow camera that a field is waited for, and of silence after which its stream has failed."""
+"""For a slow camera, in periods: wait for a field, and silence after which the stream has failed."""
 STALLED_AFTER_S = 0.8
 """Silence after which the stream has failed."""
 SIGNAL_EVERY_NS = 500_000_000
-"""The signal is asked for between fields, since only this thread may touch the device."""
+"""Time between queries of the signal, made between fields, since only this thread may use the device."""
 POLL_S = 0.001
-"""Pause where there is no room for a field, or where a device says at once that it has none."""
+"""Pause if there is no room for a field, or if a device immediately reports that it has none."""
 MOST_POLLS = 5
-"""Most pauses after a field: four fields are taken in the time in which one comes."""
+"""Maximum number of pauses after a field: four fields are taken in one field period."""
 BEAT_EVERY_S = 1.0
-"""Far below half the watchdog's time, after which the heartbeat takes this thread for stuck."""
+"""Far below half the watchdog's time, after which the heartbeat considers this thread stuck."""
 
 
 class ThreadCaptures(Protocol):
-    """The captures of a device, as far as its capture thread is concerned."""
+    """The captures of a device, as seen by its capture thread."""
 
     @property
     def has_room(self) -> bool:
@@ -61,8 +61,8 @@ class ThreadCaptures(Protocol):
         ...
 
     def source_ended(self, error: GrabberdError) -> None:
-        """Called when the stream of before is over: a recording at its end, or a device that grants another
-        picture than before.
+        """Called when the previous stream is over: a recording has ended, or a device grants different
+        pictures.
         """
         ...
 
@@ -96,10 +96,10 @@ class FieldFlow:
 class CaptureThread(threading.Thread):
     """Opens the device, takes its fields into the ring, and climbs the ladder when they fail to come.
 
-    It asks for real-time scheduling as soon as a camera streams.
-    It never waits for anybody, except with a source that waits for its reader: that is read only while there
-    is room. All other waiting is done on `stopping`, which `stop` sets. It beats on the board as long as it
-    lives.
+    It requests real-time scheduling as soon as a camera streams.
+    It never waits for other threads, except with a source that waits for its reader, which is read only while
+    there is room. All other waits are on `stopping`, which `stop` sets. It beats on the board as long as it
+    runs.
     """
 
     def __init__(
@@ -154,7 +154,7 @@ class CaptureThread(threading.Thread):
             self._close()
 
     def _until_it_fails(self, rung: Rung) -> GrabberdError | None:
-        """Takes a step, then fields; returns why no more come, or None when it is stopped."""
+        """Performs a step, then takes fields; returns why no more come, or None when it is stopped."""
         asked_ns = self._clock.now_ns()
         self._flow = FieldFlow(asked_ns)
         self._board.beat()
@@ -174,11 +174,11 @@ class CaptureThread(threading.Thread):
         self._captures.interrupted(error)
         self._board.recovers(step, error)
         if step.rung is not Rung.RESTART:
-            self._close()  # before the wait: a device that is held open cannot come back under its old name
+            self._close()  # before the wait: an open device cannot come back under its old name
         self._wait(step.wait_s)
 
     def _interrupted(self, reason: str) -> None:
-        """Keeps the first reason: what is found out later only follows from it."""
+        """Keeps the first reason: later ones are only its consequences."""
         if self._pipeline.interruption is None:
             self._count(self._pipeline.interrupted(reason))
 
@@ -202,7 +202,7 @@ class CaptureThread(threading.Thread):
             self._grabber.reset()
             self._board.reset_refused(None)
         except DeviceRefused as refusal:
-            # Opened again all the same: closing and opening may help where a reset is not permitted.
+            # Reopened anyway: that may help where a reset is not permitted.
             self._board.reset_refused(refusal)
         return self._reopen()
 
@@ -221,17 +221,17 @@ class CaptureThread(threading.Thread):
         self._timeout_s = max(DEQUEUE_TIMEOUT_S, TIMEOUT_PERIODS / info.rate_hz)
         self._stalled_s = max(STALLED_AFTER_S, STALLED_PERIODS / info.rate_hz)
         self._scheduling.paced(info.rate_hz)
-        # Opening takes its time, which is no silence of the stream.
+        # The time of opening does not count as silence of the stream.
         self._scheduling.excuse()
         self._flow = FieldFlow(self._clock.now_ns())
         self._ask_signal()
         if info.live:
             self._come_first()
         if info.waits_for_reader:
-            self._show_state()  # it delivers nothing before a capture runs, and a capture needs it ready
+            self._show_state()  # it delivers nothing until a capture runs, and a capture needs it ready
 
     def _come_first(self) -> None:
-        """Asks once for real time; for a recording it would take the processors from everything else."""
+        """Requests real time once; for a recording it would take the processors from everything else."""
         if self._asked_to_come_first:
             return
         self._asked_to_come_first = True
@@ -256,7 +256,7 @@ class CaptureThread(threading.Thread):
             standstill = self._stood_still(info, now_ns, len(fields))
             self._pipeline.shedding.saw(0 if standstill is None else standstill.time_ns, now_ns)
             if fields and self._signal is Signal.ABSENT:
-                self._ask_signal()  # what came back may be half a second older than the next question
+                self._ask_signal()  # the last answer may be half a second old
             if standstill is not None and standstill.time_ns > info.buffered_ns:
                 self._board.stood_still(standstill)
             for grabbed in fields:
@@ -289,10 +289,10 @@ class CaptureThread(threading.Thread):
             self._show_state()
 
     def _leave_room(self) -> None:
-        """Lets others go on, where fields that have waited are taken faster than they came.
+        """Lets other threads run while waiting fields are taken faster than they came.
 
-        Else a thread in real time would keep a slow processor from the driver's own threads, and write over
-        what nobody had a processor to read. The driver's buffers hold what comes meanwhile.
+        Otherwise a thread in real time would keep the driver's threads off a slow processor, and overwrite
+        slots that no reader had time to read. The driver's buffers hold the fields that come meanwhile.
         """
         ring = self._pipeline.ring
         for _ in range(MOST_POLLS):
@@ -305,7 +305,7 @@ class CaptureThread(threading.Thread):
     def _nothing_came(self, asked_ns: int, now_ns: int) -> None:
         """Handles an empty dequeue.
 
-        Many grabbers deliver nothing without a camera; that is no fault of theirs.
+        Many grabbers deliver nothing without a camera; that is not a failure.
 
         Raises:
             StreamFailed: The stream has stalled.
@@ -316,8 +316,8 @@ class CaptureThread(threading.Thread):
             self._flow.excuse(now_ns)
             self._interrupted(NO_SIGNAL)
             self._show_state()
-        # Silence counts until the empty dequeue began, not until now: else a computer that stood still for
-        # a second would be taken for a grabber that did.
+        # Silence counts until the empty dequeue began, not until now: else a computer that was stopped for
+        # a second would look like a grabber that was.
         elif self._flow.silent_s(asked_ns) > self._stalled_s - self._timeout_s:
             raise StreamFailed(
                 f"no field for {self._stalled_s:g} s", "if it stays, check camera, cable and port"
@@ -343,10 +343,10 @@ class CaptureThread(threading.Thread):
         self._count(self._pipeline.settle())
         self._board.enter(DeviceState.ENDED, error.message, error.hint, cause_of(error))
         self._captures.source_ended(error)
-        self._wait(math.inf)  # the thread lives on, since the heartbeat listens for it
+        self._wait(math.inf)  # the thread keeps running, since the heartbeat checks it
 
     def _wait(self, seconds: float) -> None:
-        """Waits for so long, or until stopped, and beats meanwhile."""
+        """Waits for a time or until stopped, and beats meanwhile."""
         end_ns = self._clock.now_ns() + seconds * 1e9
         while (left_s := (end_ns - self._clock.now_ns()) / 1e9) > 0:
             if self._stopping.wait(min(left_s, BEAT_EVERY_S)):

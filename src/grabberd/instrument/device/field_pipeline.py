@@ -1,6 +1,6 @@
 """Field pipeline: from a grabbed field to a slot of the ring, by number, lines, threshold and bits.
 
-While the capture thread falls behind the camera, it has fields measured less often.
+While the capture thread is behind the camera, fields are measured less often.
 """
 
 import logging
@@ -30,17 +30,17 @@ from grabberd.instrument.acquisition import (
 from grabberd.instrument.device.threshold_keeper import NewestField, ThresholdKeeper
 
 BEHIND_NS = 40_000_000
-"""Less is no sign of a busy computer: its scheduler alone may cost as much, whatever the rate."""
+"""Smaller delays do not show a busy computer: its scheduler alone may cause them, at any rate."""
 CALM_NS = 1_000_000_000
 """Time after the capture thread was last behind until every field is measured again."""
 SPARE_S = 0.2
-"""Pause after each field meanwhile: five fields a second are still shown."""
+"""Pause after each field meanwhile: five fields per second are still shown."""
 
 
 class Shedding:
-    """Tells the worker when to leave the processor to the capture thread.
+    """Decides when the worker must leave the processor to the capture thread.
 
-    A field that is not taken is lost; one that is not measured is measured later, from the capture's file.
+    A field that is not taken is lost, but a field that is not measured can be measured later from the file.
     Written by the capture thread, read by the worker.
     """
 
@@ -53,12 +53,12 @@ class Shedding:
             self._until_ns = now_ns + CALM_NS
 
     def pause_s(self, now_ns: int) -> float:
-        """Seconds that the worker has to wait for before it measures another field."""
+        """Seconds that the worker has to wait before it measures another field."""
         return SPARE_S if now_ns < self._until_ns else 0.0
 
 
 ARRIVALS = 16384
-"""Number of fields whose arrival is remembered: those of a minute at 250 fields a second."""
+"""Number of fields whose arrival is stored: those of a minute at 250 fields per second."""
 
 
 log = logging.getLogger(__name__)
@@ -80,7 +80,7 @@ class _Unnumbered(NamedTuple):
 class FieldPipeline:
     """Takes grabbed fields into the ring.
 
-    A field whose number is in doubt is kept back until later ones have settled it: its slot comes with
+    A field whose number is in doubt is held until later ones have settled it; its slot then comes with
     theirs.
 
     Used by the capture thread alone, except for `configure_ring` and the attributes.
@@ -88,7 +88,7 @@ class FieldPipeline:
     Attributes:
         ring: The ring in use.
         thresholds: Keeper of the threshold in force.
-        newest: Leaves a copy of the newest field for whoever asks.
+        newest: Provides a copy of the newest field on request.
         arrived_ns: Times at which the latest fields arrived, by their number modulo `ARRIVALS`.
         interruption: Reason why no fields come, or None while they do.
         shedding: Whether fields should be measured less often for a while.
@@ -115,7 +115,7 @@ class FieldPipeline:
     def configure_ring(self, bits: int | None, lines: str | None) -> Ring:
         """Provides the ring for these bits and lines; None: as configured.
 
-        It is a new one if they differ from those in use; readers of the old one get what is left in it.
+        It is a new one if they differ from those in use; readers of the old one get its remaining slots.
 
         Raises:
             InputError: Lines are to be doubled, and the camera is progressive.
@@ -135,9 +135,9 @@ class FieldPipeline:
     def opened(self, info: StreamInfo, since_ns: int | None = None) -> str | None:
         """Notes that the device streams (again), and returns how its pictures differ from before, or None.
 
-        No field was exposed before `since_ns`, when the stream was asked for.
+        No field was exposed before `since_ns`, when the stream was requested.
 
-        Numbering goes on through the gap. If the pictures differ, it begins anew in a new ring.
+        Numbering continues across the gap. If the pictures differ, it starts again in a new ring.
         """
         change = _change(self._granted, info)
         if self._numbering is None or change:
@@ -158,38 +158,38 @@ class FieldPipeline:
 
     @property
     def rate_hz(self) -> float:
-        """Fields per second: as granted, or of the pace that its camera keeps to instead; nominal until the
-        device has been opened.
+        """Fields per second: as granted, or the camera's actual pace; nominal until the device has been
+        opened.
         """
         return PAL_HZ if self._numbering is None else self._numbering.rate_hz
 
     @property
     def steady_hz(self) -> float | None:
-        """Rate of the latest pictures of a progressive camera that came steadily; None if none did."""
+        """Latest steady rate of a progressive camera; None if there was none."""
         return None if self._numbering is None else self._numbering.steady_hz
 
     @property
     def is_progressive(self) -> bool:
-        """True if the device has granted pictures that have all lines, and so no parity."""
+        """True if the device has granted pictures with all lines, which have no parity."""
         return self._granted is not None and self._granted.field_order is FieldOrder.PROGRESSIVE
 
     @property
     def no_picture(self) -> str | None:
-        """The picture that the grabber generates in place of the camera's, or None."""
+        """The picture generated by the grabber in place of the camera's, or None."""
         return self._content.no_picture if self._content else None
 
     def settle(self) -> list[Slot]:
-        """Numbers the fields that are in doubt by what is known now, since no more will come."""
+        """Numbers the fields in doubt by the present evidence, since no more will come."""
         return [] if self._numbering is None else self._release(self._numbering.settle())
 
     def interrupted(self, reason: str) -> list[Slot]:
-        """Notes the reason for which fields that do not come from now on are lost.
+        """Notes the reason for the fields that are lost from now on.
 
         Returns:
-            The slots of the fields that were still in doubt, which are in the ring now.
+            The slots of the fields that were still in doubt, which are now in the ring.
         """
         released = [] if self._numbering is None else self._release(self._numbering.interrupt(reason))
-        # Last: a capture that ends now takes what is in the ring, and then believes that nothing more comes.
+        # Last: a capture that ends now takes the slots in the ring and then expects no more.
         self.interruption = reason
         return released
 
@@ -208,7 +208,7 @@ class FieldPipeline:
             grabbed: The field.
             signal: The driver's last report.
             now_ns: Arrival.
-            standstill: What kept the program from taking fields before it, or None.
+            standstill: Time before it in which the program took no fields, or None.
             in_time: False if it may have waited in the driver's buffers.
 
         Returns:
@@ -216,7 +216,7 @@ class FieldPipeline:
         """
         assert self._numbering is not None, "opened() comes first"
         self.interruption = None
-        # Read once: a capture's start may exchange the ring while this field is packed for the old one.
+        # Read once: a capture's start may replace the ring while this field is packed for the old one.
         ring = self.ring
         self.newest.offer(grabbed.field, ring, grabbed.time_ns)
         content, packed = self._packed(grabbed, signal, ring)
@@ -248,16 +248,16 @@ class FieldPipeline:
         return slot
 
     def _slots_at(self, rate_hz: float) -> int:
-        """Slots of a ring at this rate: unless configured, as many as last for as long as those of PAL."""
+        """Slots of a ring at this rate: unless configured, they last as long as those of PAL."""
         return self._slots_asked or max(LEAST_SLOTS, round(LEAST_SLOTS / PAL_HZ * rate_hz))
 
     def _exchange(self, bits: int, lines: str) -> None:
-        # Exchanged before the old one is closed: the worker comes back at once for the ring in use.
+        # Replaced before the old one is closed: the worker immediately asks for the ring in use.
         old, self.ring = self.ring, Ring(self._slots, bits, lines)
         old.close()
 
     def _packed(self, grabbed: GrabbedField, signal: Signal, ring: Ring) -> tuple[Content, PackedField]:
-        """Looks at a live field while packing it; a recording's is shown first, to choose a threshold by."""
+        """Packs a field; checks a live one, and first shows a recording's to the threshold keeper."""
         if self._content is not None:
             content, packed = self._content.take(grabbed, self._packing(ring))
             if signal is not Signal.ABSENT and content.no_picture is None:
@@ -279,7 +279,7 @@ def _default_lines(bits: int) -> str:
 
 
 def _change(before: StreamInfo | None, now: StreamInfo) -> str | None:
-    """Difference between the pictures of a stream and those before, in a sentence; None if there is none."""
+    """Difference between the pictures of a stream and the previous one, in a sentence, or None."""
     if before is None or _pictures(before) == _pictures(now):
         return None
     return f"the grabber grants {_described(now)} now, not {_described(before)} as before"

@@ -1,7 +1,7 @@
-"""Watch over the measured fields: the rig, the sequence of fields, and the history of the last minutes.
+"""Checks on the measured fields: the rig, the order of fields, and the history of the last minutes.
 
-Camera and mirrors are compared with their calibration, and fields with the sequence of time; of each field
-of the last minutes a few numbers are kept, for who looks later.
+Camera and mirrors are compared with their calibration, and the order of fields with that of their times; a
+few numbers of each field of the last minutes are kept for later display.
 """
 
 import logging
@@ -38,7 +38,7 @@ _MEANINGS = {
 
 
 class RigHealth:
-    """Health of the rig by the worker's fields; written by the worker alone, read by everybody.
+    """Health of the rig, from the worker's fields; written by the worker alone, read by any thread.
 
     Attributes:
         fit: Fit of the last seconds, or None before there was one.
@@ -53,11 +53,11 @@ class RigHealth:
         self._capture_fits: deque[RigFit] = deque(maxlen=MOST_FITS)
 
     def begin(self, setup: MeasureSetup, *, capture: bool = False) -> None:
-        """Announces fields measured with this setup; another setup begins afresh.
+        """Announces fields measured with this setup; a different setup starts again.
 
         Args:
             setup: Setup that the following fields are measured with.
-            capture: True if they are a capture's, which has fits of its own.
+            capture: True if they belong to a capture, which has separate fits.
         """
         if setup is not self._setup:
             self._setup, self._watch, self.fit = setup, RigWatch(setup), None
@@ -89,7 +89,7 @@ class RigHealth:
         return None if self.fit is None else fit_document(self.fit)
 
     def findings(self) -> dict[str, Any]:
-        """Entries for a capture's metadata: the worst verdict and the means of its fits, if it had any."""
+        """Entries for a capture's metadata: the worst verdict and the means of its fits, if there are any."""
         known = [fit for fit in self._capture_fits if fit.verdict is not RigVerdict.UNKNOWN]
         if not known:
             return {}
@@ -143,12 +143,12 @@ _BY_WEIGHT = (Order.NO_MOVEMENT, Order.UNCLEAR, Order.RIGHT, Order.SAME_INSTANT,
 
 
 class FieldOrderHealth:
-    """Field order by the worker's points; written by the worker alone, read by everybody.
+    """Field order, from the worker's points; written by the worker alone, read by any thread.
 
-    An object at rest tells nothing: what its last movement told holds until another one tells something else.
+    An object at rest does not show the order: the result of its last movement holds until the next one.
 
     Attributes:
-        fit: The newest fit that tells the order, else the newest; None before the first.
+        fit: The newest fit that shows the order, else the newest; None before the first.
     """
 
     def __init__(self, device: str) -> None:
@@ -160,12 +160,12 @@ class FieldOrderHealth:
         self._logged = Order.RIGHT
 
     def begin(self, setup: MeasureSetup, *, capture: bool = False, interlaced: bool = True) -> None:
-        """Announces fields whose numbers go on from one another; what another setup told holds no longer.
+        """Announces fields with continuous numbers; results of another setup are dropped.
 
         Args:
             setup: Setup that the following fields are measured with.
-            capture: True if they are a capture's, which has a fit of its own.
-            interlaced: False if they are progressive pictures, which have no order to be wrong.
+            capture: True if they belong to a capture, which has a separate fit.
+            interlaced: False if they are progressive pictures, whose order cannot be wrong.
         """
         if setup is not self._setup:
             self._setup, self.fit = setup, None
@@ -174,7 +174,7 @@ class FieldOrderHealth:
         if not interlaced:
             self.fit = self._check = None
             return
-        # Always afresh: a capture numbers its fields from its own first one, which may be of either parity.
+        # Always reset: a capture numbers its fields from its first one, which may have either parity.
         self._check = FieldOrderCheck(setup.object_model.target)
 
     def see(self, measured: MeasuredField) -> None:
@@ -209,7 +209,7 @@ class FieldOrderHealth:
         self._log_change(fit)
 
     def _log_change(self, fit: FieldOrderFit) -> None:
-        """Logs each change of the verdict once; a fit that does not tell the order is no change."""
+        """Logs each change of the verdict once; a fit that does not show the order is no change."""
         if fit.order is self._logged or fit.order not in KNOWN:
             return
         self._logged = fit.order
@@ -245,7 +245,7 @@ ROW = np.dtype(
 
 
 class History(NamedTuple):
-    """Fields in the sequence of time.
+    """Fields in the order of their times.
 
     Attributes:
         views: Names of the views that targets were counted in.
@@ -259,7 +259,7 @@ class History(NamedTuple):
 
 
 class FieldHistory:
-    """A ring of measured fields, written by the worker, read by anybody."""
+    """A ring of measured fields, written by the worker, read by any thread."""
 
     def __init__(self, fields: int = FIELDS) -> None:
         self._rows = np.zeros(fields, ROW)
@@ -270,21 +270,21 @@ class FieldHistory:
         self._lock = threading.Lock()
 
     def keep(self, rate_hz: float) -> None:
-        """Keeps five minutes at this rate from now on; what was kept at another one is forgotten."""
+        """Keeps five minutes at this rate from now on; fields at another rate are dropped."""
         fields = min(max(round(KEPT_S * rate_hz), 1), MOST_FIELDS)
         if fields != len(self._rows):
             with self._lock:
                 self._rows, self._count = np.zeros(fields, ROW), 0
 
     def see(self, measured: MeasuredField, setup: MeasureSetup, latency_ns: int) -> None:
-        """Enters a field, unless one as new is there: a capture is measured anew from its first field on."""
+        """Enters a field, unless there is a newer one: a capture is measured again from its start."""
         if measured.time_ns <= self._newest_ns:
             return
         row = _row(measured, setup, latency_ns)
         pairs = facing_targets(setup.object_model)[:MOST_PAIRS]
         with self._lock:
             if pairs != self._pairs:
-                # Widths of another object's targets would be taken for theirs.
+                # Widths of another object's targets would be mistaken for theirs.
                 self._count, self._pairs = 0, pairs
             self._views = tuple(view.name for view in setup.calibration.views)
             self._rows[self._count % len(self._rows)] = row

@@ -1,6 +1,6 @@
 """Recovery of a grabber that stops delivering: the next step, and the wait before it.
 
-Nothing here touches a device or a clock. `Ladder.next` decides what to do; the capture thread does it.
+Nothing here uses a device or a clock. `Ladder.next` decides what to do; the capture thread does it.
 """
 
 import logging
@@ -14,14 +14,14 @@ from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, Grab
 
 
 class Trouble(StrEnum):
-    """Kinds of failure that call for different steps."""
+    """Kinds of failure that require different steps."""
 
     STREAM = "stream"
-    """The device is there, but delivers nothing."""
+    """The device is connected, but delivers nothing."""
     ABSENT = "absent"
-    """The device is not there."""
+    """The device is not connected."""
     REFUSED = "refused"
-    """The device is there and refuses: a person has to act."""
+    """The device is connected, but refuses: a person has to act."""
 
 
 class BackOff(NamedTuple):
@@ -32,7 +32,7 @@ class BackOff(NamedTuple):
 
     def wait_s(self, times: int) -> float:
         """The wait after this many waits."""
-        # The exponent is capped, since a device may stay away for months and 2.0 ** 1024 overflows.
+        # The exponent is limited: a device may be absent for months, and 2.0 ** 1024 overflows.
         return min(self.longest_s, self.first_s * 2.0 ** min(times, 30))
 
 
@@ -47,17 +47,17 @@ RUNGS: Mapping[tuple[Trouble, bool], tuple[Rung, ...]] = {
 """Steps against each trouble of a device that is open, or not; after them it is retried with back-off.
 """
 
-# A person may plug in an absent device at any moment; a refusal ends only when somebody acts on it.
+# An absent device may be plugged in at any moment; a refusal ends only when somebody acts on it.
 RETRIES: Mapping[Trouble, BackOff] = {
     Trouble.STREAM: BackOff(0.5, 2.0),
     Trouble.ABSENT: BackOff(0.25, 1.0),
     Trouble.REFUSED: BackOff(0.5, 10.0),
 }
 RESETS = BackOff(60.0, 3600.0)
-"""Waits between two resets: each may cost the other devices on its bus their streams."""
+"""Waits between two resets: each may interrupt the streams of other devices on its bus."""
 
 PROVEN_S = 10.0
-"""Fields that came for this long prove that the last step has helped."""
+"""Time of delivery that proves that the last step has helped."""
 
 LINK_S = 10.0
 """Time that a device may take to come back after its reset."""
@@ -71,7 +71,7 @@ STATES: Mapping[Trouble, DeviceState] = {
 
 
 class Failure(NamedTuple):
-    """A failure, as far as the ladder is concerned.
+    """A failure, as seen by the ladder.
 
     Attributes:
         trouble: Kind of failure.
@@ -102,7 +102,7 @@ class Step(NamedTuple):
 class Ladder:
     """Progress of a recovery; the ladder is left only when fields have come for `PROVEN_S`.
 
-    So a grabber that delivers one field after each restart climbs on, and does not stay on the first rung.
+    So a grabber that delivers one field after each restart does not stay on the first rung.
 
     Attributes:
         trouble: The last trouble.
@@ -126,7 +126,7 @@ class Ladder:
         return ladder._after(rung, now_ns), ladder._step(rung, now_ns)
 
     def _facing(self, trouble: Trouble, now_ns: int) -> "Ladder":
-        # After a reset the device is away for a moment, and udev sets its rights only after it is back.
+        # After a reset the device disappears for a moment, and udev sets its permissions when it is back.
         if trouble is Trouble.REFUSED and self._waits_for_link(now_ns):
             trouble = Trouble.ABSENT
         return self if trouble is self.trouble else replace(self, trouble=trouble, retries=0)
@@ -163,22 +163,22 @@ class Ladder:
 
 
 def trouble_of(error: GrabberdError) -> Trouble:
-    """Trouble that an error stands for."""
+    """Kind of failure of an error."""
     if isinstance(error, StreamFailed):
         return Trouble.STREAM
     return Trouble.ABSENT if isinstance(error, DeviceLost | DeviceAbsent) else Trouble.REFUSED
 
 
 def reason_of(error: GrabberdError) -> str:
-    """Reason that the ledger gives for the fields which an error costs."""
+    """Reason in the ledger for the fields lost by an error."""
     return "unplugged" if trouble_of(error) is Trouble.ABSENT else error.message
 
 
 class FaultLog:
-    """Logs faults of the program in a thread that tries for ever: tracebacks must not fill the journal.
+    """Logs faults of the program in a thread that retries forever, without filling the journal by tracebacks.
 
     Args:
-        log: Where they are logged.
+        log: Receives the entries.
         what: What failed, in words.
     """
 
@@ -187,7 +187,7 @@ class FaultLog:
         self._last: str | None = None
 
     def refusal(self, fault: Exception) -> DeviceRefused:
-        """The error for the fault that is being handled: its device is retried like one that refuses."""
+        """The error for the fault being handled: its device is retried like one that refuses."""
         message = f"{type(fault).__name__}: {fault}"
         if message != self._last:
             self._last = message

@@ -1,6 +1,6 @@
-"""Scheduling: whether the capture thread takes fields in time, by its clock and by the kernel's account.
+"""Scheduling: whether the capture thread takes fields in time, by its clock and the kernel's accounting.
 
-Standstills, in which the program took no fields, are counted and told to people for a minute.
+Standstills, in which the program took no fields, are counted and shown for a minute.
 """
 
 import os
@@ -17,15 +17,15 @@ from grabberd.errors import Cause
 from grabberd.instrument.acquisition import Standstill
 
 _NOTABLE = 0.5
-"""Periods: a pause that is shorter is none."""
+"""Shortest pause that counts, in periods."""
 _MOST_SHARE = 0.5
-"""Of a processor, for a thread in real time; a camera's fields take a twentieth."""
+"""Share of a processor that a thread in real time may use; a camera's fields take a twentieth."""
 _PRIORITY = 1
-"""The lowest in real time: whatever else asked for that, an audio server for instance, comes before it."""
+"""The lowest priority in real time: other real-time programs, such as an audio server, take precedence."""
 
 
 class ThreadTimes(NamedTuple):
-    """Times of a thread since it began.
+    """Times of a thread since its start.
 
     Attributes:
         ran_ns: On a processor.
@@ -37,32 +37,32 @@ class ThreadTimes(NamedTuple):
 
 
 class ThreadAccount:
-    """The account of a thread, and a say in when it runs; there is neither by a clock not the kernel's."""
+    """Accounting and priority of a thread; neither is available with a clock other than the kernel's."""
 
     def thread(self) -> ThreadTimes | None:
         """Times of the thread; None if unknown."""
         return None
 
     def program_ns(self) -> int:
-        """Processor time of the whole program."""
+        """Processor time used by the whole program."""
         return 0
 
     def come_first(self) -> str:
-        """Asks that the calling thread runs before all others; returns how it runs from now on, in words,
-        empty if that is unknown.
+        """Requests that the calling thread runs before all others; returns its new scheduling in words, or ""
+        if that is unknown.
         """
         return ""
 
     def keep_to_share(self, now_ns: int) -> str:
-        """Lets the calling thread run like others again if it takes too much for one that comes first.
+        """Ends the priority of the calling thread if it uses the processor too much.
 
-        Returns how it runs then, in words, empty if nothing changes.
+        Returns its new scheduling in words, or "" if nothing changes.
         """
         return ""
 
 
 class KernelAccount(ThreadAccount):
-    """The account of the thread that first asks for it, from /proc/self/task/TID/schedstat."""
+    """Accounting of the thread that first uses it, from /proc/self/task/TID/schedstat."""
 
     def __init__(self) -> None:
         self._file: int | None = None
@@ -70,7 +70,7 @@ class KernelAccount(ThreadAccount):
         self._first_since: tuple[int, int] | None = None
 
     def thread(self) -> ThreadTimes | None:
-        """See `ThreadAccount`; None where the kernel keeps no such account."""
+        """See `ThreadAccount`; None if the kernel does not provide it."""
         if not self._opened:
             self._opened = True
             with suppress(OSError):
@@ -86,9 +86,9 @@ class KernelAccount(ThreadAccount):
         return time.process_time_ns()
 
     def come_first(self) -> str:
-        """See `ThreadAccount`; the right to it is LimitRTPRIO of the unit, or `ulimit -r`.
+        """See `ThreadAccount`; permitted by LimitRTPRIO of the unit, or `ulimit -r`.
 
-        Processes that the thread starts begin as ordinary ones.
+        Processes started by the thread have ordinary priority.
         """
         try:
             # Round robin: the capture threads of several devices take turns.
@@ -99,7 +99,7 @@ class KernelAccount(ThreadAccount):
         return "in real time, before other programs' work"
 
     def keep_to_share(self, now_ns: int) -> str:
-        """See `ThreadAccount`: a driver that always has a field would leave nobody else a processor."""
+        """See `ThreadAccount`: a driver that always has a field would leave no processor to others."""
         times = None if self._first_since is None else self.thread()
         if self._first_since is None or times is None:
             return ""
@@ -112,7 +112,7 @@ class KernelAccount(ThreadAccount):
         return f"no longer in real time: that took {share:.0%} of a processor"
 
     def close(self) -> None:
-        """Closes the account; it tells nothing afterwards."""
+        """Closes the file; the times are unknown afterwards."""
         if self._file is not None:
             os.close(self._file)
             self._file = None
@@ -121,13 +121,13 @@ class KernelAccount(ThreadAccount):
 class Scheduling:
     """Adds up the time by which the capture thread has fallen behind the camera.
 
-    It counts from when the driver's buffers were last found empty: a program that is a little late again and
-    again fills them as one long pause does.
+    It counts from when the driver's buffers were last found empty: many small delays fill them just like one
+    long pause.
 
     Args:
         clock: Source of time.
         account: The kernel's account of the thread that uses this.
-        called_ns: Time spent so far in calls to the device that should return at once.
+        called_ns: Total time spent in calls to the device that should return at once.
 
     Attributes:
         was_in_time: True if the thread waited for the last field, and took it as soon as it came.
@@ -145,55 +145,55 @@ class Scheduling:
         self._called_ns_at_asking = 0
         self._times_at_begin: ThreadTimes | None = None
         self._late_ns = self._program_ns_at_begin = self._called_ns_at_begin = 0
-        self._untold = False
+        self._unreported = False
         self._period_ns = 0
         self.paced(PAL_HZ)
         self.was_in_time = False
 
     def paced(self, rate_hz: float) -> None:
-        """Notes how many fields come a second from now on."""
+        """Notes the number of fields per second from now on."""
         self._period_ns = round(1e9 / rate_hz)
 
     def excuse(self) -> None:
-        """Notes that nobody had to take fields until now."""
+        """Notes that no fields had to be taken until now."""
         self._begin(self._account.thread(), self._called_ns())
         self._came_ns, self._fields = self._clock.now_ns(), 0
 
     def asks(self) -> int:
-        """Notes that the thread asks for a field now; returns the time."""
+        """Notes that the thread now requests a field; returns the time."""
         self._asked_ns = self._clock.now_ns()
         self._times_at_asking, self._called_ns_at_asking = self._account.thread(), self._called_ns()
         return self._asked_ns
 
     def came(self, now_ns: int, timeout_s: float, fields: int, *, found_empty: bool) -> Standstill | None:
-        """Tells what has kept the thread from taking fields, now that a request is over; None if nothing has.
+        """Standstill that kept the thread from taking fields until the end of this request, or None.
 
-        What a request without a field has shown is told again with the next field, unless the driver's
+        One found by a request without a field is returned again with the next field, unless the driver's
         buffers are found empty before.
 
         Args:
             now_ns: The present time.
             timeout_s: Longest time that the request should have taken.
-            fields: Number of fields that it has brought.
+            fields: Number of fields that it has returned.
             found_empty: True if no field was waiting when it began.
         """
         times, request_ns = self._account.thread(), now_ns - self._asked_ns
         if found_empty:
             self._begin(self._times_at_asking, self._called_ns_at_asking)
-            # A processor may have been waited for after a field had come, or something else.
+            # The thread may have waited for a processor, or something else, after a field had come.
             waited_ns = _waited_ns(self._times_at_asking, times)
             late_ns = max(self._overrun(request_ns, timeout_s), min(waited_ns, request_ns))
         else:
-            # There was a field to take all the time since the last ones; those had their own time.
+            # There was always a field to take since the last ones, which had their own time.
             late_ns = now_ns - self._came_ns - self._fields * self._period_ns
         notable_ns = _NOTABLE * self._period_ns
         self.was_in_time = found_empty and late_ns < notable_ns
         self._came_ns, self._fields = now_ns, fields
         self._late_ns = max(0, self._late_ns + late_ns)
-        self._untold |= late_ns >= notable_ns
-        if not self._untold:
+        self._unreported |= late_ns >= notable_ns
+        if not self._unreported:
             return None
-        self._untold = not fields
+        self._unreported = not fields
         return self._standstill(times)
 
     def _standstill(self, times: ThreadTimes | None) -> Standstill:
@@ -205,19 +205,19 @@ class Scheduling:
         )
 
     def _overrun(self, request_ns: int, timeout_s: float) -> int:
-        """Time by which a request took too long; if it was longer than it may, a field was due before."""
+        """Time by which a request took too long; if it exceeded its limit, a field was due before."""
         if request_ns - round(timeout_s * 1e9) < _NOTABLE * self._period_ns:
             return 0
         return request_ns - self._period_ns
 
     def _begin(self, times: ThreadTimes | None, called_ns: int) -> None:
-        self._late_ns, self._untold = 0, False
+        self._late_ns, self._unreported = 0, False
         self._times_at_begin, self._called_ns_at_begin = times, called_ns
         self._program_ns_at_begin = self._account.program_ns()
 
 
 def _waited_ns(before: ThreadTimes | None, after: ThreadTimes | None) -> int:
-    """Time waited for a processor between two readings; none where they are unknown."""
+    """Time waited for a processor between two readings; 0 if they are unknown."""
     return 0 if before is None or after is None else after.waited_ns - before.waited_ns
 
 
@@ -234,7 +234,7 @@ class ShownStandstill(NamedTuple):
     """A standstill of the last minute.
 
     Attributes:
-        cause: What it was, in a sentence; `hint`: what to do; `code`: the same as a code.
+        cause: Cause in a sentence; `hint`: what to do; `code`: cause code.
         utc: Time at which it ended.
     """
 
@@ -245,11 +245,11 @@ class ShownStandstill(NamedTuple):
 
 
 class Standstills:
-    """Standstills since the daemon started; used by the capture thread, read by everybody.
+    """Standstills since the daemon started; used by the capture thread, read by any thread.
 
     Attributes:
         counts: Their number, by cause.
-        seconds: Their length together, by cause.
+        seconds: Their total length, by cause.
     """
 
     def __init__(self, clock: UtcClock) -> None:
@@ -259,7 +259,7 @@ class Standstills:
         self._latest: tuple[int, Standstill, Cause, str] | None = None
 
     def note(self, standstill: Standstill) -> bool:
-        """Notes one; returns True if people have not been told of its kind within the last minute."""
+        """Notes one; returns True if none of its kind was reported within the last minute."""
         now_ns, code = self._clock.now_ns(), _code_of(standstill)
         latest, shown = self._latest, self.shown
         known_ns, goes_on = 0, False
@@ -271,7 +271,7 @@ class Standstills:
         return shown is None or shown.code is not _code_of(standstill)
 
     def hint_of(self, standstill: Standstill) -> str:
-        """Advice against one."""
+        """Advice on how to avoid one."""
         return _HINTS[_code_of(standstill)]
 
     @property

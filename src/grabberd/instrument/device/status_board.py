@@ -1,7 +1,7 @@
-"""Status of a device from moment to moment; written by its threads, read by everybody.
+"""Current status of a device; written by its threads, read by any other.
 
-It includes the fields of the last minute, and whether the capture thread goes on, which is looked at from
-the event loop.
+It includes the fields of the last minute, and whether the capture thread is alive, which is checked from the
+event loop.
 """
 
 import logging
@@ -23,25 +23,25 @@ from grabberd.instrument.device.scheduling import Standstills
 
 KEPT_S = 60
 LATELY_S = 10
-"""Shorter window: what is lost in it is being lost now."""
+"""Shorter window, for current losses."""
 NOT_WHOLE = frozenset({Outcome.LOST, Outcome.DAMAGED, Outcome.OVERRUN})
 _SECOND_NS = 1_000_000_000
 
 
 class RecentCount(NamedTuple):
-    """Number of fields in a window of time: all that were due, and those that did not come whole."""
+    """Number of fields in a window of time: all due ones, and those that are not good."""
 
     due: int = 0
     lost: int = 0
 
     @property
     def share(self) -> float:
-        """Share of those that did not come whole; 0 if none was due."""
+        """Share of those that are not good; 0 if none was due."""
         return self.lost / self.due if self.due else 0.0
 
 
 class RecentFields:
-    """Counts by the second; written by the capture thread, read by everybody."""
+    """Counts by the second; written by the capture thread, read by any thread."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -58,7 +58,7 @@ class RecentFields:
             self._seconds.append((second, due, lost))
 
     def within(self, now_ns: int, seconds: int = KEPT_S) -> RecentCount:
-        """Counts of the last seconds, of `KEPT_S` at most."""
+        """Counts of the last seconds, at most `KEPT_S`."""
         first = now_ns // _SECOND_NS - seconds
         with self._lock:
             recent = [one for one in self._seconds if one[0] > first]
@@ -77,19 +77,19 @@ TRANSITIONS: Mapping[DeviceState, frozenset[DeviceState]] = {
     **{state: (_TROUBLED - {state}) | {_S.OPENING, _S.ENDED} for state in _TROUBLED},
     _S.ENDED: frozenset({_S.OPENING}),
 }
-"""From trouble the way back leads through `opening`: the device is open, its first field still to come.
+"""After trouble, a device is first `opening` again: open, but without a field yet.
 
-`absent` and `failed` are retried automatically; `recovering` means that a step of the ladder is being taken.
-`ended` is a recording that was played to its end; a real grabber never gets there.
+`absent` and `failed` are retried automatically; `recovering` means that a step of the ladder is in progress.
+`ended` is a recording that was played to its end; a real grabber never reaches it.
 """
 
 RATE_S = 2.0
-"""Time that the rate is measured over."""
+"""Time over which the rate is measured."""
 _FEWEST = 5
-"""Fields that it is measured over at least."""
+"""Minimum number of fields over which it is measured."""
 STUCK_HINT = "the program is restarted if that lasts; if it comes again, unplug the grabber, then restart"
 SILENT_NS = 1_000_000_000
-"""Silence after which there is no rate; longer than a stall takes to be noticed."""
+"""Silence after which there is no rate; longer than it takes to notice a stall."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,18 +98,18 @@ class DeviceStatus:
 
     Attributes:
         state: State in one word.
-        since_utc: Time at which it came to this state.
+        since_utc: Time at which it entered this state.
         cause: Cause of the state in a sentence, or None.
         hint: What an operator can do about it, or None.
         code: Machine-readable code of the cause, or None.
-        stream: The stream that the driver granted last, or None before the first opening.
+        stream: The last granted stream, or None before the first opening.
         signal: Camera signal as the driver reports it.
         outcomes: Number of fields since the daemon started, by outcome.
         losses: Number of those that are not good, by the cause.
-        rebases: Number of changes of what numbers and times go by, by kind.
+        rebases: Number of changes of the base of numbers and times, by kind.
         openings: Number of times that the device has been opened.
         recoveries: Number of times that each step of recovery has been taken.
-        last_failure: Failure that the last step was taken for.
+        last_failure: Failure that caused the last step.
         last_failure_utc: Time since which it has been the last failure.
         refusals: Steps that the device does not support, in sentences.
     """
@@ -141,7 +141,7 @@ class StatusBoard:
 
     Attributes:
         name: Name of the device.
-        changed: Notified with every change of state; whoever waits for a state waits on it.
+        changed: Condition notified with every change of state.
         standstills: Times for which the program took no fields.
         recent: Fields of the last minute.
     """
@@ -161,16 +161,16 @@ class StatusBoard:
         self._arrivals_ns: deque[int] = deque(maxlen=_fields(PAL_HZ))
 
     def beat(self) -> None:
-        """Notes that the capture thread lives; called by itself, whatever its device does."""
+        """Notes that the capture thread is alive; called by itself, in every state of its device."""
         silent_s, self._beat_ns = self.silent_s, self._clock.now_ns()
         if self._stuck_since is not None:
             with self.changed:
                 self._stuck_since = None
                 self.changed.notify_all()
-            log.warning("device %s: the capture thread goes on after %.0f s", self.name, silent_s)
+            log.warning("device %s: the capture thread continues after %.0f s", self.name, silent_s)
 
     def find_stuck(self) -> None:
-        """Notes that the capture thread does not go on, until it beats again."""
+        """Notes that the capture thread is stuck, until it beats again."""
         if self._stuck_since is None:
             with self.changed:
                 self._stuck_since = iso_utc(self._clock.utc_now())
@@ -189,7 +189,7 @@ class StatusBoard:
 
     @property
     def now(self) -> DeviceStatus:
-        """The present status; its counters are copies."""
+        """The current status, with copies of the counters."""
         with self.changed:
             now = self._status
             if self._stuck_since is not None:
@@ -217,7 +217,7 @@ class StatusBoard:
     @property
     def rate_hz(self) -> float | None:
         """Fields per second over the last `RATE_S`; None while none come."""
-        arrivals_ns = list(self._arrivals_ns)  # a copy: the capture thread goes on appending
+        arrivals_ns = list(self._arrivals_ns)  # a copy: the capture thread continues to append
         if len(arrivals_ns) < 2 or self._clock.now_ns() - arrivals_ns[-1] > SILENT_NS:
             return None
         return (len(arrivals_ns) - 1) * 1e9 / max(arrivals_ns[-1] - arrivals_ns[0], 1)
@@ -232,7 +232,7 @@ class StatusBoard:
         """Changes the state to one that may follow the present one.
 
         Raises:
-            ValueError: It may not; the fault is the program's.
+            ValueError: It may not; this is a fault of the program.
         """
         with self.changed:
             if not may_follow(self._status.state, state):
@@ -264,7 +264,7 @@ class StatusBoard:
         self.enter(step.state, error.message, error.hint, cause_of(error))
 
     def reset_refused(self, refusal: GrabberdError | None) -> None:
-        """Notes why the device cannot be reset; None: it can."""
+        """Notes why the device cannot be reset; None if it can."""
         with self.changed:
             known = self._status.warnings
             refusals = (f"{refusal.message}; {refusal.hint}",) if refusal else ()
@@ -283,7 +283,7 @@ class StatusBoard:
             log.warning("device %s: %s; %s", self.name, standstill.reason, hint)
 
     def count(self, slot: Slot) -> None:
-        """Counts a field, the ones lost before it, and what numbers and times go by from it on."""
+        """Counts a field, the ones lost before it, and its changes of the base of numbers and times."""
         if slot.outcome is not Outcome.NO_SIGNAL:
             self._arrivals_ns.append(self._clock.now_ns())
         with self.changed:
@@ -315,7 +315,7 @@ class StatusBoard:
 
 
 def _fields(rate_hz: float) -> int:
-    """Fields that a rate is measured over."""
+    """Number of fields over which a rate is measured."""
     return max(round(RATE_S * rate_hz), _FEWEST)
 
 
@@ -336,25 +336,25 @@ def _level(state: DeviceState) -> int:
 
 
 STUCK_AFTER_S = 5.0
-"""Silence after which a thread that takes fields is stuck: it beats fifty times a second."""
+"""Silence after which a thread that takes fields is stuck: it beats fifty times per second."""
 SLOW_AFTER_S = 15.0
 """The same while a device is opened or reset, which may take ten seconds. Also the silence after which the
-daemon is to be restarted, unless systemd asks for signs of life more often."""
+daemon must be restarted, unless systemd's watchdog is shorter."""
 _IN_TIME_S = 2.5
-"""Pause between two looks, after which the whole program may have stood still, and not a thread of it."""
+"""Pause between two checks after which the whole program may have been stopped, not only a thread."""
 
 
 class Liveness:
     """Finds capture threads that are stuck: in the kernel's driver, or in the program.
 
-    The threads beat in every state, whatever their devices do.
+    The threads beat in every state of their devices.
 
     Args:
         boards: Status of each device.
 
     Attributes:
-        restart_after_s: Silence of a thread after which the daemon is to be restarted.
-        silent: Devices whose threads have been silent for so long that the daemon is to be restarted.
+        restart_after_s: Silence of a thread after which the daemon must be restarted.
+        silent: Devices whose threads have been silent for that long.
     """
 
     def __init__(self, boards: Iterable[StatusBoard]) -> None:
@@ -365,14 +365,14 @@ class Liveness:
         self.silent: tuple[str, ...] = ()
 
     def look(self, now_s: float) -> None:
-        """Looks at every thread; called about once a second.
+        """Checks every thread; called about once a second.
 
         Args:
-            now_s: Time of a clock that nobody sets.
+            now_s: Time of a monotonic clock.
         """
         before_s, self._looked_s = self._looked_s, now_s
         late = before_s is not None and now_s - before_s > _IN_TIME_S
-        # Once only: an event loop that is always late has to find stuck threads all the same.
+        # Only once: even an event loop that is always late must find stuck threads.
         self._excused = late and not self._excused
         if self._excused:
             return
@@ -383,7 +383,7 @@ class Liveness:
 
     @property
     def is_well(self) -> bool:
-        """True unless the daemon is to be restarted now: not while another device records."""
+        """False if the daemon must be restarted now; it is not restarted while another device records."""
         return not self.silent or self._another_records()
 
     def _judge(self) -> None:

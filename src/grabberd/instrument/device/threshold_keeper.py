@@ -1,7 +1,7 @@
-"""The threshold in force: chosen beside the capture thread, held during a capture (docs/decisions).
+"""The threshold in force: chosen outside the capture thread, held during a capture (docs/decisions).
 
-It is chosen by a copy of the newest 8-bit field, which is made on request: that costs the capture thread
-nothing while nobody asks.
+It is chosen by a copy of the newest 8-bit field, which is made on request, so it costs the capture thread
+nothing otherwise.
 """
 
 import logging
@@ -23,26 +23,26 @@ from grabberd.errors import MeasurementError
 from grabberd.instrument.acquisition import Ring
 
 SHARED_S = 0.2
-"""A copy is shared by all who ask within this time: five copies per second at most, however many look."""
+"""Time for which a copy is shared: five copies per second at most, for any number of requests."""
 log = logging.getLogger(__name__)
 EVERY_S = 1.0
-"""Pause between two choices: it follows the light of a barn, and a choice takes up to a tenth of a second."""
+"""Pause between two choices: fast enough for a barn's light, and a choice takes up to a tenth of a second."""
 FIELD_WITHIN_S = 0.25
 PACKED_WITHIN_S = 0.1
-"""Longest waits for a field: one comes far sooner, unless there is none."""
+"""Longest waits for a field: it comes far sooner, unless there is none."""
 SETTLED_WITHIN_S = 2.0
 """Longest wait for a choice; far more than the next field and the first choice for it take."""
 UNDECIDED_THRESHOLD = 128
-"""Threshold while the picture has no contrast to choose by."""
+"""Threshold while the contrast is too low for choosing one."""
 
 
 class Shown(NamedTuple):
     """A copied field.
 
     Attributes:
-        field: The field in memory of its own, with its lines as they came.
-        ring: The ring that it went into.
-        time_ns: Middle of its exposure, as the driver tells it; 0 where nobody asks for it.
+        field: The field in separate memory, with its original lines.
+        ring: The ring of the field.
+        time_ns: Middle of its exposure by the driver; 0 if it is not needed.
     """
 
     field: Field
@@ -51,7 +51,7 @@ class Shown(NamedTuple):
 
 
 class NewestField:
-    """Hands the newest field from the capture thread, which offers every one, to those who ask."""
+    """Passes the newest field on request to other threads; the capture thread offers every field."""
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
         self._now_s = now_s
@@ -62,11 +62,11 @@ class NewestField:
         self._shown_s = -math.inf
 
     def offer(self, field: Field, ring: Ring, time_ns: int = 0) -> None:
-        """Leaves a copy if one is asked for."""
-        # Read without the lock: the capture thread comes by with every field and mostly nobody asks.
+        """Provides a copy if one is requested."""
+        # Read without the lock: the capture thread offers every field, and most are not requested.
         if not self._wanted:
             return
-        # The field is a view into the driver's buffer, which is requeued when the capture thread goes on.
+        # The field is a view into the driver's buffer, which is requeued when the capture thread continues.
         copy = Shown(replace(field, luma=np.array(field.luma)), ring, time_ns)
         with self._given:
             self._shown, self._shown_s, self._wanted = copy, self._now_s(), False
@@ -74,7 +74,7 @@ class NewestField:
             self._given.notify_all()
 
     def ask(self, timeout_s: float) -> Shown | None:
-        """The next field that is offered, or None if none comes in time."""
+        """The next offered field, or None if none comes in time."""
         with self._given:
             before, self._wanted = self._count, True
             self._given.wait_for(lambda: self._count > before, timeout_s)
@@ -89,7 +89,7 @@ class NewestField:
 
 
 class Threshold(NamedTuple):
-    """A threshold for all pixels or for each.
+    """A threshold for all pixels, or one for each.
 
     Attributes:
         level: Grey value for all pixels; the median if there is one for each.
@@ -101,14 +101,14 @@ class Threshold(NamedTuple):
 
 
 class ThresholdKeeper:
-    """Chooses a threshold about once a second by a copy of the newest field, in a thread of its own.
+    """Chooses a threshold about once a second by a copy of the newest field, in a separate thread.
 
-    For a replayed recording the choice is made by its first field, and by the first of every capture, before
-    that is packed: so the same recording gives the same threshold each time.
+    For a replayed recording it is chosen by the first field, and by the first of every capture, before that
+    is packed, so that the same recording always has the same threshold.
 
     Attributes:
         in_force: Threshold that the next field is quantised with.
-        held: True while a capture keeps the threshold as it is.
+        held: True while a capture keeps the threshold constant.
     """
 
     def __init__(self, config: DeviceConfig) -> None:
@@ -136,7 +136,7 @@ class ThresholdKeeper:
         self._thread.start()
 
     def use(self, config: DeviceConfig) -> None:
-        """Chooses by another rule from the next choice on; not during a capture."""
+        """Sets the rule from the next choice on; not during a capture."""
         with self._deciding:
             self._rule, self._by_pixel = _rule(config), config.threshold.map
             self._tried_for = self._chosen_for = None
@@ -160,7 +160,7 @@ class ThresholdKeeper:
         return self.in_force
 
     def show(self, field: Field, ring: Ring) -> None:
-        """Shows a field with a picture; a recording's before it is packed for this ring."""
+        """Submits a field with a picture; a recording's before it is packed for this ring."""
         if self._fixed:
             return
         if self._live or not self.held:
@@ -169,7 +169,7 @@ class ThresholdKeeper:
             self._try(field, ring)
 
     def settle(self, ring: Ring) -> None:
-        """Waits, not for long, until a choice has been tried for this ring on a live device's picture."""
+        """Waits for a limited time until a choice has been tried for this ring on a live device's picture."""
         if self._fixed or not self._live:
             return
         self._at_once.set()
@@ -178,22 +178,22 @@ class ThresholdKeeper:
         self._at_once.clear()
 
     def hold(self) -> None:
-        """Keeps the threshold for a capture that begins; for a recording it is chosen once more."""
+        """Holds the threshold for a starting capture; for a recording it is chosen once more."""
         with self._deciding:
             self.held = True
             if not self._live:
                 self._chosen_for = None
         if self._live and not self._fixed:
-            # The field that is being packed now may have the threshold of before: wait for the next.
+            # The field being packed now may have the previous threshold: wait for the next.
             self._packing_next.clear()
             self._packing_next.wait(PACKED_WITHIN_S)
 
     def release(self) -> None:
-        """Lets the threshold follow the light again: the capture is over, or did not start."""
+        """Lets the threshold follow the light again, after a capture or a failed start."""
         self.held = False
 
     def choose_again(self) -> None:
-        """Asks for the newest field and chooses by it, unless the threshold is held or fixed."""
+        """Requests the newest field and chooses by it, unless the threshold is held or fixed."""
         if self._fixed:
             return
         shown = self._newest.ask(FIELD_WITHIN_S)
@@ -207,23 +207,23 @@ class ThresholdKeeper:
             except Exception:
                 log.exception("choosing a threshold failed; the one in force stays")
                 self._stopping.wait(EVERY_S)
-            # Before its first choice it does not pause: the first capture waits for that.
+            # No pause before the first choice, for which the first capture waits.
             self._at_once.wait(EVERY_S if self._tried_for or self._fixed else 0)
 
     def _may_choose(self, ring: Ring) -> bool:
-        """True if this thread may choose: a held threshold only if none has been chosen for the ring yet."""
+        """True if this thread may choose: if held, only if none has been chosen for the ring yet."""
         return not self.held or (self._live and self._chosen_for is not ring)
 
     def _try(self, field: Field, ring: Ring, *, beside: bool = False) -> None:
-        """Chooses by a field; `beside`: in the keeper's own thread, where a capture may begin meanwhile."""
+        """Chooses by a field; `beside`: in the keeper's thread, during which a capture may start."""
         rule = self._rule
         try:
             chosen = self._choose(field, ring)
         except MeasurementError:
-            chosen = None  # nothing to choose by, e.g. a dark picture: the one in force stays
+            chosen = None  # no contrast, e.g. a dark picture: the one in force stays
         with self._deciding:
             if rule is not self._rule:
-                return  # another one is in force by now
+                return  # another one has come into force
             if chosen and (not beside or self._may_choose(ring)):
                 self.in_force, self._chosen_for = chosen, ring
             self._tried_for = ring

@@ -1,4 +1,4 @@
-"""The worker: measures the newest fields for whoever watches, and every field of a capture."""
+"""The worker: measures the newest fields for live display, and every field of a capture."""
 
 import logging
 import threading
@@ -21,37 +21,34 @@ from grabberd.instrument.device.field_pipeline import ARRIVALS, FieldPipeline
 from grabberd.instrument.device.field_watch import FieldHistory, FieldOrderHealth, RigHealth
 
 PATIENCE_S = 0.05
-"""Longest wait for the lock: a field that takes another worker long costs this one no more than that."""
+"""Longest wait for the lock: a slow field of another worker delays this one by no more."""
 T = TypeVar("T")
 KEPT = 131_072
 """Ten minutes at 200 fields a second, rounded up to a power of two."""
 BOUNDS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.28)
-"""Upper bounds of the histogram's classes; 32 slots of the ring last 0.64 s."""
+"""Upper bounds of the histogram's bins; 32 slots of the ring last 0.64 s."""
 log = logging.getLogger(__name__)
 IDLE_S = 0.1
 """Longest wait for a field or a calibration before it checks for a capture, a new setup or a stop."""
 NEWEST = 32
-"""Fields that whoever follows them may be late: a capture that is caught up brings a thousand a second."""
+"""Fields by which a follower may be late: catching up a capture publishes a thousand per second."""
 AFTER_FAULT_S = 1.0
-"""Pause after a fault of the program: one that returns at once must not take the processor."""
+"""Pause after a fault of the program, so that an immediate fault does not occupy the processor."""
 
 
 class FairLock:
     """Lets one worker at a time measure a field.
 
-    In one process only one thread runs Python at a time, and whoever has waited for a device, a lock or the
-    disk has to queue for the interpreter again. Four workers that catch up at once would leave a capture
-    thread too little of it.
+    In one process only one thread runs Python at a time, and a thread that has waited for a device, a lock or
+    the disk must acquire the interpreter again. Four workers catching up at once would leave a capture thread
+    too little of it.
     """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
 
     def one_by_one(self, fields: Iterator[T]) -> Generator[T]:
-        """The same fields; the lock is held from when one has come until the next is asked for.
-
-        It is not held while the next field is waited for: that would keep the others from theirs.
-        """
+        """The same fields; the lock is held while each is processed, but not while the next is awaited."""
         for field in fields:
             acquired = self._lock.acquire(timeout=PATIENCE_S)
             try:
@@ -65,7 +62,7 @@ class Histogram(NamedTuple):
     """All latencies since the start.
 
     Attributes:
-        counts: Number of latencies in each class of `BOUNDS_S`, and beyond the last.
+        counts: Number of latencies in each bin of `BOUNDS_S`, and beyond the last.
         sum_s: Their sum.
     """
 
@@ -114,7 +111,7 @@ class Latency:
 
 
 def _quantile(ordered: NDArray[np.float64], share: float) -> float:
-    """Quantile of sorted values, linear between neighbours; np.quantile would take four times as long."""
+    """Quantile of sorted values with linear interpolation; np.quantile would take four times as long."""
     place = share * (len(ordered) - 1)
     low = int(place)
     below, above = ordered[low], ordered[min(low + 1, len(ordered) - 1)]
@@ -122,7 +119,7 @@ def _quantile(ordered: NDArray[np.float64], share: float) -> float:
 
 
 class MeasurableRecording(Protocol):
-    """A recording, as far as the worker is concerned."""
+    """A recording, as seen by the worker."""
 
     @property
     def measured(self) -> bool:
@@ -139,18 +136,18 @@ class MeasurableRecording(Protocol):
         ...
 
     def add(self, measured: MeasuredField) -> None:
-        """Takes one field's points."""
+        """Adds one field's points."""
         ...
 
     def measuring_ended(
         self, failure: str | None, findings: Mapping[str, Any] | None, coverage: Coverage | None
     ) -> None:
-        """Takes the end of its points: the reason if they are incomplete, metadata, and the coverage."""
+        """Ends its points, with the reason if they are incomplete, metadata, and the coverage."""
         ...
 
 
 class WorkerCaptures(Protocol):
-    """The captures of a device, as far as its worker is concerned."""
+    """The captures of a device, as seen by its worker."""
 
     @property
     def recording(self) -> MeasurableRecording | None:
@@ -169,7 +166,7 @@ class Live(NamedTuple):
     Attributes:
         measured: The field's points.
         published_ns: Time of publication, CLOCK_MONOTONIC.
-        number: How many have been published since the start, with this one.
+        number: Number of fields published since the start, including this one.
     """
 
     measured: MeasuredField
@@ -178,9 +175,9 @@ class Live(NamedTuple):
 
 
 class Worker(threading.Thread):
-    """Measures the ring's fields, missing some when it is late; during a capture all recorded ones.
+    """Measures the ring's fields, skipping some when it is late; during a capture all recorded ones.
 
-    A capture's points begin afresh with its first field, so that measuring its file later gives the same
+    Measuring starts again with a capture's first field, so that measuring its file later gives the same
     points (docs/decisions/reconstruction.md). Without a setup it waits for one.
 
     Attributes:
@@ -188,8 +185,8 @@ class Worker(threading.Thread):
         published: Notified with each of them.
         latency: Latency from a field's arrival until its points were published.
         rig: Health of the rig: camera and mirrors compared with their calibration.
-        field_order: Whether fields come in the sequence of time.
-        history: Measured fields of the last minutes, in a few numbers each.
+        field_order: Whether fields come in the order of their times.
+        history: A few numbers of each measured field of the last minutes.
     """
 
     def __init__(
@@ -219,7 +216,7 @@ class Worker(threading.Thread):
         self._done: MeasurableRecording | None = None
 
     def stop(self) -> None:
-        """Ends the thread; a capture that is being measured is finished first."""
+        """Ends the thread, after finishing a capture that is being measured."""
         self._stopping.set()
 
     def use(self, setup: MeasureSetup | None) -> None:
@@ -227,7 +224,7 @@ class Worker(threading.Thread):
         self._setup = setup
 
     def since(self, number: int) -> list[Live]:
-        """Fields that were published after that number, the oldest first; call it with `published` held."""
+        """Fields published after that number, the oldest first; call it with `published` held."""
         return [one for one in self._newest if one.number > number]
 
     def run(self) -> None:
@@ -241,7 +238,7 @@ class Worker(threading.Thread):
                 self._stopping.wait(AFTER_FAULT_S)
 
     def _unmeasured(self) -> MeasurableRecording | None:
-        """The running capture, unless it has been measured already or is not to be."""
+        """The running capture, unless it has been measured already or is not measured."""
         recording = self._captures.recording
         waits = recording is not None and recording.measured and recording is not self._done
         return recording if waits else None
@@ -263,7 +260,7 @@ class Worker(threading.Thread):
             failure = None
         finally:
             # Also after a fault: the writer seals the capture only once its points have ended.
-            # The recording stays the device's last one: without this mark it would be measured again.
+            # It remains the device's last recording: without this mark it would be measured again.
             self._done = recording
             findings = {**self.rig.findings(), **self.field_order.findings()}
             recording.measuring_ended(failure, findings, coverage)
@@ -280,23 +277,23 @@ class Worker(threading.Thread):
                 self._publish(measured, setup, 0)
 
     def _paced(self, fields: Iterator[NumberedField]) -> Generator[NumberedField]:
-        """The same fields, in turn with other devices' workers, and fewer while capturing falls behind."""
+        """The same fields, taking turns with other devices' workers, and slower while capturing is behind."""
         return self._fair_lock.one_by_one(self._sparing(fields))
 
     def _sparing(self, fields: Iterator[NumberedField]) -> Iterator[NumberedField]:
-        """The same fields, with a pause after each while the capture thread falls behind."""
+        """The same fields, with a pause after each while the capture thread is behind."""
         for numbered in fields:
             yield numbered
             if (pause_s := self._pause_s()) > 0:
                 self._stopping.wait(pause_s)
 
     def _pause_s(self) -> float:
-        # Once a capture has been recorded, measuring it loses nothing.
+        # After the recording, measuring cannot cost fields.
         catches_up = self._unmeasured() is not None and not self._captures.is_recording
         return 0.0 if catches_up else self._pipeline.shedding.pause_s(self._clock.now_ns())
 
     def _ring_fields(self, setup: MeasureSetup) -> Iterator[NumberedField]:
-        """The ring's good fields until a capture begins, ring or setup are exchanged, or the worker is
+        """The ring's good fields until a capture begins, ring or setup are replaced, or the worker is
         stopped.
         """
         with self._pipeline.ring.reader(Policy.COUNT) as reader:
@@ -318,7 +315,7 @@ class Worker(threading.Thread):
             self.live = Live(measured, now_ns, self._number)
             self._newest.append(self.live)
             self.published.notify_all()
-        # A capture numbers its fields from its first one, the pipeline from the stream's.
+        # A capture counts fields from its own first one, the pipeline from that of the stream.
         arrived_ns = int(self._pipeline.arrived_ns[(measured.n + first_n) % ARRIVALS])
         self.latency.add(now_ns - arrived_ns)
         self.history.keep(self._pipeline.rate_hz)
@@ -328,6 +325,6 @@ class Worker(threading.Thread):
 
 
 def _fits(setup: MeasureSetup, numbered: NumberedField) -> bool:
-    """True if a field has the calibration's size; the device may have granted another one meanwhile."""
+    """True if a field has the calibration's size, which the device may have changed meanwhile."""
     packed, calibration = numbered.packed, setup.calibration
     return (packed.columns, packed.rows * packed.y_step) == (calibration.columns, calibration.lines)

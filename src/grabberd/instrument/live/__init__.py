@@ -1,4 +1,4 @@
 """Live documents and pictures: devices, newest points, illumination, preview, and changes of the state.
 
-Everything here is read from snapshots that the device threads leave behind; nobody waits for a device.
+All of it is made from snapshots of the device threads, without waiting for a device.
 """

@@ -1,6 +1,6 @@
-"""Measured fields for whoever follows them: the points of each, and curves of the last seconds.
+"""Streams of measured fields: the points of each, and curves of the last seconds.
 
-Curves have a few numbers of each field, and the vacuum, on one clock.
+Curves have a few numbers of each field, and the vacuum, on a common clock.
 """
 
 import math
@@ -29,7 +29,7 @@ class PointsEncoder:
         self._description = ""
 
     def description(self) -> str:
-        """Description of the frames from now on, as JSON; its number changes with what it says."""
+        """Description of the frames from now on, as JSON; its number changes with its content."""
         documents, rate_hz = self._instrument.setup.documents, self._instrument.pipeline.rate_hz
         calibration, model = documents.get("calibration"), documents.get("object")
         calibration_id = None if calibration is None else calibration["id"]
@@ -67,18 +67,18 @@ class PointsEncoder:
 
 
 SPAN_NS = 1_000_000_000
-"""Time that a message reaches back: who misses four of five messages still has it all."""
+"""Time span of a message: a client that misses four of five messages still gets everything."""
 
 
 def curves_message(instrument: Instrument, loggers: Loggers, clock: UtcClock) -> str | None:
-    """The curves of the last second as JSON; None if nothing has come in it."""
+    """The curves of the last second as JSON; None if there are none."""
     curves = curves_document(instrument, loggers, clock, SPAN_NS)
     has_any = curves.time_s or any(one.time_s for one in curves.channels)
     return curves.model_dump_json() if has_any else None
 
 
 def curves_document(instrument: Instrument, loggers: Loggers, clock: UtcClock, span_ns: int) -> LiveCurves:
-    """The curves of the last seconds, as far as they are kept."""
+    """The curves of the last seconds, as far as kept."""
     now_ns = clock.now_ns()
     history = instrument.worker.history.since(now_ns - span_ns)
     rows = history.rows
@@ -117,6 +117,6 @@ def _channel(means: ChannelMeans) -> LiveChannel:
 
 
 def _rounded(values: NDArray[np.floating], digits: int) -> list[float | None]:
-    """Values with so many digits; None where there is none."""
+    """Values rounded to so many digits; None where unknown."""
     rounded: list[float] = values.astype(np.float64).round(digits).tolist()
     return [None if math.isnan(value) else value for value in rounded]

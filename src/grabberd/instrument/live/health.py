@@ -1,7 +1,7 @@
-"""Judges a device: each part of the instrument by itself, and the verdict that all of them make.
+"""Health of a device: each part of the instrument by itself, and the overall verdict.
 
-Whoever tells an operator how it is goes by this: the page, the broker, /readyz. A part that is not known is
-not called good, and what nobody measures any longer is not told as if it were so now.
+It is the only source of what an operator sees: on the page, from the broker, in /readyz. A part whose state
+is unknown is not called good, and old measurements are not shown as current.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,24 +29,24 @@ from grabberd.instrument.live.newest_field import CURRENT_NS
 
 LEVELS: tuple[HealthLevel, ...] = ("good", "unknown", "warning", "bad")
 _DAEMONS_OWN: frozenset[HealthPart] = frozenset({"computer", "records", "clock"})
-"""Parts without which a device measures all the same; every other one it needs."""
+"""Parts that are not needed for measuring; all others are."""
 _RATE_OFF, _RATE_BAD = 0.04, 0.2
-"""Departure from the rate that is told, and that is bad; counting over two seconds errs by 1 %."""
+"""Deviations from the rate that are reported, and that are bad; counting over two seconds errs by 1 %."""
 _LOST_BAD = 0.01
 """Share of fields lost in the last seconds that is bad: two pulsations in five then have a gap."""
 _RING_FULL, _RING_BAD = 0.6, 0.95
 _FEW_TARGETS = 0.25
-"""Share of the object's targets below which something covers the view; of a liner two thirds are seen."""
+"""Share of the object's targets below which the view is covered; two thirds of a liner's are seen."""
 _DISK_SHORT_MIN, _DISK_BAD_MIN = 60.0, 10.0
 _EARLIEST = 2026
-"""The year that this program was written in: a clock that shows an earlier one is not set."""
+"""The year in which this program was written: a clock with an earlier year is not set."""
 
 _GOOD = HealthPartDocument(level="good", word="good")
 _UNKNOWN = HealthPartDocument(level="unknown", word="unknown")
 
 
 class Surroundings(NamedTuple):
-    """Surroundings of a device, which it shares with others.
+    """Environment of a device, shared with others.
 
     Attributes:
         storage: The disk that holds the captures.
@@ -60,10 +60,10 @@ class Surroundings(NamedTuple):
 
 
 def device_health(instrument: Instrument, around: Surroundings) -> DeviceHealth:
-    """The health of a device at this moment."""
+    """The current health of a device."""
     status = instrument.board.now
     streams = status.state in STREAMING
-    # Of several parts that are equally bad the first is told: it is likely to be the others' cause.
+    # Of several equally bad parts the first is reported: it is probably the cause of the others.
     parts: dict[HealthPart, HealthPartDocument] = {
         "device": _grabber(status),
         "signal": _signal(status) if streams else _UNKNOWN,
@@ -95,10 +95,10 @@ def device_health(instrument: Instrument, around: Surroundings) -> DeviceHealth:
 
 
 def lacks_of(parts: Mapping[HealthPart, HealthPartDocument]) -> list[DeviceLackDocument]:
-    """List of all that keeps a device from measuring as it should; empty if it does."""
+    """List of everything that prevents proper measuring; empty if there is nothing."""
     lacking = _bad(parts)
     if parts["device"].level != "good":
-        # It is being opened, or was played to its end: no fault, but it does not measure either.
+        # It is being opened, or was played to its end: no fault, but not measuring either.
         lacking = {"device": parts["device"], **lacking}
     return [
         DeviceLackDocument(lacks=part, message=one.message, hint=one.hint, cause_code=one.cause_code)
@@ -119,7 +119,7 @@ def _start(
 
 
 def _bad(parts: Mapping[HealthPart, HealthPartDocument]) -> dict[HealthPart, HealthPartDocument]:
-    """Those that the device needs, and that are bad."""
+    """Needed parts that are bad."""
     return {part: one for part, one in parts.items() if part not in _DAEMONS_OWN and one.level == "bad"}
 
 
@@ -160,7 +160,7 @@ def _rate(instrument: Instrument) -> HealthPartDocument:
     if rate_hz is None or stream is None:
         return HealthPartDocument(level="unknown", word="counting")
     if _waits(instrument):
-        return _UNKNOWN  # what waits for its reader has no rate of its own
+        return _UNKNOWN  # a source that waits for its reader has no rate
     wanted_hz = stream.rate_hz
     off = abs(rate_hz / wanted_hz - 1)
     if off <= _RATE_OFF:
@@ -177,7 +177,7 @@ def _rate(instrument: Instrument) -> HealthPartDocument:
 
 
 def _own_pace(steady_hz: float, stream: StreamInfo, followed_hz: float) -> HealthPartDocument:
-    """The rate of a camera that delivers fewer pictures than it granted, one as long after the other."""
+    """The rate of a camera that steadily delivers fewer pictures than granted."""
     is_followed = abs(steady_hz / followed_hz - 1) <= _RATE_OFF
     uncertain = "" if is_followed else "; it does not count them, so their numbers may be uncertain"
     return HealthPartDocument(
@@ -278,7 +278,7 @@ def _unusable(word: str, message: str, hint: str, code: Cause) -> HealthPartDocu
 
 def _measurement(instrument: Instrument, clock: UtcClock) -> HealthPartDocument:
     setup, live = instrument.setup.measuring, instrument.worker.live
-    # Between captures nobody reads what waits for its reader.
+    # Between captures, a source that waits for its reader is not read.
     if setup is None or live is None or _waits(instrument) or instrument.misfit:
         return _UNKNOWN
     points, targets = len(live.measured.points), len(setup.object_model.target)
@@ -326,7 +326,7 @@ def _order(instrument: Instrument) -> HealthPartDocument:
 
 
 def _records(around: Surroundings) -> HealthPartDocument:
-    # What the disk's part tells is left to it.
+    # Problems of the disk are reported by its own part.
     of_disk = around.storage.cause_code
     worst = next((one for one in around.faults if one.cause_code != of_disk), None)
     if worst is None:

@@ -1,4 +1,4 @@
-"""A device's newest field: its illumination, its picture, and its points in short and one by one."""
+"""A device's newest field: its illumination, its picture, and its points, summarised and individually."""
 
 import threading
 
@@ -51,10 +51,10 @@ def light_document(instrument: Instrument, threshold: int | None) -> LightDocume
 
 
 def _location(setup: DeviceSetup) -> LocationSettings:
-    """Settings of target location, for targets of the configured object as the nominal rig shows them."""
+    """Settings of target location, for targets of the configured object as seen by the nominal rig."""
     scale = px_per_mm(nominal_rig(setup.config.rig))
     stated = (setup.documents.get("object") or {}).get("target_diameter_mm")
-    # Light is set before there is a calibration or an object, whose document may be invalid, too.
+    # Light is adjusted before there is a calibration or an object, whose document may also be invalid.
     diameter_mm = float(stated) if is_number(stated) and stated > 0 else USUAL_MM
     return sized(location_settings(settings_of(setup.config), scale), scale, diameter_mm)
 
@@ -93,13 +93,13 @@ def _newest(instrument: Instrument) -> Shown:
 
 
 CURRENT_NS = 2_000_000_000
-"""Age from which the newest measured field is no longer what is before the camera."""
+"""Age from which the newest measured field no longer shows the present scene."""
 LATENCY_OF_S = 10.0
-"""Time whose fields' latencies are summarised."""
+"""Time over which latencies are summarised."""
 
 
 def live_document(instrument: Instrument, clock: UtcClock) -> LiveDocument | None:
-    """The newest measured field in short; None if it is no longer what is before the camera."""
+    """Summary of the newest measured field; None if it no longer shows the present scene."""
     live = instrument.worker.live
     if live is None or instrument.board.state not in STREAMING:
         return None

@@ -1,6 +1,6 @@
-"""Preview of the newest field: one binary message with its picture and what was found in it.
+"""Preview of the newest field: one binary message with its picture and the targets found in it.
 
-A grey picture is a part of the field, with as much detail as a link carries.
+A grey picture shows a part of the field, with as much detail as the link allows.
 """
 
 import struct
@@ -21,29 +21,29 @@ from grabberd.instrument.device.worker import Live
 from grabberd.instrument.instrument import Instrument
 
 BLACK_LEVEL = 1
-"""Grey value up to which a pixel is as dark as the camera gets."""
+"""Grey value up to which a pixel is clipped at black."""
 WHITE, BLACK = 255, 0
-"""Grey values that no other pixel is sent as: by them a client tells what is over- or under-exposed."""
+"""Grey values reserved for clipped pixels, by which a client marks over- and under-exposure."""
 
 
 class Detail(NamedTuple):
     """Detail of a picture.
 
     Attributes:
-        step: Number of grey values that are sent as one.
-        reduce: Number of columns that are sent as one, and of frame lines.
+        step: Number of grey values combined into one.
+        reduce: Number of columns, and of frame lines, combined into one.
     """
 
     step: int
     reduce: int
 
     def rows(self, y_step: int) -> int:
-        """Number of rows that are sent as one, of a field whose rows are so many frame lines apart."""
+        """Number of rows combined into one, for a field whose rows are so many frame lines apart."""
         return max(self.reduce // y_step, 1)
 
 
 LADDER = (Detail(4, 1), Detail(8, 1), Detail(16, 1), Detail(8, 2), Detail(16, 2), Detail(16, 4))
-"""From a good link to a bad one: 73, 54, 34, 21, 14 and 3 kB for a picture of the simulated liner."""
+"""For good to bad links: 73, 54, 34, 21, 14 and 3 kB for a picture of the simulated liner."""
 
 
 class Part(NamedTuple):
@@ -63,7 +63,7 @@ class Part(NamedTuple):
 
 
 class SentPicture(NamedTuple):
-    """A picture as it is sent.
+    """A picture as sent.
 
     Attributes:
         columns: Number of its columns.
@@ -72,7 +72,7 @@ class SentPicture(NamedTuple):
         x_step: Frame columns of each of its columns.
         y0: Frame line of the middle of its first row.
         y_step: Frame lines from row to row.
-        deflated: Its rows.
+        deflated: Its compressed rows.
     """
 
     columns: int
@@ -88,7 +88,7 @@ NO_PICTURE = SentPicture(0, 0, 0, 0, 0, 0, b"")
 
 
 def grey_picture(field: Field, part: Part | None, detail: Detail) -> SentPicture:
-    """A part of a field, or all of it, with this detail; no picture where the part lies outside."""
+    """A part of a field, or all of it, with this detail; empty if the part is outside the field."""
     cut, x0, y0 = _cut(field, part, detail)
     if not cut.size:
         return NO_PICTURE
@@ -100,10 +100,10 @@ def grey_picture(field: Field, part: Part | None, detail: Detail) -> SentPicture
 
 
 def _deflated(luma: NDArray[np.uint8]) -> bytes:
-    """The rows, each pixel as its difference from the one to its left, under zlib."""
+    """The rows, compressed by zlib, each pixel as the difference from its left neighbour."""
     differences = luma.copy()
     differences[:, 1:] -= luma[:, :-1]
-    # Runs and frequencies alone: a search for repetitions takes four times as long and gains a tenth.
+    # Only run lengths and Huffman coding: searching for repetitions takes four times as long for a tenth.
     deflate = zlib.compressobj(1, zlib.DEFLATED, zlib.MAX_WBITS, 9, zlib.Z_RLE)
     return deflate.compress(differences.tobytes()) + deflate.flush()
 
@@ -122,7 +122,7 @@ def _cut(field: Field, part: Part | None, detail: Detail) -> tuple[NDArray[np.ui
 
 
 def _reduced(luma: NDArray[np.uint8], rows: int, columns: int) -> NDArray[np.uint8]:
-    """The mean of each block of pixels; one that is clipped must not vanish among its neighbours."""
+    """The mean of each block of pixels; a clipped pixel must not vanish among its neighbours."""
     pixels = [luma[row::rows, column::columns] for row in range(rows) for column in range(columns)]
     total = pixels[0].astype(np.uint16)
     brightest = pixels[0]
@@ -135,7 +135,7 @@ def _reduced(luma: NDArray[np.uint8], rows: int, columns: int) -> NDArray[np.uin
 
 @lru_cache(len(LADDER))
 def _levels(step: int) -> NDArray[np.uint8]:
-    """(256,) the grey value that each is sent as: the middle of its step."""
+    """(256,) the grey value sent for each: the middle of its step."""
     grey = np.arange(256)
     middle = np.minimum(grey // step * step + step // 2, CLIPPED_LEVEL - 1)
     middle = np.maximum(middle, BLACK_LEVEL + 1)
@@ -145,7 +145,7 @@ def _levels(step: int) -> NDArray[np.uint8]:
 
 
 HEADER = struct.Struct("<4sHHQqqHHHHHBBIIIHHHHBBHII")
-"""Little endian; docs/reference/live.md has it byte for byte."""
+"""Little endian; docs/reference/live.md lists every byte."""
 MAGIC = b"GRBP"
 VERSION = 1
 OUTCOMES = (Outcome.RECEIVED, Outcome.DAMAGED, Outcome.NO_SIGNAL)
@@ -153,13 +153,13 @@ BITS, GREY = 0, 1
 """How the picture is encoded."""
 FAST = 1
 FIELD_WITHIN_S = 0.25
-"""Longest wait for a field: one comes far sooner, unless there is none."""
+"""Longest wait for a field: it comes far sooner, unless there is none."""
 MEASURED_WITHIN_S = 0.015
-"""Longest wait until a field is measured, so that its picture is shown with its own targets."""
+"""Longest wait for a field's measurement, so that its picture is shown with its own targets."""
 SAME = 0.5
 """Periods between two times of one field."""
 OLD_NS = 250_000_000
-"""Age from which what was found is no longer shown on a picture."""
+"""Age from which targets are no longer shown on a picture."""
 
 
 POINT = np.dtype([("target", "<u4"), ("image_px", "<f4", (2, 2)), ("residual_px", "<f4")])
@@ -171,7 +171,7 @@ class Centroids(NamedTuple):
 
     Attributes:
         time_us: Time of the field in µs since 1970; 0 without a field.
-        xy_px: (N, 2) float32, centroids of the blobs that lie wholly in the picture, frame pixels.
+        xy_px: (N, 2) float32, centroids of the blobs that are completely in the picture, frame pixels.
         points: (P,) of `POINT`.
     """
 
@@ -184,7 +184,7 @@ NO_CENTROIDS = Centroids(0, np.zeros((0, 2), np.float32))
 
 
 class View(NamedTuple):
-    """Part and kind of the picture that is shown; for all clients with the same, a message is made once.
+    """Part and kind of the picture; a message is made once for all clients with the same view.
 
     Attributes:
         grey: True for the grey picture, False for the bits that are measured.
@@ -198,16 +198,16 @@ class View(NamedTuple):
 
 
 class PreviewField(NamedTuple):
-    """One field to look at.
+    """One field to be shown.
 
     Attributes:
         n: Number of the field.
         time_us: Middle of its exposure, µs since 1970.
-        outcome: What became of it.
+        outcome: Its outcome.
         packed: Its bits, or None if there are none.
         grey: Its grey values, or None without a picture.
         threshold: Threshold in force.
-        found: What was found in it, or in the newest field that was measured.
+        found: Measurements of it, or of the newest measured field.
     """
 
     n: int
@@ -263,7 +263,7 @@ class PreviewField(NamedTuple):
         return (whole.columns, 2 * -(-whole.rows * whole.y_step // 2)) if whole else (0, 0)
 
     def _clipped(self) -> tuple[int, int]:
-        """Pixels of the field that are as bright as the camera gets, and as dark."""
+        """Number of the field's pixels that are clipped at white and at black."""
         if self.grey is None:
             return 0, 0
         luma = self.grey.luma
@@ -271,14 +271,14 @@ class PreviewField(NamedTuple):
 
 
 class Preview:
-    """Makes what the clients of one device are shown; used by one thread at a time."""
+    """Makes the messages for the clients of one device; used by one thread at a time."""
 
     def __init__(self, instrument: Instrument, clock: UtcClock) -> None:
         self._instrument = instrument
         self._clock = clock
 
     def make(self) -> PreviewField | None:
-        """The next field, as soon as it comes; None if none comes soon."""
+        """The next field when it comes; None if none comes soon."""
         shown = self._instrument.pipeline.newest.ask(FIELD_WITHIN_S)
         if shown is None:
             return None
@@ -303,7 +303,7 @@ class Preview:
     def _found(self, live: Live | None) -> Centroids:
         if live is None:
             return NO_CENTROIDS
-        # What the picture's border cuts is no target, and looks like one with a ring round it.
+        # A blob cut by the border is not a target, although it looks like one with a ring round it.
         blobs = live.measured.blobs
         xy_px = blobs.xy_px[~blobs.at_border].astype(np.float32)
         return Centroids(utc_us(self._clock, live.measured.time_ns), xy_px, _points(live.measured.points))
@@ -312,7 +312,7 @@ class Preview:
 def preview_field(
     shown: Shown, slot: Slot | None, found: Centroids, time_us: int, threshold: int
 ) -> PreviewField:
-    """A field to look at, of its copy and the newest slot of the ring."""
+    """A field to be shown, from its copy and the newest slot of the ring."""
     if slot is None:
         return PreviewField(0, time_us, Outcome.RECEIVED, None, shown.field, threshold, found)
     has_picture = slot.outcome is not Outcome.NO_SIGNAL

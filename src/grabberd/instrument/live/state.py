@@ -1,7 +1,7 @@
-"""State of the devices at this moment: the document of each, a revision, and changes for clients.
+"""Current state of the devices: the document of each, a revision, and changes for clients.
 
-A revision is what may change from one moment to the next and must not be missed. Counters, rates and the
-newest field change all the time; whoever shares a state for a moment leaves them out. Changes are those of a
+A revision contains what may change at any moment and must not be missed. Counters, rates and the newest field
+change all the time and are not part of it, so that a state can be shared for a moment. Changes are those of a
 JSON document since the version that a client has seen.
 """
 
@@ -36,11 +36,11 @@ def device_document(
     around: Surroundings,
     fields: Mapping[str, object],
 ) -> DeviceDocument:
-    """A device at this moment, with the fields that others add to it."""
+    """Current document of a device, with the fields added by others."""
     health = device_health(instrument, around)
     status, rate_hz = instrument.board.now, instrument.board.rate_hz
     # Read once: a capture may end, or begin, while the document is built.
-    # The one being sealed last: so a capture that ends meanwhile is told as one of the two.
+    # The one being sealed last: so a capture that ends meanwhile appears as one of the two.
     captures = instrument.captures
     running, armed, sealing = captures.running, captures.armed, captures.sealing
     capture = running or armed
@@ -85,7 +85,7 @@ def device_document(
 
 
 def _stream(stream: StreamInfo) -> JsonObject:
-    """The stream as granted; that of progressive pictures has no video standard."""
+    """The granted stream; progressive pictures have no video standard."""
     return {**asdict(stream), "standard": stream.standard or None}
 
 
@@ -118,7 +118,7 @@ def _ring(instrument: Instrument) -> RingDocument:
 
 
 def revision_of(instruments: Iterable[Instrument], faults: Iterable[FaultDocument]) -> Hashable:
-    """Two that differ are of states that differ in more than numbers; it is told at once, from memory."""
+    """Differs if states differ in more than numbers; it is cheap, since it is made from memory."""
     known = tuple((fault.cause_code, fault.since_utc, fault.message) for fault in faults)
     return known, tuple(_of_device(one) for one in instruments)
 
@@ -136,27 +136,17 @@ def _of_device(instrument: Instrument) -> Hashable:
 
 
 KEPT = 150
-"""At five versions a second, a client that reconnects within half a minute gets the changes alone."""
+"""At five versions a second, a client that reconnects within half a minute gets only the changes."""
 
 
 def changes(before: JsonObject, after: JsonObject) -> JsonObject:
     """The keys whose values differ, with their new values, recursively.
 
-    The result is a JSON merge patch (RFC 7396): a key that is gone, or has become null, is null.
+    The result is a JSON merge patch (RFC 7396): a key that was removed, or has become null, is null.
     """
     gone = {key: None for key in before if key not in after}
     new = {key: value for key, value in after.items() if key not in before or before[key] != value}
     return gone | {key: _change(before.get(key), value) for key, value in new.items()}
-
-
-def merged(document: JsonObject, change: JsonObject) -> JsonObject:
-    """Applies a change to a document; null values stay, to distinguish them from keys that never existed."""
-    result = dict(document)
-    for key, value in change.items():
-        known = result.get(key)
-        inner = known if isinstance(known, dict) else {}
-        result[key] = merged(inner, value) if isinstance(value, dict) else value
-    return result
 
 
 class Version(NamedTuple):
@@ -173,7 +163,7 @@ class History:
         self._versions: deque[Version] = deque(maxlen=kept)
 
     def enter(self, document: JsonObject) -> Version | None:
-        """Adds the present document as a new version; returns None if it has not changed."""
+        """Adds the current document as a new version; returns None if it has not changed."""
         newest = self._versions[-1] if self._versions else Version(0, {})
         if document == newest.document:
             return None
@@ -181,7 +171,7 @@ class History:
         return self._versions[-1]
 
     def find(self, number: int) -> Version | None:
-        """A version by its number; None if it has been dropped."""
+        """A version by number; None if it has been dropped."""
         return next((version for version in list(self._versions) if version.number == number), None)
 
 

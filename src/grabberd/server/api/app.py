@@ -49,7 +49,7 @@ VERSIONED = {
     "settings": system.settings_router,
     "devices": devices.router,
 }
-"""Routes under /api/v1, among which those of extensions take their places."""
+"""Routes under /api/v1; extensions insert theirs between them."""
 
 
 def create_app(service: Service, front: Front | None = None) -> FastAPI:
@@ -57,7 +57,7 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
 
     Args:
         service: The service that the routes call.
-        front: How the daemon is reached; default: on a loopback address.
+        front: How clients reach the daemon; default: on a loopback address.
     """
     front = front or Front()
     app = FastAPI(

@@ -1,8 +1,8 @@
-"""Contents of captures over HTTP: read by a process of their own, which is started when it is needed.
+"""Contents of captures over HTTP, read in a separate process that is started on demand.
 
-The daemon's interpreter does no more than hand them on, so that a capture, health and state do not wait for
-them. A process that does not answer in time is killed, and what it was reading is given up. How many reads
-may wait holds for those in threads as well (`readings`).
+The daemon only passes the bytes on, so captures, health and state never wait for a read. If the process does
+not answer in time, it is killed and its reads are abandoned. The limit of waiting reads also applies to reads
+in threads (`readings`).
 """
 
 import asyncio
@@ -30,16 +30,16 @@ from grabberd.work.frames import HEAD, NUMBER, Answer, Call, Frame, Question, un
 from grabberd.work.process import start
 
 WAITING_A_THREAD = 4
-"""Reads that may wait for each thread: a page asks for several things at once."""
+"""Reads that may wait per thread: a page makes several requests at once."""
 RETRY_S = 2
 
 
 def check_room(count: int, limits: HttpLimits) -> None:
-    """Refuses a read if too many wait already.
+    """Refuses a read if too many are waiting already.
 
     Args:
-        count: Number of reads that run or wait.
-        limits: Their number of threads.
+        count: Number of reads that are running or waiting.
+        limits: Limits with the number of threads.
 
     Raises:
         Refusal: 503.
@@ -55,26 +55,26 @@ def check_room(count: int, limits: HttpLimits) -> None:
 
 
 async def client_left(receive: Receive) -> None:
-    """Waits until the client of a request has left, or has sent what is refused."""
+    """Waits until the client has disconnected, or has sent more than is allowed."""
     with suppress(Exception):
         while (await receive())["type"] != "http.disconnect":
             pass
 
 
 GRACE_S = 5.0
-"""Time to let go of what was given up, or is too late; a process that takes longer hangs, and is killed."""
+"""Time to abandon a read that was cancelled or is late; a process that takes longer hangs and is killed."""
 KILLED_S = 3.0
-"""Time for a killed process to end; one that waits for a disk that is gone is not waited for any longer."""
+"""Longest wait for a killed process to end: it may be stuck on a missing disk."""
 READ_AHEAD_BYTES = 1 << 20
-"""Bytes of answers that are kept for who waits for them, before the process has to wait to write more."""
+"""Bytes of answers that are buffered before the process has to wait to write more."""
 _REAPED_EVERY_S = 0.02
 
 
 class ContentReader:
-    """The process, and who waits for its answers; made by `start`.
+    """The process and the requests that wait for its answers; created by `start`.
 
     Args:
-        process: Answers as `grabberd.work.child` does.
+        process: A process that runs `grabberd.work.child`.
     """
 
     def __init__(self, process: "subprocess.Popen[bytes]") -> None:
@@ -90,13 +90,13 @@ class ContentReader:
 
     @classmethod
     async def start(cls, limits: Limits) -> "ContentReader":
-        """Starts a process, which may be asked at once.
+        """Starts a process, which can be asked at once.
 
         Raises:
-            OSError: There is no room for a further process, or no file descriptor.
+            OSError: The limit of processes or file descriptors has been reached.
         """
-        # Not by asyncio, which, before Python 3.12, starts a thread for each process and, where it cannot,
-        # leaves the process to nobody.
+        # Not with asyncio: before Python 3.12 it starts a thread for each process and, if that fails, leaves
+        # the process orphaned.
         process = start(limits)
         reader = cls(process)
         try:
@@ -109,33 +109,33 @@ class ContentReader:
 
     @property
     def is_alive(self) -> bool:
-        """False once it has ended, or was killed."""
+        """False once the process has ended or was killed."""
         return self._alive
 
     @property
     def count(self) -> int:
-        """Number of answers that are waited for, or were until they were given up."""
+        """Number of outstanding answers, including abandoned ones."""
         return len(self._waiting)
 
     @property
     def is_idle(self) -> bool:
-        """True if nothing is read, and no content is half sent."""
+        """True if nothing is being read and no content is partly sent."""
         return not self._waiting and not self._open
 
     def new_number(self) -> int:
-        """Number of a further reading."""
+        """A new number for a reading."""
         return next(self._numbers)
 
     def ask(self, question: Frame, until_s: float) -> Coroutine[None, None, Frame]:
-        """Asks at once; returns what waits for the answer, and gives the reading up if it is cancelled.
+        """Sends a question; returns a coroutine for the answer, which abandons the reading if cancelled.
 
         Args:
-            question: What is asked.
-            until_s: End of the patience that the question carries.
+            question: The question.
+            until_s: Monotonic time at which the reading gives up.
 
         Raises:
-            ReadingGivenUp: There is none in time, or the process has ended.
-            GrabberdError: As the reading does.
+            ReadingGivenUp: No answer arrived in time, or the process has ended.
+            GrabberdError: The reading failed.
         """
         if not self._alive:
             raise _ended()
@@ -145,7 +145,7 @@ class ContentReader:
         return self._answer(question.number, answer, until_s)
 
     def give_up(self, number: int) -> None:
-        """Ends a reading that nobody waits for any longer; does nothing if it has ended."""
+        """Abandons a reading; does nothing if it has ended."""
         answer = self._waiting.get(number)
         if self._alive and (answer is not None or number in self._open):
             self._open.discard(number)
@@ -154,13 +154,13 @@ class ContentReader:
                 asyncio.get_running_loop().call_later(GRACE_S, self._kill_if_waiting, answer)
 
     def kill(self) -> None:
-        """Ends the process at once; what it reads is given up."""
+        """Kills the process; its readings are abandoned."""
         self._alive = False
         if self._process.poll() is None:
             self._process.kill()
 
     async def close(self, grace_s: float = GRACE_S) -> None:
-        """Ends the process, which gives up what it reads, and kills it if it has not ended in time."""
+        """Ends the process and its readings; kills it if it does not end in time."""
         assert self._questions is not None
         assert self._listening is not None
         self._questions.close()
@@ -199,7 +199,7 @@ class ContentReader:
             self.kill()
 
     async def _listen(self) -> None:
-        """Hands answers to who waits for them, until the process ends; then it is reaped."""
+        """Delivers answers until the process ends, then reaps it."""
         try:
             while True:
                 number, kind, length = HEAD.unpack(await self._answers.readexactly(HEAD.size))
@@ -223,7 +223,7 @@ class ContentReader:
         waiting.set_result(answer)
 
     def _leave(self) -> None:
-        """Tells who waits that there will be no answer."""
+        """Fails all outstanding answers."""
         for waiting in self._waiting.values():
             if not waiting.done():
                 waiting.set_exception(_ended())
@@ -236,29 +236,29 @@ class ContentReader:
 
 def _ended() -> ReadingGivenUp:
     return ReadingGivenUp(
-        "the process that reads captures ended while it read what was asked for",
-        "ask again; if it ends each time, 'grabberd storage verify' tells whether the capture is damaged",
+        "the process that reads captures ended while reading the requested data",
+        "ask again; if it ends each time, 'grabberd storage verify' shows whether the capture is damaged",
     )
 
 
 READ = f"{read.__module__}:{read.__name__}"
 IDLE_S = 120.0
-"""Time after the last reading until the process ends: an idle daemon does without its memory."""
+"""Idle time after which the process is ended, to free its memory."""
 LOOK_EVERY_S = 0.5
-"""Interval at which a process that only a slow client still needs is looked at again."""
+"""Interval of further checks while a slow client still needs the process."""
 CLOSED_S = 1.0
-"""Time to end the process when the daemon ends, which has nine seconds for everything."""
+"""Time to end the process at shutdown, for which the daemon has nine seconds in all."""
 
 
 class Content(NamedTuple):
-    """A content that a route answers with.
+    """Content that a route returns, to be read in the process.
 
     Attributes:
         read: One of `grabberd.archive.capture_contents.CONTENTS`.
         arguments: Its arguments.
-        response: Makes the response of what comes whole.
-        media_type: Type of what comes in pieces.
-        name: Name under which a client saves that.
+        response: Makes the response from content that is read as a whole.
+        media_type: Media type of content that is streamed.
+        name: File name of content that is streamed.
     """
 
     read: Callable[..., Any]
@@ -269,11 +269,11 @@ class Content(NamedTuple):
 
 
 class Contents:
-    """The process that reads contents; one at a time, and none while nobody has asked for long.
+    """The process that reads contents: started on demand, ended when idle.
 
     Args:
-        limits: Number of readings at a time, and the time for each, waiting included.
-        function: Called in the process, with the content's name and its arguments.
+        limits: Number of concurrent readings, and the time for each, waiting included.
+        function: Called in the process with the content's name and arguments.
         idle_s: See `IDLE_S`.
     """
 
@@ -290,20 +290,20 @@ class Contents:
 
     @property
     def count(self) -> int:
-        """Number of readings that run or wait for a thread."""
+        """Number of readings that are running or waiting for a thread."""
         return self._reader.count if self._reader else 0
 
     async def answer(self, content: Content, receive: Receive) -> Response:
-        """The response with a content; reading it is given up when the client leaves.
+        """The response with a content; the reading is abandoned if the client disconnects.
 
         Args:
-            content: What is read.
+            content: The content to read.
             receive: The request's `receive`, after its body has been read.
 
         Raises:
-            Refusal: 503, too many readings wait already.
-            ReadingGivenUp: It takes too long, or ends the process.
-            GrabberdError: As the reading does.
+            Refusal: 503, too many readings are waiting already.
+            ReadingGivenUp: The reading takes too long, or has ended the process.
+            GrabberdError: The reading failed.
         """
         reader = await self._ready()
         check_room(reader.count, self._limits)  # nothing else runs between this and `ask`
@@ -320,7 +320,7 @@ class Contents:
         return response
 
     async def close(self) -> None:
-        """Ends the process, and what it reads; none is started afterwards."""
+        """Ends the process and its readings for good."""
         self._closed = True
         if self._timer is not None:
             self._timer.cancel()
@@ -389,18 +389,18 @@ class Contents:
 
 
 class _Opened(NamedTuple):
-    """A content that comes in pieces."""
+    """Content that is being streamed."""
 
     reader: ContentReader
     number: int
 
     def close(self) -> None:
-        """Ends reading it; does nothing after its last piece."""
+        """Abandons the reading; does nothing after its last piece."""
         self.reader.give_up(self.number)
 
 
 async def _unless_left(reader: ContentReader, question: Frame, until_s: float, receive: Receive) -> Frame:
-    """The answer to a question, which is given up when the client leaves."""
+    """The answer to a question, which is abandoned if the client disconnects."""
     asked = asyncio.create_task(reader.ask(question, until_s))
     left = asyncio.create_task(client_left(receive))
     try:

@@ -32,10 +32,10 @@ _KEY = re.compile(PATTERN.removeprefix("^").removesuffix("$"))
 
 
 class KeptSince:
-    """Time from which on keys are kept, which a clock that is set on does not move on with it.
+    """Age limit of stored keys, unaffected when the clock is set forward.
 
-    A key has to outlive repetitions of its request; a computer without a clock of its own may learn the
-    time of day long after it has started.
+    Keys must outlive repetitions of their requests, and a computer without a battery-backed clock may learn
+    the time of day long after it has started.
     """
 
     def __init__(self, clock: UtcClock) -> None:
@@ -43,7 +43,7 @@ class KeptSince:
         self._utc, self._ns = clock.utc_now(), clock.now_ns()
 
     def __call__(self) -> datetime:
-        """Present value, by the wall clock of when the keys were stored."""
+        """The oldest time, by the wall clock, of keys that are kept."""
         now_ns = self._clock.now_ns()
         passed = timedelta(microseconds=(now_ns - self._ns) / 1e3)
         self._utc, self._ns = min(self._utc + passed, self._clock.utc_now()), now_ns
@@ -65,11 +65,13 @@ async def _declare(
         ),
     ] = None,
 ) -> None:
-    """Declares the header in the description, and has invalid keys refused."""
+    """Declares the header in the API description, and rejects invalid keys."""
 
 
 TAKES_KEY = Depends(_declare)
 """Dependency of every route that takes a key."""
+ACCEPTED_ONCE: dict[str, Any] = {"status_code": 202, "dependencies": [TAKES_KEY]}
+"""Options of a route that takes a key and starts something that continues after its response."""
 
 
 class OnceRoute(RenderedRoute):
@@ -103,13 +105,13 @@ async def _answer(request: Request, key: str, handle: Handler) -> Response:
     try:
         response = await handle(request)
     except (GrabberdError, RequestValidationError, HTTPException, Refusal):
-        # It had no effect. After any other exception that is unknown, and the key stays unanswered.
+        # It had no effect. After any other exception that is uncertain, and the key stays unanswered.
         await run_in_threadpool(kept.forget, key)
         raise
     answer = KeptAnswer(digest, response.status_code, response.headers.get("location"), bytes(response.body))
     try:
         await run_in_threadpool(kept.finish, key, answer)
-    except StorageError as error:  # the request has taken effect, so it gets its response all the same
+    except StorageError as error:  # the request has taken effect, so the client must get its response
         log.warning("a response cannot be stored for its %s: %s; %s", HEADER, error.message, error.hint)
     return response
 
@@ -118,7 +120,7 @@ def _again(known: KeptAnswer, digest: bytes) -> Response:
     """The stored response to the first request.
 
     Raises:
-        Refusal: 422, the request differs from the first; 409, it is unknown if the first one took effect.
+        Refusal: 422, the request differs from the first; 409, it is unknown whether the first took effect.
     """
     if known.digest != digest:
         raise Refusal(
@@ -140,13 +142,13 @@ def _again(known: KeptAnswer, digest: bytes) -> Response:
 
 
 def _key_of(request: Request, key: str) -> str:
-    """The key within its scope: keys are separate for each token and each address."""
+    """The key within its scope: keys are separate for each token and path."""
     identity = getattr(request.state, "identity", None)
     return f"{identity.token if identity else None} {request.method} {request.url.path} {key}"
 
 
 def _digest(body: bytes) -> bytes:
-    """A digest of the body that does not depend on how its JSON is formatted."""
+    """A digest of the body, independent of its JSON formatting."""
     with contextlib.suppress(ValueError, RecursionError):
         body = json.dumps(json.loads(body), sort_keys=True).encode()
     return hashlib.sha256(body).digest()

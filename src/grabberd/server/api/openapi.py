@@ -1,6 +1,6 @@
-"""The OpenAPI description: completed with roles, refusals and binary content, and drawn as a page.
+"""The OpenAPI description, completed with roles, refusals and binary content, and rendered as a page.
 
-The page is self-contained: no script, no other file, no other host.
+The page is self-contained: no scripts, no other files, no other hosts.
 """
 
 import base64
@@ -31,7 +31,7 @@ REFUSALS = {
     "429": "Too many attempts or streams.",
     "500": "An internal error.",
 }
-"""Refusals that every route can answer with."""
+"""Refusals that every route can return."""
 PROBLEM_DESCRIPTIONS = {
     **REFUSALS,
     "404": "There is nothing of that name.",
@@ -46,12 +46,12 @@ PROBLEM_JSON = "application/problem+json"
 BINARY = {"type": "string", "format": "binary"}
 _PROBLEM = "#/components/schemas/Problem"
 _OF_FASTAPI = ("HTTPValidationError", "ValidationError")
-"""FastAPI's own error documents, which no route answers with."""
+"""FastAPI's own error documents, which no route returns."""
 Tree = MutableMapping[str, Any]
 
 
 def describe(app: FastAPI) -> None:
-    """Completes the application's description at the first request for it."""
+    """Completes the application's description when it is first requested."""
     plain = app.openapi
 
     def openapi() -> dict[str, Any]:
@@ -144,7 +144,7 @@ Json = Mapping[str, Any]
 
 def page(description: Json) -> str:
     """The OpenAPI description as an HTML page."""
-    from jinja2 import Environment, FileSystemLoader  # noqa: PLC0415 - seldom asked for
+    from jinja2 import Environment, FileSystemLoader  # noqa: PLC0415 - rarely needed
 
     environment = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True)
     environment.filters |= {"kind": type_in_words, "words": _text}

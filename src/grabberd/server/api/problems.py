@@ -1,6 +1,6 @@
-"""Problem documents (RFC 9457) with a hint: every error is translated into one, and a refusal is one.
+"""Problem documents (RFC 9457) with a hint, into which all errors are translated.
 
-A `Refusal` turns a request away before, or while, a route handles it.
+A `Refusal` rejects a request before, or while, a route handles it.
 """
 
 import json
@@ -47,9 +47,9 @@ STATUS: dict[type[errors.GrabberdError], HTTPStatus] = {
 
 
 _NO_THREAD = "can't start new thread"
-"""Python's words for a limit on threads or memory."""
+"""Python's message when a limit on threads or memory is reached."""
 RETRY_S = "10"
-"""Time after which to ask again for what took too long to read."""
+"""Time in seconds after which to retry a read that took too long."""
 
 
 class ProblemResponse(JSONResponse):
@@ -72,7 +72,7 @@ def install(app: FastAPI) -> None:
 
 def status_of(error: errors.GrabberdError) -> HTTPStatus:
     """The HTTP status of an error."""
-    # In the order of resolution, the nearest ancestor comes first.
+    # In method resolution order, the nearest ancestor comes first.
     known = (STATUS[family] for family in type(error).__mro__ if family in STATUS)
     return next(known, HTTPStatus.INTERNAL_SERVER_ERROR)
 

@@ -1,9 +1,9 @@
-"""Heavy reads: made in a few threads of their own, within a time, and no longer than somebody waits for them.
+"""Heavy reads: in a few dedicated threads, with a time limit, and cancelled when the client disconnects.
 
-A request that reads captures may take any time, by their length or by what is wrong with them. So it never
-takes a thread that short requests need, such as those for the state or to stop a capture; what is too much
-at once is refused; and it ends when its client leaves. Of the threads, one computes at a time: behind eight,
-an answer of a millisecond would queue a second for the interpreter, and a capture would lose fields.
+A request that reads captures can take any time, depending on their length or damage. So it never takes a
+thread that short requests need, such as for the state or for stopping a capture, and beyond a limit it is
+refused. Only one of the threads computes at a time: with eight, an answer of one millisecond would wait a
+second for the interpreter, and captures would lose fields.
 """
 
 import asyncio
@@ -14,7 +14,6 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Coroutine, Generator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextvars import copy_context
-from functools import partial
 from typing import Annotated, Any, TypeVar
 
 from anyio import CancelScope
@@ -29,11 +28,11 @@ from grabberd.server.api.responses import rendered
 from grabberd.server.api.streams.downloads import Download
 
 HELD_S = 0.25
-"""Time after which a turn passes to the next, handed on or not: a thread may wait for a disk."""
+"""Time after which a turn passes to the next thread in any case: its owner may be waiting for a disk."""
 
 
 class Turns:
-    """Hands the turn from one thread to the next, in the order in which they came."""
+    """Passes the turn from one thread to the next, in order of arrival."""
 
     def __init__(self, held_s: float = HELD_S) -> None:
         self._held_s = held_s
@@ -54,14 +53,14 @@ class Turns:
             self._changed.notify_all()
 
     def give(self) -> None:
-        """Ends the turn, if it has not passed to another yet."""
+        """Ends the turn, unless it has passed to another thread already."""
         with self._changed:
             if self._owner == threading.get_ident():
                 self._owner = None
                 self._changed.notify_all()
 
     def pass_on(self) -> None:
-        """Lets whoever waits have the turn, and waits for the next; called between two steps of a work."""
+        """Yields the turn to a waiting thread and waits for the next; called between two steps."""
         if self._waiting:
             self.give()
             self.take()
@@ -76,7 +75,7 @@ _END = object()
 
 
 class Readings:
-    """Threads for heavy reads, and what waits for them.
+    """Threads for heavy reads, and the queue of reads.
 
     Args:
         limits: Number of threads, and the time for a read, waiting included.
@@ -92,19 +91,19 @@ class Readings:
 
     @property
     def count(self) -> int:
-        """Number of reads that run or wait."""
+        """Number of reads that are running or waiting."""
         return len(self._patiences)
 
     async def answer(self, read: Callable[[], T], receive: Receive) -> T:
-        """The result of a read for a request; given up when its client leaves.
+        """The result of a read for a request; cancelled if its client disconnects.
 
         Args:
             read: Called in one of the threads.
             receive: The request's `receive`, after its body has been read.
 
         Raises:
-            Refusal: 503, too many reads wait already.
-            ReadingGivenUp: It takes too long.
+            Refusal: 503, too many reads are waiting already.
+            ReadingGivenUp: The read takes too long.
         """
         check_room(self.count, self._limits)
         patience = self._patience()
@@ -115,16 +114,16 @@ class Readings:
             watch.cancel()
 
     async def pieces(self, source: Generator[T, None, None]) -> AsyncIterator[T]:
-        """The pieces of a download; between them, while the client reads, no thread is taken.
+        """The pieces of a download; no thread is occupied while the client reads.
 
         Raises:
             ReadingGivenUp: A piece takes too long.
         """
-        while (piece := await self._run(partial(_next, source), self._patience())) is not _END:
+        while (piece := await self._run(lambda: next(source, _END), self._patience())) is not _END:
             yield piece  # type: ignore[misc]
 
     def close(self) -> None:
-        """Gives up all reads; none is accepted afterwards."""
+        """Cancels all reads; no more are accepted."""
         for patience in tuple(self._patiences):
             patience.give_up()
         self._pool.shutdown(wait=False, cancel_futures=True)
@@ -145,18 +144,14 @@ class Readings:
     def _in_turn(self, read: Callable[[], T]) -> T:
         self._turns.take()
         try:
-            check_patience("what was asked for")  # it may have waited for a thread for too long
+            check_patience("what was asked for")  # it may have waited too long for a thread
             return read()
         finally:
             self._turns.give()
 
 
-def _next(source: Generator[T, None, None]) -> T | object:
-    return next(source, _END)
-
-
 async def _ended(work: "Future[T]", patience: Patience) -> T:
-    """The result of work in a thread; whoever is cancelled waits until the thread has let go of it."""
+    """The result of work in a thread; a cancelled caller waits until the thread has stopped."""
     over = asyncio.Event()
     loop = asyncio.get_running_loop()
     work.add_done_callback(lambda _: loop.call_soon_threadsafe(over.set))
@@ -178,20 +173,15 @@ async def _request(request: Request) -> Request:
     return request
 
 
-def _rendered(endpoint: Callable[..., Any], parameters: dict[str, Any]) -> Any:
-    return rendered(endpoint(**parameters))
-
-
 def reads(endpoint: Callable[..., Any]) -> Callable[..., Coroutine[Any, Any, Any]]:
-    """Decorator of a route that reads captures, reports or the like: it runs among the heavy reads.
+    """Decorator for a route that reads captures, reports or the like: runs it as a heavy read.
 
-    A route may return a `Content`, which the process for contents then reads.
+    If the route returns a `Content`, that is read in the process for contents.
     """
 
     async def read(*, request_of_read: Request, **parameters: Any) -> Any:
         readings: Readings = request_of_read.app.state.readings
-        whole = partial(_rendered, endpoint, parameters)
-        answer = await readings.answer(whole, request_of_read.receive)
+        answer = await readings.answer(lambda: rendered(endpoint(**parameters)), request_of_read.receive)
         if isinstance(answer, Content):
             contents: Contents = request_of_read.app.state.contents
             return await contents.answer(answer, request_of_read.receive)

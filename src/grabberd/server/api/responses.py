@@ -1,4 +1,4 @@
-"""Responses: documents as JSON, made in the thread that has the document, and conditional ones by ETag."""
+"""Responses: documents rendered as JSON in the thread that made them, and conditional responses by ETag."""
 
 import hashlib
 import inspect
@@ -14,17 +14,17 @@ JSON = "application/json"
 
 
 def rendered(found: Any) -> Any:
-    """A document as its response; anything else as it is."""
+    """The response with a document; anything else unchanged."""
     if isinstance(found, BaseModel):
         return Response(found.model_dump_json(by_alias=True), media_type=JSON)
     return found
 
 
 class RenderedRoute(APIRoute):
-    """A route whose GET requests take one thread, once.
+    """A route whose GET requests are validated and rendered once, in one thread.
 
-    FastAPI would validate the document again, in a thread a second time, and would make JSON of it in the
-    event loop while everybody else waits: of a field's points, too, which are hundreds of numbers.
+    FastAPI would validate the document again in a second thread, and would render the JSON in the event loop,
+    blocking all other requests: a field's points are hundreds of numbers.
     """
 
     def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:

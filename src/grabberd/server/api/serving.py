@@ -1,7 +1,7 @@
 """The server: runs the application on sockets, with TLS and limits, notifies systemd, and ends in time.
 
-A thread may hang in the kernel, on a disk that is gone or a driver that does not return, and Python waits for
-it. So a daemon that was told to end is ended by force some seconds later, whatever its threads are doing.
+A thread may hang in the kernel, on a missing disk or in a driver, and Python would wait for it. So the
+process is ended by force some seconds after the signal to end, whatever its threads are doing.
 """
 
 import asyncio
@@ -42,11 +42,11 @@ _LOGGED_S = 0.5
 
 
 class ForcedEnd:
-    """Ends the process some time after it was told to end, unless it has ended by then.
+    """Ends the process by force if it has not ended some time after the signal.
 
     Args:
-        left_s: That time.
-        end: Ends the process; returns in tests alone.
+        left_s: Time from the signal to the forced end.
+        end: Ends the process; returns only in tests.
     """
 
     def __init__(self, left_s: float = LEFT_S, end: Callable[[], None] | None = None) -> None:
@@ -54,27 +54,27 @@ class ForcedEnd:
         self._end = end or end_now
         self._reading, self._writing = os.pipe()
         self._thread = threading.Thread(target=self._wait, name="forced-end", daemon=True)
-        self._told = False
+        self._signalled = False
 
     def start(self) -> None:
-        """Waits for being told."""
+        """Starts waiting for the signal."""
         self._thread.start()
 
-    def told_to_end(self) -> None:
-        """Begins to count; for a signal handler, which must not take a lock, and again safe."""
-        if not self._told:
-            self._told = True
+    def signal_received(self) -> None:
+        """Starts the countdown; for a signal handler, which must not take a lock. May be called twice."""
+        if not self._signalled:
+            self._signalled = True
             os.write(self._writing, b"!")
 
     def close(self) -> None:
-        """Ends the waiting of a process that goes on; does nothing once it was told to end."""
-        if not self._told:
+        """Stops waiting in a process that continues; does nothing once the countdown has started."""
+        if not self._signalled:
             os.close(self._writing)
             self._thread.join()
 
     def _wait(self) -> None:
-        told = os.read(self._reading, 1)
-        if told:
+        signalled = os.read(self._reading, 1)
+        if signalled:
             select.select([], [], [], self._left_s)
             self._end()
         else:
@@ -82,8 +82,8 @@ class ForcedEnd:
 
 
 def end_now() -> None:
-    """Ends the process without waiting for anything; those that it has started notice it."""
-    # A thread of its own: the log, too, may hang.
+    """Ends the process without waiting for anything; its child processes notice and end as well."""
+    # In a thread: logging may hang, too.
     logged = threading.Thread(target=_log, daemon=True)
     logged.start()
     logged.join(_LOGGED_S)
@@ -104,10 +104,10 @@ HEAD_BYTES = 32_768
 WEBSOCKET_BYTES = 65_536
 """Enough for any client message: clients have nothing to send on the preview's WebSocket."""
 SHUTDOWN_S = 3
-"""Time for responses to end; captures are sealed meanwhile."""
+"""Time for responses to complete; captures are sealed meanwhile."""
 GREETING_AFTER_S = 3.0
 WAITING = 1024
-"""Connections that the kernel keeps until they are accepted."""
+"""Length of the kernel's queue of connections to be accepted."""
 
 
 def tls_context(tls: TlsConfig, file: Path) -> ssl.SSLContext:
@@ -127,29 +127,29 @@ def tls_context(tls: TlsConfig, file: Path) -> ssl.SSLContext:
 
 
 class BeatingServer(uvicorn.Server):
-    """Tells systemd when it serves and when it stops, and sends a heartbeat while its event loop runs."""
+    """A server that notifies systemd of start and stop, and sends a heartbeat while its event loop runs."""
 
     def __init__(self, config: uvicorn.Config, heartbeat: Heartbeat | None) -> None:
         super().__init__(config)
         self._heartbeat = heartbeat
         self.forced_end: ForcedEnd | None = None
         self.greeting = ""
-        """Line for the person who started it, printed when the devices have had time to say how they are."""
+        """Line for the person who started the daemon, printed once the devices have had time to start."""
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Handles a signal to end."""
         if self.forced_end is not None:
-            self.forced_end.told_to_end()
+            self.forced_end.signal_received()
         super().handle_exit(sig, frame)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Starts to serve; as many clients as before may wait in the kernel's queue for being accepted."""
+        """Starts to serve, with the kernel's queue of connections at its full length again."""
         await super().startup(sockets)
         for one in sockets or ():
             one.listen(WAITING)
 
     async def main_loop(self) -> None:
-        """Serves until it is told to stop."""
+        """Serves until asked to stop."""
         loop = asyncio.get_running_loop()
         loop.set_exception_handler(_explain)
         if self.greeting:
@@ -167,12 +167,12 @@ class BeatingServer(uvicorn.Server):
             self._heartbeat.notifier.stopping()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Ends captures and live streams first: sealing takes time, and the server waits for responses."""
+        """Ends captures and live streams, then the server, which waits for all responses to complete."""
         state = getattr(self.config.app, "state", None)
         service: Service | None = getattr(state, "service", None)
         feeds: Feeds | None = getattr(state, "feeds", None)
         if service is not None:
-            # Not in the server's pool, whose threads may all be held up.
+            # Not in the server's thread pool, whose threads may all be blocked.
             threading.Thread(target=service.end_captures, name="end-captures", daemon=True).start()
         if feeds is not None:
             feeds.close()
@@ -180,13 +180,13 @@ class BeatingServer(uvicorn.Server):
 
 
 def _explain(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """Counts what fails for want of descriptors, such as accepting a client; logs everything else."""
+    """Counts failures for lack of descriptors, such as accepting a client; logs everything else."""
     if not exhaustion.explains(context.get("exception")):
         loop.default_exception_handler(context)
 
 
 async def _beat(heartbeat: Heartbeat) -> None:
-    """Beats by the loop's own clock; uvicorn's callback_notify uses the time of day, which can jump."""
+    """Beats by the event loop's clock; uvicorn's callback_notify uses the time of day, which can jump."""
     while True:
         heartbeat.beat(asyncio.get_running_loop().time())
         await asyncio.sleep(heartbeat.every_s)
@@ -195,18 +195,18 @@ async def _beat(heartbeat: Heartbeat) -> None:
 def server_of(
     app: FastAPI, front: Front, context: ssl.SSLContext | None = None, heartbeat: Heartbeat | None = None
 ) -> BeatingServer:
-    """The server of an application; what a proxy reports about its clients is for the gate to judge."""
+    """The server of an application; proxy headers are left to the gate."""
     config = uvicorn.Config(
         app,
         http=connection_class(front),
         ssl_context_factory=None if context is None else lambda *_: context,
         h11_max_incomplete_event_size=HEAD_BYTES,
         ws_max_size=WEBSOCKET_BYTES,
-        ws_per_message_deflate=False,  # messages are deflated already, once for all clients
+        ws_per_message_deflate=False,  # messages are deflated once for all clients
         proxy_headers=False,
         server_header=False,
         access_log=False,
-        # As many as are accepted at one go, before the limit of connections sees any of them.
+        # uvicorn accepts so many in one round, before the limit of connections counts any of them.
         backlog=AT_ONCE,
         log_config=None,  # logging is configured in the daemon's own format
         timeout_graceful_shutdown=SHUTDOWN_S,
@@ -215,9 +215,9 @@ def server_of(
 
 
 def run(server: BeatingServer, sockets: list[socket.socket]) -> bool:
-    """Serves until a signal ends it; returns True if it has started at all.
+    """Serves until a signal ends it; returns True if it had started.
 
-    What has not ended some seconds after the signal is ended with the process.
+    Whatever has not ended some seconds after the signal is ended by force, with the process.
     """
     scheme = "https" if server.config.is_ssl else "http"
     log.info("listening on %s", ", ".join(describe(one, scheme) for one in sockets))

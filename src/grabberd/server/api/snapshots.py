@@ -1,6 +1,6 @@
-"""Snapshots: documents that are made once for everybody who asks for them meanwhile.
+"""Snapshots: documents that are made once for all concurrent requests.
 
-`Shortcuts` answers the requests that come most often from them, without being routed.
+`Shortcuts` answers the most frequent requests from them, without routing.
 """
 
 import asyncio
@@ -28,7 +28,7 @@ from grabberd.server.api.responses import JSON, REVALIDATE, etag_of, is_known
 from grabberd.server.daemon.service import Service
 
 STATE_S = 0.2
-"""Age up to which the state is shared, if nothing but numbers may have changed; events are as rare."""
+"""Age up to which the state is shared if only numbers can have changed; also the interval of events."""
 
 
 class Snapshot(NamedTuple):
@@ -52,7 +52,7 @@ class Snapshot(NamedTuple):
 
 
 class _Making(NamedTuple):
-    """A snapshot that is made, or is there, of a revision."""
+    """A snapshot of a revision, finished or being made."""
 
     revision: Hashable
     until_s: float
@@ -60,13 +60,13 @@ class _Making(NamedTuple):
 
 
 class Shared:
-    """A snapshot made in a thread: once for each revision, and again when it has become old.
+    """A snapshot made in a thread: once for each revision, and again when it has expired.
 
     Used within one event loop.
 
     Args:
         make: Makes the document; called in a thread of the server's pool.
-        revision: Tells at once what has changed in it that nobody may miss.
+        revision: Returns, without blocking, a value that changes with everything that must not be missed.
         life_s: Age up to which it is shared.
         now_s: Source of monotonic time.
     """
@@ -85,13 +85,13 @@ class Shared:
         self._newest: _Making | None = None
 
     async def get(self) -> Snapshot:
-        """The snapshot; one that is being made already is waited for."""
+        """The snapshot; waits for the one that is being made, if any."""
         revision, now_s = self._revision(), self._now_s()
         newest = self._newest
         if newest is None or newest.revision != revision or now_s >= newest.until_s or _failed(newest.task):
             task = asyncio.create_task(run_in_threadpool(self._snapshot))
             self._newest = newest = _Making(revision, now_s + self._life_s, task)
-        # A client that leaves must not take it from the others.
+        # Shielded: a client that disconnects must not cancel it for the others.
         return newest.task.result() if newest.task.done() else await asyncio.shield(newest.task)
 
     def _snapshot(self) -> Snapshot:
@@ -139,11 +139,11 @@ class Snapshots:
         self.points = {name: NewestPointsSnapshot(one, service) for name, one in service.instruments.items()}
 
     def changed(self) -> None:
-        """Notes that a client may have changed something, which it has to find in the next answer."""
+        """Invalidates the state: a client may have changed something, which the next answer must contain."""
         self._changes += 1
 
     def shortcuts(self) -> Mapping[str, Callable[[], Awaitable[Snapshot | None]]]:
-        """Sources of the snapshots that are asked for most often, by their addresses."""
+        """Sources of the most frequently requested snapshots, by path."""
         points = {f"/api/v1/devices/{name}/points": one.get for name, one in self.points.items()}
         return {
             "/api/v1/state": self.state.get,
@@ -157,7 +157,7 @@ class Snapshots:
         return Snapshot.of(self._service.settings.document())
 
     async def health(self) -> Snapshot | None:
-        """Proof that the daemon serves; None if a capture thread is stuck."""
+        """The health document; None if a capture thread is stuck."""
         return Snapshot.of(HealthDocument(version=__version__)) if self._service.liveness.is_well else None
 
     def _state(self) -> StateDocument:
@@ -172,14 +172,14 @@ Give = Callable[[], Awaitable[Snapshot | None]]
 
 
 class Shortcuts:
-    """Answers requests for snapshots, which the gate has admitted; all others pass.
+    """Answers requests for snapshots that the gate has admitted; passes all others on.
 
-    To find a route, to call its dependencies and to make its response takes FastAPI longer than all the rest
-    of such a request. The routes are there nevertheless: they describe it, and say why there is no snapshot.
+    Routing, dependencies and rendering in FastAPI would take longer than all the rest of such a request. The
+    routes exist as well: they are part of the description, and report why there is no snapshot.
 
     Args:
         app: The application with the routes.
-        snapshots: The snapshots; they are told when a client may have changed something.
+        snapshots: The snapshots, which are invalidated when a client may have changed something.
     """
 
     def __init__(self, app: ASGIApp, snapshots: Snapshots) -> None:
@@ -206,7 +206,7 @@ class Shortcuts:
 
     async def _change(self, scope: Scope, receive: Receive, send: Send) -> None:
         async def send_after(message: Message) -> None:
-            self._snapshots.changed()  # before the client knows, or it would be told what was before
+            self._snapshots.changed()  # before the client gets its answer, or it could read the old state
             await send(message)
 
         try:

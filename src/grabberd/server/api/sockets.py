@@ -14,20 +14,20 @@ from grabberd.errors import ConfigError, Conflict, Problem
 FIRST_INHERITED = 3
 BACKLOG = 128
 GONE_AFTER_MS = 30_000
-"""Time without acknowledgement after which a client counts as gone, whatever it has left unread."""
+"""Time without acknowledgement after which a client counts as disconnected."""
 UNSENT_BYTES = 131_072
-"""Bytes that the kernel keeps for a client that does not read, before the daemon notices that it does not."""
+"""Bytes that the kernel buffers for a client that does not read, before writing to it blocks."""
 _ALL_ADDRESSES = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}  # noqa: S104 - compared, never bound
-"""What a socket for all addresses is called, and the loopback address among them."""
+"""The wildcard addresses, each with its loopback address."""
 
 
 def inherited(environment: MutableMapping[str, str]) -> list[socket.socket]:
-    """The sockets that systemd passes on (LISTEN_PID, LISTEN_FDS); empty if it passes none.
+    """The sockets passed by systemd (LISTEN_PID, LISTEN_FDS); empty if there are none.
 
-    The variables are removed from the environment, so that no child takes the sockets for its own.
+    The variables are removed from the environment, so that no child process uses the sockets.
 
     Raises:
-        Conflict: the descriptors do not exist, or are not sockets.
+        Conflict: The descriptors do not exist, or are not sockets.
     """
     count = environment.pop("LISTEN_FDS", "0")
     environment.pop("LISTEN_FDNAMES", None)
@@ -46,7 +46,7 @@ def bind(host: str, port: int) -> list[socket.socket]:
     """A listening socket for every address that a host name or address resolves to.
 
     Raises:
-        Conflict: none of the addresses can be bound.
+        Conflict: None of the addresses can be bound.
     """
     bound: list[socket.socket] = []
     try:
@@ -59,7 +59,7 @@ def bind(host: str, port: int) -> list[socket.socket]:
 
 
 def _refused(host: str, port: int, error: OSError) -> Conflict:
-    """The error for an address that cannot be bound, with what to do about its reason."""
+    """The error for an address that cannot be bound, with a hint for its cause."""
     other = "serve on another: grabberd serve --port N, make run PORT=N, or http.port in the configuration"
     if error.errno == errno.EADDRINUSE:
         return Conflict(
@@ -77,7 +77,7 @@ def _refused(host: str, port: int, error: OSError) -> Conflict:
 
 
 def ip_address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
-    """The address in a text, without its zone, and in IPv4 if it is mapped to IPv6; None if it is none."""
+    """Parses an IP address, without its zone, an IPv4-mapped one as IPv4; None if the text is not one."""
     try:
         address = ipaddress.ip_address(text.strip("[]").partition("%")[0])
     except ValueError:
@@ -88,7 +88,7 @@ def ip_address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | Non
 def is_private(listening: socket.socket) -> bool:
     """True if a socket can be reached only from this machine, judged by its address, not by a setting.
 
-    A Unix socket is private unless everybody may write to its file.
+    A Unix socket is private unless its file is world-writable.
     """
     name = listening.getsockname()
     if listening.family in (socket.AF_INET, socket.AF_INET6):
@@ -100,10 +100,10 @@ def is_private(listening: socket.socket) -> bool:
 
 
 def check_private(sockets: Iterable[socket.socket], needs_token: bool, file: Path) -> None:
-    """Checks that sockets which others can reach are protected by tokens.
+    """Checks that public sockets are protected by tokens.
 
     Raises:
-        ConfigError: others can reach one of the sockets, and nobody needs a token.
+        ConfigError: A socket can be reached from other machines, and no token is required.
     """
     public = [describe(one) for one in sockets if not is_private(one)]
     if public and not needs_token:
@@ -125,12 +125,12 @@ def describe(listening: socket.socket, scheme: str = "http") -> str:
 
 
 def to_open(sockets: Iterable[socket.socket], scheme: str, hosts: Sequence[str] = ()) -> str | None:
-    """The address that a person on this machine opens in a browser; None if no socket has one.
+    """The URL to open in a browser on this machine; None if no socket has one.
 
     Args:
-        sockets: Those that are listened on.
+        sockets: The listening sockets.
         scheme: http or https.
-        hosts: Names by which clients reach it, which a socket for all addresses has not.
+        hosts: Configured host names, used for a socket on a wildcard address.
     """
     for one in sockets:
         if one.family not in (socket.AF_INET, socket.AF_INET6):
@@ -144,7 +144,7 @@ def to_open(sockets: Iterable[socket.socket], scheme: str, hosts: Sequence[str] 
 
 def _is_private_file(name: str | bytes) -> bool:
     if not name or name[:1] in ("\0", b"\0"):
-        return False  # an abstract name has no permissions: every process may connect
+        return False  # an abstract socket has no permissions: every process may connect
     with contextlib.suppress(OSError):
         return not stat.S_IMODE(os.stat(name).st_mode) & stat.S_IWOTH
     return False
@@ -158,10 +158,10 @@ def _addresses(host: str, port: int) -> Sequence[tuple[socket.AddressFamily, tup
 def _listen(address: tuple[socket.AddressFamily, tuple[object, ...]]) -> socket.socket:
     one = socket.socket(address[0], socket.SOCK_STREAM)
     try:
-        # Connections of a daemon that has just ended hold the port for a minute (TIME_WAIT).
+        # Connections of a daemon that has just ended occupy the port for a minute (TIME_WAIT).
         one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         if address[0] == socket.AF_INET6:
-            # Otherwise a socket for [::] takes the IPv4 port as well, which has a socket of its own.
+            # Otherwise a socket on [::] would take the IPv4 port as well, which has its own socket.
             one.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         _prepare(one)
         one.bind(address[1])
@@ -183,8 +183,8 @@ def _prepare(one: socket.socket) -> None:
     one.setblocking(False)
     if one.family in (socket.AF_INET, socket.AF_INET6):  # accepted connections inherit it
         one.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, GONE_AFTER_MS)
-        # The kernel would otherwise keep megabytes for a client of the events that never reads.
+        # The kernel would otherwise buffer megabytes for an event client that never reads.
         one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT_BYTES)
-        # Head and body of a response are written separately: without this the body would wait until the head
-        # is acknowledged.
+        # Headers and body of a response are written separately: without this, the body would wait until the
+        # headers are acknowledged.
         one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -1,4 +1,4 @@
-"""The job that checks a calibration: captures the calibration frame, and compares."""
+"""The job that checks a calibration: captures the calibration frame and compares it with its certificate."""
 
 import time
 from pathlib import Path
@@ -18,21 +18,21 @@ if TYPE_CHECKING:  # the job process carries values, not the daemon's own object
     from grabberd.instrument.instrument import Instrument
 
 SEALING_S = 60.0
-"""A capture that is not sealed this long after its end never will be."""
+"""Time allowed for sealing the capture after its end."""
 POLL_S = 0.1
 _CAPTURED = 0.5
-"""Share of the work that the capture is."""
+"""Progress when the capture is complete."""
 NOTE = "check of the calibration"
 
 
 class CheckJob(JobSpec):
-    """Checks a calibration as soon as a capture is sealed; see `check_file` for the result.
+    """Checks a calibration once its capture is sealed; see `check_file` for the result.
 
     Attributes:
         seconds: Length of the capture.
         calibration_frame: Document of the calibration frame.
         calibration: Document of the calibration to check.
-        in_place: True if the calibration frame stands exactly where it stood at the calibration.
+        in_place: True if the calibration frame stands exactly where it stood during the calibration.
     """
 
     kind = "check"
@@ -43,7 +43,7 @@ class CheckJob(JobSpec):
 
     @property
     def captures(self) -> tuple[str, ...]:
-        """None: it may still be recorded."""
+        """Empty: the capture may still be recording when the job is queued."""
         return ()
 
     @classmethod
@@ -56,21 +56,21 @@ class CheckJob(JobSpec):
         in_place: bool = False,
         seconds: float = CHECK_S,
     ) -> "CheckJob":
-        """Starts a capture of the calibration frame and declares its check with the device's calibration.
+        """Starts a capture of the calibration frame and returns the job that checks the device's calibration.
 
-        The calibration frame is named or given as a document; None if there is only one.
+        The calibration frame is given by name or as a document; None selects the only one there is.
 
         Raises:
             NotFound: No calibration frame has that name.
-            NotReady: The device does not stream, or has no calibration.
-            CaptureRunning: A capture is running already.
+            NotReady: The device is not streaming, or has no calibration.
+            CaptureRunning: A capture is already running.
         """
         calibration = instrument.setup.documents.get("calibration")
         if not calibration:
             raise NotReady(
                 f"device {instrument.name} has no calibration to check", "calibrate it, or activate one"
             )
-        # Before the capture starts: a wrong name must not leave one behind.
+        # Before the capture starts: a wrong name must not leave a capture behind.
         document = calibration_frame_document(calibration_frame)
         request = CaptureRequest(
             fields=round(seconds * instrument.pipeline.rate_hz),
@@ -107,14 +107,14 @@ class CheckJob(JobSpec):
         )
 
     def _wait_until_sealed(self, path: Path, progress: Progress) -> None:
-        # The job process knows nothing of the daemon's captures; the file's name tells it all it needs.
+        # The job process cannot see the daemon's captures; the file gets its final name when it is sealed.
         began_s = time.monotonic()
         while not path.exists():
             waited_s = time.monotonic() - began_s
             if waited_s > self.seconds + SEALING_S:
                 raise NotReady(
                     f"capture {self.subject} was not sealed within {waited_s:.0f} s",
-                    "look at the device's state, and check again",
+                    "see the device's state, and try again",
                 )
             progress(min(waited_s / self.seconds, 1.0))
             time.sleep(POLL_S)

@@ -1,4 +1,4 @@
-"""File descriptors: as many as the system allows, and never all of them for clients."""
+"""File descriptors: as many as the system allows, some of them reserved for recording."""
 
 import errno
 import logging
@@ -10,17 +10,17 @@ log = logging.getLogger(__name__)
 
 ENOUGH = 65_536
 OWN = 64
-"""What the daemon opens by itself: devices, captures and their journals, databases, the job process."""
+"""Descriptors for the daemon itself: devices, captures and their journals, databases, the job process."""
 AT_ONCE = 16
-"""Connections that are accepted at one go, before any of them is counted."""
+"""Connections accepted in one round of the event loop, before any of them is counted."""
 PER_CONNECTION = 4
-"""A connection's socket and that of one that is being refused meanwhile, a capture file and its journal."""
+"""Its socket, the socket of a connection being refused meanwhile, a capture file and its journal."""
 LOG_EVERY_S = 60.0
 EXHAUSTED = (errno.EMFILE, errno.ENFILE)
 
 
 def raise_limit() -> int:
-    """Raises this process's limit as far as the system allows, and returns it."""
+    """Raises this process's limit of descriptors as far as the system allows, and returns the new limit."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     most = ENOUGH if hard == resource.RLIM_INFINITY else min(hard, ENOUGH)
     if soft == resource.RLIM_INFINITY or soft >= most:
@@ -30,13 +30,13 @@ def raise_limit() -> int:
 
 
 def affordable_connections(asked: int, limit: int) -> int:
-    """Number of connections that leave enough descriptors for recording, at most as many as asked for.
+    """Number of connections that can be served while enough descriptors remain for recording.
 
     Args:
-        asked: Configured limit of connections.
+        asked: Configured limit of connections, which is never exceeded.
         limit: Limit of file descriptors.
     """
-    # Accepted ones are refused, and their sockets closed, a few rounds of the event loop later.
+    # Excess connections are refused and closed a few rounds of the event loop after they were accepted.
     affordable = max((limit - OWN - 4 * AT_ONCE) // PER_CONNECTION, 1)
     if affordable >= asked:
         return asked
@@ -51,13 +51,13 @@ def affordable_connections(asked: int, limit: int) -> int:
 
 
 class Exhaustion:
-    """Counts what failed for want of descriptors; logs the first, then once a minute how many there were.
+    """Counts failures for lack of descriptors; logs the first, then the number once a minute.
 
     Args:
         now_s: Source of monotonic time.
 
     Attributes:
-        count: How often it has happened since the start.
+        count: Number of failures since the start.
     """
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
@@ -67,7 +67,7 @@ class Exhaustion:
         self._log_at_s = 0.0
 
     def explains(self, error: BaseException | None) -> bool:
-        """True if an error comes from it; then it is counted."""
+        """True if an error is due to a lack of descriptors, in which case it is counted."""
         if not isinstance(error, OSError) or error.errno not in EXHAUSTED:
             return False
         self.count += 1
@@ -84,4 +84,4 @@ class Exhaustion:
 
 
 exhaustion = Exhaustion()
-"""That of this process, whose descriptors all parts of it share."""
+"""The counter of this process: its descriptors are shared by all its parts."""

@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from grabberd.server.daemon.service import Service
 
 Parts = Mapping[str, Callable[[], Any]]
-"""Functions that make the content of each file, text or a JSON document, by the file's name."""
+"""A function for each file, by name, that returns its content: text or a JSON document."""
 
 PERSONAL_KEYS = ("labels", "note", "site")
 UNIT = "grabberd.service"
 UNIT_PROPERTIES = "ActiveState,SubState,Result,NRestarts,ExecMainStatus,ActiveEnterTimestamp,MemoryCurrent"
 SYSTEMD = Path("/run/systemd/system")
 TIMEOUT_S = 5.0
-"""Longest wait for systemctl: a systemd that hangs is a fault to be reported, not to hang with."""
+"""Longest wait for systemctl: if systemd hangs, the diagnostics must report that, not hang as well."""
 
 ABOUT = """grabberd diagnostics, made {made}
 
@@ -66,7 +66,7 @@ def daemon_parts(service: "Service", *, words: bool = False) -> Parts:
 
     Args:
         service: The daemon's service.
-        words: True to include what people have written: labels, notes and the site.
+        words: True to include text written by people: labels, notes and the site.
     """
 
     def shown(document: Any) -> Any:
@@ -83,7 +83,7 @@ def daemon_parts(service: "Service", *, words: bool = False) -> Parts:
 
 
 def bundle(parts: Parts, *, words: bool = False) -> bytes:
-    """Packs all parts into a ZIP file with a README; a part that cannot be made contains the reason."""
+    """Packs all parts into a ZIP file with a README; a part that fails contains the reason instead."""
     file = io.BytesIO()
     about = ABOUT.format(
         made=iso_utc(SystemClock().utc_now()),
@@ -93,7 +93,7 @@ def bundle(parts: Parts, *, words: bool = False) -> bytes:
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("README.txt", about)
         for name, make in parts.items():
-            # Once more on the text: an exception or a log line may quote a secret that no key gives away.
+            # Redacted again as text: an exception or a log line may quote a secret that no key marks as one.
             archive.writestr(name, redacted(_text(make)))
     return file.getvalue()
 
@@ -111,7 +111,7 @@ def without_personal_text(document: Any) -> Any:
 
 def versions() -> JsonObject:
     """Versions of grabberd, Python, its packages, the kernel and OpenCV."""
-    import cv2  # noqa: PLC0415 - seldom asked for
+    import cv2  # noqa: PLC0415 - rarely needed
 
     packages = {one.metadata["Name"]: one.version for one in distributions() if one.metadata["Name"]}
     return {
@@ -129,7 +129,7 @@ def _grabbers() -> JsonObject:
 
 
 def _captures(service: "Service") -> list[JsonObject]:
-    # Without pins: they are not in the captures' files, and an unreadable state must not hide the captures.
+    # Without pins, which are in the state database: if that is unreadable, the captures must still be listed.
     return [one.model_dump(mode="json", exclude={"pinned"}) for one in service.archive.documents()]
 
 
@@ -149,7 +149,7 @@ def _systemd() -> str:
 def _text(make: Callable[[], Any]) -> str:
     try:
         made = make()
-    except Exception as error:  # one part that fails must not cost the others; the diagnostics are for faults
+    except Exception as error:  # diagnostics are for faults: if one part fails, the others are still wanted
         return f"could not be made: {type(error).__name__}: {error}\n"
     if isinstance(made, str):
         return made

@@ -1,4 +1,4 @@
-"""Jobs in a running daemon: kinds, by which a queue that outlived it is read, and their surroundings."""
+"""Jobs in a running daemon: the known kinds, by which a stored queue is read, and the context of each job."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -23,13 +23,13 @@ KINDS: Kinds = {
 
 @dataclass(slots=True)
 class JobContexts:
-    """Tells a job that begins where its captures are now, and where its results belong.
+    """Provides a starting job with the paths of its captures and the folders for its results.
 
     Attributes:
         archive: The captures.
         calibrations: The calibrations.
         folders: Folders for results of extensions' jobs, by name.
-        calibrator: Function that calibrates; None for that of the program.
+        calibrator: Function that calibrates; None: the built-in one.
     """
 
     archive: Archive
@@ -38,12 +38,12 @@ class JobContexts:
     calibrator: Callable[..., Any] | None = None
 
     def of(self, job_id: str, spec: JobSpec) -> JobContext:
-        """The surroundings of a job.
+        """The context of a job.
 
         Raises:
-            NotFound: One of its captures was deleted since it was queued.
-            Conflict: One of its captures is running, or armed.
-            StorageError: The folder of captures is gone.
+            NotFound: One of its captures was deleted since the job was queued.
+            Conflict: One of its captures is running or armed.
+            StorageError: The captures folder is missing.
         """
         return JobContext(
             job=job_id,

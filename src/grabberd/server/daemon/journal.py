@@ -1,7 +1,7 @@
-"""Logging: lines of JSON for the journal, plain text for a person at a terminal.
+"""Logging: JSON lines for the journal, plain text for a terminal.
 
-A record may carry `device`, `capture` and `cause` (`log.info("…", extra={"device": name})`); if it does not,
-they are read from a message that begins like "device cup is …".
+A record may carry `device`, `capture` and `cause` (`log.info("…", extra={"device": name})`); otherwise the
+device or capture is taken from a message that starts like "device cup is …".
 """
 
 import io
@@ -15,9 +15,9 @@ from typing import Any, TextIO
 
 LAST_LINES = 2000
 LONGEST = 8000
-"""Characters after which a message is cut: a journal is no place for documents."""
+"""Maximum length of a message in characters; longer ones are truncated."""
 PRIORITIES = {"CRITICAL": 2, "ERROR": 3, "WARNING": 4, "INFO": 6, "DEBUG": 7}
-"""Priorities as syslog numbers them."""
+"""Syslog priorities by level."""
 FIELDS = ("device", "capture", "cause")
 _SECRETS = re.compile(r"(grabberd_[A-Za-z0-9_-]{20})[A-Za-z0-9_-]+|(?i:(bearer|session=)\s*[^\s;,\"']+)")
 _NAMED = re.compile(r"^(device|capture) ([^\s:]+)")
@@ -25,7 +25,7 @@ _OWN_FORMAT = ("uvicorn", "uvicorn.error", "uvicorn.access")
 
 
 def redacted(text: str) -> str:
-    """A text with everything removed that looks like a token or a session."""
+    """A text in which everything that looks like a token or a session is replaced."""
     return _SECRETS.sub("(secret)", text)
 
 
@@ -47,13 +47,13 @@ class PlainFormatter(logging.Formatter):
     """Lines of text for a terminal."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Formats a record as one line, or more if it has an exception."""
+        """Formats a record as one line, followed by its exception if it has one."""
         moment = datetime.fromtimestamp(record.created).astimezone()
         return f"{moment:%H:%M:%S} {record.levelname} {record.name}: {message_of(record)}"
 
 
 def document_of(record: logging.LogRecord) -> dict[str, Any]:
-    """A record as the document that goes to the journal."""
+    """A record as a document for the journal."""
     message = message_of(record)
     moment = datetime.fromtimestamp(record.created, UTC)
     named = _NAMED.match(message)
@@ -96,9 +96,9 @@ last_lines = LastLines()
 
 
 def set_up_logging(stream: TextIO | None = None) -> bool:
-    """Sets one format for everything that this process logs; safe twice.
+    """Sets one format for everything that this process logs; may be called twice.
 
-    Returns True if it is plain text for a person.
+    Returns True if the format is plain text.
 
     Args:
         stream: Destination; standard error by default. A terminal gets plain text, anything else JSON.
@@ -112,7 +112,7 @@ def set_up_logging(stream: TextIO | None = None) -> bool:
     root.setLevel(logging.INFO)
     for name in _OWN_FORMAT:
         logger = logging.getLogger(name)
-        # uvicorn brings handlers of its own, with which its lines would be no JSON.
+        # uvicorn installs its own handlers, whose lines are not JSON.
         logger.handlers, logger.propagate = [], True
     return for_person
 

@@ -1,8 +1,9 @@
-"""The service: all instruments, their captures and the jobs, on which the API and the commands stand."""
+"""The service: all instruments, their captures and the jobs, used by the API and the commands."""
 
 import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Protocol
 
 from grabberd import __version__
 from grabberd.archive.access import Access
@@ -20,7 +21,7 @@ from grabberd.archive.state.state_backups import CAPTURES_FOLDER, STATE
 from grabberd.archive.state.state_database import AnnotationStore, IdempotencyStore, StateStore
 from grabberd.archive.state.state_keeper import StateKeeper
 from grabberd.clock import SystemClock, UtcClock, iso_utc
-from grabberd.config import Config, default_config_file
+from grabberd.config import Config, StorageConfig, default_config_file
 from grabberd.config.section import without_secrets
 from grabberd.core.geometry import Calibration
 from grabberd.core.kernel import what_is_slower
@@ -53,38 +54,46 @@ from grabberd.work.process import Processes
 log = logging.getLogger(__name__)
 
 
+class _Threads(Protocol):
+    """One or more threads of the daemon."""
+
+    def start(self) -> None: ...
+
+    def stop(self) -> None: ...
+
+
 class Service:
-    """The daemon without its server: instruments, archive, jobs, stores; it lives from `start` to `stop`.
+    """The daemon without its server: instruments, archive, jobs and stores; it runs from `start` to `stop`.
 
     Attributes:
         clock: Source of time.
         instruments: The instruments, by the name of their device.
-        loggers: The data loggers beside them.
-        liveness: Whether their capture threads go on.
+        loggers: The data loggers.
+        liveness: Finds capture threads that hang.
         capture_control: Starts, arms, triggers and stops captures.
         archive: The captures on disk.
-        annotations: Pins, notes and labels of captures, and their deletion by hand.
-        retention: Deletion of old captures, where it is configured.
-        job_contexts: Where a job finds its captures and leaves its results.
-        width_courses: The course of the wall's width of each capture in few numbers.
-        calibrations: The calibrations that there are.
+        annotations: Pins, notes and labels of captures, and manual deletion.
+        retention: Automatic deletion of old captures, if configured.
+        job_contexts: Paths of a job's captures and folders for its results.
+        width_courses: A short curve of the wall's width for each capture.
+        calibrations: All calibrations.
         active: The calibration that each device measures with.
         access: Tokens and browser sessions.
-        faults: What is wrong with the daemon itself.
+        faults: Present faults of the daemon itself.
         state_keeper: Backs up and recovers the state database.
         unsealed: Captures whose files could not be sealed yet.
-        upkeep: Looks after all of these.
-        settings: Settings that an operator has made in place of the configuration.
+        upkeep: Checks all of these periodically.
+        settings: Settings that an operator has made, overriding the configuration.
         configuration: The configuration as it was read, without secrets.
-        jobs: The jobs that wait, run, and have ended.
+        jobs: The waiting, running and ended jobs.
         job_runner: Runs them.
-        processes: What takes the core to answer.
-        idempotency: Requests that must take effect once only.
-        parts: The parts that extensions make, by the extension's name.
+        processes: Processes that answer questions which need the core.
+        idempotency: Requests that must take effect only once.
+        parts: The parts of extensions, by the extension's name.
         directory: The state directory.
         state_store: Settings and choices in the state database.
-        setups: The devices as they are configured.
-        config: The configuration and its file; None if it was made without one.
+        setups: The devices as configured.
+        config: The configuration and its file; None if the service was made without one.
     """
 
     def __init__(
@@ -93,87 +102,89 @@ class Service:
         directory: Path,
         *,
         clock: UtcClock | None = None,
-        site: dict[str, str] | None = None,
         disk: DiskGuard | None = None,
         loggers: Mapping[str, LoggerSetup] | None = None,
         config: tuple[Config, Path] | None = None,
     ) -> None:
         self.clock = clock = clock or SystemClock()
         self.directory, self.setups, self.config = directory, setups, config
-        self.parts = ServiceParts()
-        self._disk = disk or DiskGuard()
-        fair_lock = FairLock()
-        self.faults = FaultBoard(clock)
+        self.configuration = (
+            without_secrets(config[0].model_dump(mode="json")) if config else configuration_document(setups)
+        )
+        self.faults = faults = FaultBoard(clock)
         self.processes = Processes()
-        self.loggers = Loggers(loggers or {}, clock, self.faults)
-        self.instruments = {
+        self.parts = ServiceParts()
+
+        self.state_keeper = StateKeeper(directory, faults, clock, self._store_again)
+        state, heal = directory / STATE, self.state_keeper.heal
+        self.state_store, annotations = StateStore(state, heal), AnnotationStore(state, heal)
+        self.idempotency, self.access = IdempotencyStore(state, heal), Access(directory, clock, heal)
+
+        storage = config[0].storage if config else StorageConfig()
+        self._disk = disk or DiskGuard(round(storage.reserve_gb * GB))
+        self.loggers = Loggers(loggers or {}, clock, faults)
+        self.instruments = self._instruments(storage.queue_s)
+        self.liveness = Liveness(one.board for one in self.instruments.values())
+        self._current = CurrentCaptures({name: one.captures for name, one in self.instruments.items()})
+        self.settings = Settings(self.state_store, self.instruments)
+        self.calibrations = CalibrationCatalog(directory / "calibrations", configured_calibrations(setups))
+        self.active = ActiveCalibrations(self.calibrations, self.state_store, self.instruments, clock)
+
+        self.archive = self._archive(annotations)
+        self._capture_end = CaptureEnd(self.archive, self.instruments, self._sealed, faults, clock)
+        self.unsealed = self._capture_end.unsealed
+        self.capture_control = CaptureControl(self._current, self.archive, annotations, clock)
+        self.width_courses = WidthCourses(self.archive)
+
+        job_store = JobStore(directory)
+        self.jobs = JobQueue(clock, job_store, KINDS, faults, self._job_ended, self._interrupt)
+        self.annotations = CaptureAnnotations(self.archive, annotations, self.jobs, self._remove_results)
+        self.parts.make(self)
+        self.job_contexts = JobContexts(self.archive, self.calibrations.store, self.parts.folders)
+
+        self.job_runner = JobRunner(self.jobs, job_store, self.job_contexts.of, faults)
+        policy, delete = Policy.from_config(storage.retention), self.annotations.delete
+        self.retention = Retention(self.archive, policy, self._disk, clock, self._spared, delete)
+        self.scrub = Scrub(self.archive, self.state_store, faults, clock, self._is_recording)
+        looks = *(part.look for part in self.parts.values()), self.width_courses.look
+        self.upkeep = Upkeep(self.archive, self.unsealed, self.state_keeper, self.loggers, looks)
+        # In the order in which they are started; they are stopped in the reverse order.
+        devices = self.instruments.values()
+        self._threads: tuple[_Threads, ...] = (self.loggers, *devices, self.retention, self.scrub)
+        self._started = False
+
+    def _instruments(self, queue_s: float) -> dict[str, Instrument]:
+        fair_lock = FairLock()
+        return {
             name: Instrument(
                 setup,
-                clock,
-                site=site,
-                queue_s=10.0 if config is None else config[0].storage.queue_s,
+                self.clock,
+                site=dict(self.config[0].site) if self.config else None,
+                queue_s=queue_s,
                 disk=self._disk,
                 on_sealed=self._ended,
                 fair_lock=fair_lock,
                 loggers=self.loggers,
             )
-            for name, setup in setups.items()
+            for name, setup in self.setups.items()
         }
-        self.liveness = Liveness(one.board for one in self.instruments.values())
-        self._current = CurrentCaptures({name: one.captures for name, one in self.instruments.items()})
-        self.state_keeper = StateKeeper(directory, self.faults, clock, self._keep_what_is_in_force)
-        state, heal = directory / STATE, self.state_keeper.heal
-        self.state_store = StateStore(state, heal)
-        store = AnnotationStore(state, heal)
+
+    def _archive(self, annotations: AnnotationStore) -> Archive:
         folder = CapturesFolder(
-            directory / "captures",
+            self.directory / "captures",
             lambda: self.state_store.get(CAPTURES_FOLDER),
             lambda found: self.state_store.put({CAPTURES_FOLDER: found}),
         )
-        self.archive = Archive(
+        return Archive(
             folder.path,
             self.recordings,
             self._current.armed,
-            store.get,
-            store.all,
+            annotations.get,
+            annotations.all,
             self.parts,
             folder=folder,
             faults=self.faults,
         )
-        self._capture_end = CaptureEnd(self.archive, self.instruments, self._sealed, self.faults, clock)
-        self.unsealed = self._capture_end.unsealed
-        self.capture_control = CaptureControl(self._current, self.archive, store, clock)
-        self.calibrations = CalibrationCatalog(directory / "calibrations", configured_calibrations(setups))
-        self.access = Access(directory, clock, heal)
-        self.settings = Settings(self.state_store, self.instruments)
-        self.configuration = configuration_document(setups)
-        self.active = ActiveCalibrations(self.calibrations, self.state_store, self.instruments, clock)
-        job_store = JobStore(directory)
-        self.jobs = JobQueue(clock, job_store, KINDS, self.faults, self._job_ended)
-        self.width_courses = WidthCourses(self.archive)
-        self.parts.make(self)
-        self.job_contexts = JobContexts(self.archive, self.calibrations.store, self.parts.folders)
-        self.job_runner = JobRunner(self.jobs, job_store, self.job_contexts.of, self.faults)
-        self.annotations = CaptureAnnotations(self.archive, store, self.jobs, self._remove_results)
-        self.idempotency = IdempotencyStore(state, heal)
-        self.retention = Retention(
-            self.archive,
-            Policy() if config is None else Policy.from_config(config[0].storage.retention),
-            self._disk,
-            clock,
-            self._spared,
-            self.annotations.delete,
-        )
-        self.scrub = Scrub(
-            self.archive,
-            self.state_store,
-            self.faults,
-            clock,
-            lambda: bool(self._current.recordings()),
-        )
-        looks = *(part.look for part in self.parts.values()), self.width_courses.look
-        self.upkeep = Upkeep(self.archive, self.unsealed, self.state_keeper, self.loggers, looks)
-        self._started = False
 
     @classmethod
     def from_config(
@@ -186,24 +197,16 @@ class Service:
         """Makes the service that a configuration describes.
 
         Raises:
-            ConfigError: An extension cannot do its part of it.
+            ConfigError: The configuration needs an extension that is not installed.
         """
         file = file or default_config_file()
-        service = cls(
-            setups,
-            config.state_directory,
-            site=dict(config.site),
-            disk=DiskGuard(round(config.storage.reserve_gb * GB)),
-            loggers=loggers,
-            config=(config, file),
-        )
+        service = cls(setups, config.state_directory, loggers=loggers, config=(config, file))
         if config.mqtt is not None and "mqtt" not in service.parts:
             raise ConfigError([Problem(str(file), "mqtt", "the extension that publishes is not installed")])
-        service.configuration = without_secrets(config.model_dump(mode="json"))
         return service
 
     def start(self) -> None:
-        """Seals what a crash left, then starts all instruments; does nothing the second time.
+        """Seals what a crash left, then starts all threads; does nothing the second time.
 
         Raises:
             StorageError: The state directory cannot be used.
@@ -221,16 +224,13 @@ class Service:
             log.warning("%s", slower)
         self.upkeep.start()
         self.job_runner.start()
-        self.retention.start()
-        self.scrub.start()
-        self.loggers.start()
-        for instrument in self.instruments.values():
-            instrument.start()
+        for threads in self._threads:
+            threads.start()
 
     def open(self) -> None:
-        """Locks the state directory and opens its database, which tells who is let in; safe twice.
+        """Locks the state directory and opens its database, which holds the tokens; may be called twice.
 
-        A second daemon fails here, before it touches anything.
+        A second daemon fails here, before it changes anything.
 
         Raises:
             StorageError: The state directory cannot be used.
@@ -238,7 +238,7 @@ class Service:
         self.state_keeper.open()
 
     def open_stores(self) -> None:
-        """Opens calibrations, jobs, tokens, settings and what extensions keep; applies the stored choices.
+        """Opens calibrations, jobs, tokens, settings and the stores of extensions; applies stored choices.
 
         Raises:
             StorageError: The state directory cannot be used.
@@ -253,30 +253,27 @@ class Service:
             part.open()
 
     def end_captures(self) -> None:
-        """Ends running captures, all at the same moment; their files are sealed meanwhile."""
+        """Ends running captures, all at the same moment; their files are then sealed in the background."""
         for recording in self._current.recordings():
             recording.stop("the daemon stopped")
 
     def stop(self) -> None:
         """Ends and seals running captures, then stops everything."""
-        self.retention.stop()
-        self.scrub.stop()
-        # First: sealing takes its time, and no capture should last longer for another's.
+        # First, all at once: sealing takes time, and no capture should last longer because of another.
         self.end_captures()
-        for instrument in self.instruments.values():
-            instrument.stop()
-        self.loggers.stop()
+        for threads in reversed(self._threads):
+            threads.stop()
         for part in self.parts.values():
             part.stop()
         self.job_runner.stop()
-        self.processes.end()
+        self.processes.end()  # before the upkeep, which may wait for an answer of one
         self.upkeep.stop()
         self.access.key.remove()
         self.archive.close()
-        self.state_keeper.close()  # last: it lets another daemon have the folder
+        self.state_keeper.close()  # last: it releases the state directory to another daemon
 
     def instrument(self, name: str | None) -> Instrument:
-        """An instrument by its device's name, which may be left out where there is only one.
+        """An instrument by its device's name, which may be None if there is only one.
 
         Raises:
             NotFound: No device has that name, or the name is needed.
@@ -287,10 +284,10 @@ class Service:
         """Stores a complete calibration that fits a device, and returns its id.
 
         Raises:
-            NotFound: There is no such device.
+            NotFound: The device does not exist.
             InputError: The document is not a calibration.
-            CalibrationMismatch: It is for another rig or stream.
-            Conflict: There is one of that id already.
+            CalibrationMismatch: The calibration is for another rig or stream.
+            Conflict: A calibration with that id already exists.
         """
         instrument = self.instrument(device)
         instrument.check_fits(Calibration.from_document(document))
@@ -310,7 +307,7 @@ class Service:
         )
 
     def storage_document(self) -> StorageDocument:
-        """The disk at this moment, and what has been removed from it since the start."""
+        """Present state of the disk, and what retention has removed since the start."""
         return self._disk.document(
             self.archive.directory,
             sum(instrument.captures.bytes_per_s for instrument in self.instruments.values()),
@@ -320,11 +317,11 @@ class Service:
         )
 
     def surroundings(self) -> Surroundings:
-        """Surroundings of all devices at this moment."""
+        """Present surroundings of all devices."""
         return Surroundings(self.storage_document(), self.faults.now, self.clock)
 
     def device_document(self, instrument: Instrument, around: Surroundings | None = None) -> DeviceDocument:
-        """A device at this moment."""
+        """Present state of a device."""
         return device_document(
             instrument,
             self.active,
@@ -333,18 +330,21 @@ class Service:
         )
 
     def recordings(self) -> list[Recording]:
-        """The captures that are being recorded or sealed, or could not be sealed yet."""
+        """The captures that are being recorded or sealed, or are not sealed yet."""
         current = self._current.recordings()
         return [*current, *(one for one in self.unsealed.captures if one not in current)]
 
-    def _keep_what_is_in_force(self) -> None:
-        """Stores again what a recovered state has lost, as far as it is known."""
+    def _store_again(self) -> None:
+        """Stores the active settings and choices again after the state was recovered from a backup."""
         self.archive.folder.identify()
         self.archive.library.note()
         self.settings.keep()
         self.active.keep()
         for part in self.parts.values():
             part.keep()
+
+    def _is_recording(self) -> bool:
+        return bool(self._current.recordings())
 
     def _spared(self) -> set[str]:
         if not self.state_keeper.pins_known:
@@ -365,6 +365,9 @@ class Service:
         self.archive.ended(job.subject, captures)
         for part in self.parts.values():
             part.job_ended(job, captures)
+
+    def _interrupt(self, number: int) -> None:
+        self.job_runner.interrupt(number)
 
     def _remove_results(self, capture_id: str) -> None:
         for part in self.parts.values():

@@ -1,4 +1,4 @@
-"""The parts of the running daemon that extensions make."""
+"""The parts that extensions contribute to the running daemon."""
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -10,35 +10,35 @@ from grabberd.extension import extensions, load
 
 
 class ServicePart:
-    """Stores and state of an extension, and what it does when something happens to captures and jobs.
+    """Stores and state of an extension, and its reactions to events of captures and jobs.
 
-    By itself it does nothing.
+    Every method does nothing by default.
 
     Attributes:
-        folders: Folders in which its jobs leave their results, by the name that the jobs know them by.
+        folders: Folders for the results of its jobs, by the names that the jobs use.
     """
 
     folders: Mapping[str, Path] = MappingProxyType({})
 
     def open(self) -> None:
-        """Opens its stores, whose folders and database exist by now.
+        """Opens its stores; their folders and the database already exist.
 
         Raises:
             StorageError: The state directory cannot be used.
         """
 
     def start(self) -> None:
-        """Takes note of the jobs that are known from before, right before captures may begin."""
+        """Takes over the jobs of the previous run, just before captures can start."""
 
     def stop(self) -> None:
-        """Stops what it has started; captures have ended by now."""
+        """Stops what it has started; all captures and threads of the service have ended."""
 
     def capture_fields(self, capture_id: str) -> Mapping[str, object]:
         """Its fields of a capture's document."""
         return {}
 
     def device_fields(self, device: str) -> Mapping[str, object]:
-        """Its fields of a device's document, from memory: the state never waits for a disk."""
+        """Its fields of a device's document, from memory: reading the state never waits for a disk."""
         return {}
 
     def state_fields(self) -> Mapping[str, object]:
@@ -46,27 +46,27 @@ class ServicePart:
         return {}
 
     def analysed(self, captures: Collection[str] | None) -> Collection[str]:
-        """The captures that it has results of, among these or among all."""
+        """The captures for which it has results, among these or, with None, among all."""
         return ()
 
     def sealed(self, capture_id: str, device: str) -> None:
-        """Takes note of a capture that is sealed; nobody waits for what follows from it."""
+        """Called when a capture is sealed; must return at once."""
 
     def job_ended(self, job: JobDocument, captures: Sequence[str]) -> None:
-        """Takes note of a job that has ended, and of the captures that it was to analyse."""
+        """Called when a job has ended, with the captures that it should have analysed."""
 
     def removed(self, capture_id: str) -> None:
-        """Removes what it has kept of a capture that is deleted.
+        """Removes its results for a capture that is being deleted.
 
         Raises:
-            StorageError: It cannot be removed.
+            StorageError: They cannot be removed.
         """
 
     def look(self) -> None:
-        """Looks after what is its own; called once a second."""
+        """Does its periodic work; called once a second."""
 
     def keep(self) -> None:
-        """Stores again what a recovered state database has lost, as far as it is known.
+        """Stores its active state again after the state database was recovered from a backup.
 
         Raises:
             StorageError: The state cannot be written.
@@ -74,15 +74,15 @@ class ServicePart:
 
 
 class ServiceParts(dict[str, ServicePart]):
-    """The parts of all extensions by the extension's name; empty until the service has what they stand on."""
+    """The parts of all extensions, by the extension's name; empty until `make` is called."""
 
     def make(self, service: Any) -> None:
-        """Makes the parts of a `Service`."""
+        """Creates the parts for a `Service` whose stores and archive exist."""
         self.update((one.name, load(one.part)(service)) for one in extensions() if one.part)
 
     @property
     def folders(self) -> dict[str, Path]:
-        """Folders in which jobs of extensions leave their results."""
+        """Folders for the results of extensions' jobs."""
         return {name: folder for part in self.values() for name, folder in part.folders.items()}
 
     def state_fields(self) -> dict[str, object]:
@@ -100,5 +100,5 @@ class ServiceParts(dict[str, ServicePart]):
         return {name: value for part in self.values() for name, value in part.device_fields(device).items()}
 
     def analysed(self, captures: Collection[str] | None) -> set[str]:
-        """The captures that any of them has results of, among these or among all."""
+        """The captures for which any of them has results, among these or, with None, among all."""
         return {one for part in self.values() for one in part.analysed(captures)}

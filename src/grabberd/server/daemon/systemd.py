@@ -1,6 +1,6 @@
 """Notifications to systemd (sd_notify(3)): ready, status, stopping, and the heartbeat for its watchdog.
 
-The heartbeat tells that the daemon lives while its event loop and every capture thread do.
+The heartbeat is sent only while the event loop and every capture thread are alive.
 """
 
 import logging
@@ -13,11 +13,11 @@ from grabberd.instrument.device.status_board import Liveness, StatusBoard
 log = logging.getLogger(__name__)
 
 PATIENCE_S = 5.0
-"""Longest wait to send what is sent only once: without READY=1 systemd would take the start for failed."""
+"""Longest wait for messages that are sent once: without READY=1, systemd considers the start failed."""
 
 
 class Notifier:
-    """Sends messages to the socket that systemd names; to nobody if it names none.
+    """Sends messages to systemd's notification socket; does nothing without one.
 
     Attributes:
         watchdog_s: Silence after which systemd kills the daemon, or None if there is no watchdog.
@@ -41,26 +41,26 @@ class Notifier:
         return cls(address, int(timeout_us) / 1e6 if watched and timeout_us.isdigit() else None)
 
     def ready(self) -> None:
-        """Tells that the API serves."""
+        """Reports that the API is serving."""
         self._send("READY=1", PATIENCE_S)
 
     def status(self, line: str) -> None:
-        """Tells the daemon's status in one line; sent only if it has changed."""
+        """Reports the daemon's status in one line; sent only if it has changed."""
         if line != self._status and self._send("STATUS=" + " ".join(line.split())):
             self._status = line
 
     def alive(self) -> bool:
-        """Tells that the daemon lives; returns False if that was not received and must be sent again."""
+        """Sends a heartbeat; returns False if it was not received and must be repeated."""
         return self._send("WATCHDOG=1")
 
     def stopping(self) -> None:
-        """Tells that the daemon begins to stop."""
+        """Reports that the daemon is stopping."""
         self._send("STOPPING=1", PATIENCE_S)
 
     def _send(self, message: str, patience_s: float = 0.0) -> bool:
         """Sends a message; returns False if it was not received.
 
-        The daemon works on all the same: systemd's own time-outs decide what becomes of it.
+        The daemon continues either way: systemd's own timeouts apply.
         """
         if self._address is None:
             return False
@@ -84,18 +84,18 @@ class Notifier:
 
 
 STATUS_EVERY_S = 1.0
-"""Interval at which `systemctl status` is brought up to date."""
+"""Interval at which `systemctl status` is updated."""
 
 
 class Heartbeat:
-    """Sends the watchdog's sign of life; the event loop calls `beat`, so it is sent only while that runs.
+    """Sends the watchdog heartbeat; the event loop calls `beat`, so it stops if the event loop hangs.
 
-    A capture thread that is silent for half the watchdog's time holds it back, and systemd restarts the
-    daemon. While another device records a capture, the restart waits for the capture's end.
+    If a capture thread is silent for half of the watchdog's time, the heartbeat is withheld and systemd
+    restarts the daemon. While another device is recording, the restart waits for that capture to end.
 
     Args:
         notifier: Sends to systemd.
-        liveness: Looks after the capture threads; with every beat, also where nobody watches.
+        liveness: Checks the capture threads with every beat, with or without a watchdog.
 
     Attributes:
         every_s: Interval at which to call `beat`.
@@ -111,17 +111,17 @@ class Heartbeat:
             liveness.restart_after_s = self._half_s
 
     def beat(self, now_s: float) -> None:
-        """Looks after the capture threads and sends what is due.
+        """Checks the capture threads and sends what is due.
 
         Args:
-            now_s: Time of a clock that nobody sets.
+            now_s: Time of a clock that is never set.
         """
         self._liveness.look(now_s)
         self.notifier.status(self.summary())
         if self._half_s is None or now_s < self._due_s or not self._liveness.is_well:
             return
         if self.notifier.alive():
-            # A beat may be late by one interval; systemd asks for one in half its time.
+            # A beat may be one interval late; systemd recommends one in half of the watchdog's time.
             self._due_s = now_s + self._half_s - self.every_s
 
     def summary(self) -> str:

@@ -1,6 +1,4 @@
-"""Looks after what may break while the daemon runs: folder of captures, unsealed files, state database,
-loggers.
-"""
+"""Periodic checks in a running daemon: captures folder, unsealed files, state database, loggers."""
 
 import logging
 import threading
@@ -16,18 +14,18 @@ from grabberd.instrument.channels.loggers import Loggers
 log = logging.getLogger(__name__)
 EVERY_S = 1.0
 STATE_EVERY = 10
-"""Every how many rounds the state database is looked at: what is older than that survives its damage."""
+"""The state database is checked every so many rounds; only changes since then can be lost by damage."""
 
 
 class Upkeep:
-    """A thread that looks once a second; what it finds, each of them tells by itself.
+    """A thread that checks everything once a second; each part reports its own faults.
 
     Args:
         archive: The captures.
         unsealed: Captures that could not be sealed.
         state_keeper: The state database.
         loggers: The data loggers.
-        look_further: What else is looked after in every round.
+        look_further: Further checks, called in every round.
     """
 
     def __init__(
@@ -59,7 +57,7 @@ class Upkeep:
             self._thread.join(timeout_s)
 
     def look(self, rounds: int) -> None:
-        """One round; every so many include the state database."""
+        """Runs one round of checks; every `STATE_EVERY`-th includes the state database."""
         with suppress(StorageError):
             self._archive.check()
         self._unsealed.retry()
@@ -76,11 +74,11 @@ class Upkeep:
             try:
                 self.look(rounds)
                 self._failure = None
-            except Exception as error:  # whatever one round brings, the next one is needed
+            except Exception as error:  # whatever happens in one round, the next one is needed
                 self._complain(error)
 
     def _complain(self, error: Exception) -> None:
         """Logs a failure once, not every second for as long as it lasts."""
         if repr(error) != self._failure:
-            log.error("a look after the daemon's files has failed: %s", error, exc_info=error)
+            log.error("the check of the daemon's files has failed: %s", error, exc_info=error)
         self._failure = repr(error)

@@ -11,10 +11,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from merge_patch import merged
 
 from grabberd.config import HttpLimits
 from grabberd.documents.enums import DeviceState
-from grabberd.instrument.live.state import merged
 from grabberd.server.api.streams.feeds import EVERY_S, KEEP_ALIVE, EventFeed
 from server.api.conftest import service_in
 from server.api.streams import Served, events, served

@@ -1,4 +1,4 @@
-"""Arrivals of a stream's fields: when each came, with which others, and how long its way was."""
+"""Arrivals of a stream's fields: when each came, with which others, and after which delay."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from grabberd.instrument.acquisition.numbering.pace import Pace
 _BURST = 0.3
 """Periods between arrivals, below which fields have waited in the driver's buffers."""
 _VARIATIONS = 4
-"""Changes of the time from stamp to arrival, after which it is no constant: a clock that is set makes one."""
+"""Changes of the time from stamp to arrival after which it is not constant: setting a clock causes one."""
 _REGULAR, _ALIKE = 8, 0.25
 """Number of fields by which those that come by the shortest way, within so many periods, outnumber the later
 ones once it is known. While a computer is overloaded every field waits, each for another time."""
@@ -46,12 +46,12 @@ class Way(NamedTuple):
     def after(self, periods: float, *, joined: bool = False) -> "Way":
         """The same after one more field, which has come by such a way.
 
-        Fields that were joined in one buffer tell as much as one alone.
+        Fields joined in one buffer are as much evidence as a single one.
         """
         shortest = min(periods, self.periods + _GROWS)
         if self.is_far_longer_than(periods):
             return Way(shortest, 1)
-        if self.is_known or joined:  # a known one learns nothing of what comes late
+        if self.is_known or joined:  # a known one is not affected by late fields
             return Way(shortest, self.regular)
         in_time = periods < self.periods + _ALIKE
         return Way(shortest, self.regular + 1 if in_time else max(self.regular - 1, 0))
@@ -61,7 +61,7 @@ class Arrival(NamedTuple):
     """Arrival of one field.
 
     Attributes:
-        time_ns: When it could have been here at the earliest; None if that tells nothing.
+        time_ns: Earliest possible time of its arrival; None if that is no evidence.
         burst: True if it came right after the one before.
         joined: True if it came in one buffer with the one before.
     """
@@ -92,11 +92,11 @@ class Arrivals:
 
     @property
     def tells_of_stamps(self) -> bool:
-        """True once stamps are known to come from somewhere else than the arrival: they vary against it."""
+        """True once stamps are known to be independent of the arrivals: they vary against them."""
         return self._variations >= _VARIATIONS
 
     def compare(self, arrival: Arrival, stamp_ns: int) -> bool:
-        """Compare an arrival with its field's stamp, if that is believed.
+        """Compare an arrival with its field's stamp, if that is trusted.
 
         Returns:
             True if the stamp may be the time of the arrival, as those before it may.
@@ -107,7 +107,7 @@ class Arrivals:
         if self._stamped is not None:
             newest_ns, before_ns, way_ns = self._stamped
             varied = abs(arrival.time_ns - stamp_ns - way_ns) > _BURST * self._pace.period_ns
-            # Stamps that stand still or run backward vary as well, and tell nothing; nor does the one after.
+            # Stamps that stand still or run backward also vary, but are no evidence; nor is the next one.
             ahead = min(stamp_ns, before_ns) >= newest_ns - _BURST * self._pace.period_ns
             self._variations += varied and ahead and stamp_ns - before_ns > _BURST * self._pace.period_ns
             newest_ns = max(newest_ns, stamp_ns)
@@ -117,7 +117,7 @@ class Arrivals:
         return not (varied or self.tells_of_stamps)
 
     def look(self, parity: int, now_ns: int | None) -> Arrival:
-        """Take in the next field's arrival."""
+        """Add the next field's arrival."""
         if now_ns is None or not self._keeps_pace:
             return Arrival(None, burst=False, joined=False)
         # The older field of a frame waits for the newer one.
@@ -136,7 +136,7 @@ class Arrivals:
         return arrival.time_ns - round(self.way.periods * self._pace.period_ns)
 
     def learn_anew(self, ways_ns: Sequence[int]) -> None:
-        """Learn the way from some fields alone, as a longer exposure has a longer one."""
+        """Learn the way from these fields only, since a longer exposure has a longer one."""
         self.way = Way()
         for way_ns in [min(ways_ns), *ways_ns] if ways_ns else ():
             self.way = self.way.after(way_ns / self._pace.period_ns)

@@ -1,4 +1,4 @@
-"""Field numbering: the place of each grabbed field in the camera's endless count, and what was lost."""
+"""Field numbering: the number of each grabbed field among the camera's fields, and what was lost."""
 
 import math
 from collections import deque
@@ -33,7 +33,7 @@ class Numbered(NamedTuple):
         reason: Reason for the outcome; for a received field None, or why its time had to be predicted.
         lost_before: Fields missing between the previous field and this one: lost, or without a signal, since
             some drivers deliver nothing then.
-        rebases: Changes of what numbers and times go by, from this field on.
+        rebases: Changes of the base of numbers and times, from this field on.
     """
 
     n: int
@@ -48,17 +48,17 @@ _SURE = 3
 """Fields of the other parity, each counted one further, after which a driver counts fields. Where both fields
 of a frame share a number, every second difference is 0, unless fields are lost."""
 _SURER = 12
-"""Such fields after which a number that came twice was a repetition: were it that of a frame, every other
-field would have had to be lost."""
+"""Such fields after which a repeated number was an error: as the number of a frame, it would mean that every
+other field was lost."""
 _WRAP = 2**32  # V4L2 counts in 32 bits
 
 
 class SequenceSteps:
     """Converts a driver's `sequence` into steps of fields.
 
-    If each buffer holds one field, some drivers give both fields of a frame the same number and some number
-    each field. Which, is learned from the stream: until then, and after the counter restarts, there is no
-    answer.
+    If each buffer holds one field, some drivers give both fields of a frame the same number, others number
+    each field. This is learned from the stream: until then, and after the counter restarts, the result is
+    None.
 
     Args:
         alternate: True if each buffer holds one field, so that either numbering may occur; otherwise the
@@ -81,7 +81,7 @@ class SequenceSteps:
         self._last = None
 
     def step(self, sequence: int | None, parity: int) -> int | None:
-        """Number of fields since the last one by the driver's counter, or None if it cannot tell."""
+        """Number of fields since the last one by the driver's counter, or None if unknown."""
         last, self._last = self._last, None if sequence is None else (sequence, parity)
         self.restarted = False
         if sequence is None or last is None:
@@ -112,21 +112,21 @@ class SequenceSteps:
 
 
 _MOST_PENDING = 16
-"""Fields that wait for more evidence before the likeliest path is taken, or as many as were in the driver's
-buffers, where that is more, and `_CONFIRMING` after them."""
+"""Fields that wait for more evidence before the likeliest path is taken, or as many as the driver's buffers
+hold if that is more, and `_CONFIRMING` after them."""
 _CONFIRMING = 10
 
 
 class FieldNumbering:
-    """Numbers fields by all evidence at once: time, parity, the driver's count and the arrival.
+    """Numbers fields by all evidence together: time, parity, the driver's count and the arrival.
 
-    A field whose number is in doubt is kept back until later ones have settled it, but not for
-    ever. What cannot be settled is damaged, "number uncertain by up to N". The time of a field whose stamp is
-    not believed is predicted, and the reason says so.
+    A field whose number is in doubt is held until later ones have settled it, for a limited time. If that
+    fails, it is damaged, "number uncertain by up to N". The time of a field whose stamp is not trusted is
+    predicted, and the reason says so.
 
     Args:
         info: The stream as granted. The times of a recording are taken as they are.
-        since_ns: When the stream was asked for, on the clock of the arrivals; None if unknown.
+        since_ns: When the stream was requested, on the clock of the arrivals; None if unknown.
     """
 
     def __init__(self, info: StreamInfo, since_ns: int | None = None) -> None:
@@ -156,12 +156,12 @@ class FieldNumbering:
 
     @property
     def rate_hz(self) -> float:
-        """Fields per second that the camera keeps to, by which numbers and times go."""
+        """Fields per second of the camera, on which numbers and times are based."""
         return self._pace.rate_hz
 
     @property
     def steady_hz(self) -> float | None:
-        """Rate of the latest pictures of a progressive camera that came steadily; None if none did."""
+        """Latest steady rate of a progressive camera; None if there was none."""
         return self._pace.steady_hz
 
     def interrupt(self, reason: str) -> list[Numbered]:
@@ -177,15 +177,15 @@ class FieldNumbering:
         return settled
 
     def resume(self, since_ns: int | None) -> None:
-        """Note that the stream was asked for again: no field that comes was exposed before `since_ns`."""
+        """Note that the stream was requested again: no field to come was exposed before `since_ns`."""
         self._since_ns = since_ns
 
     def stood_still(self, time_ns: int, reason: str = COMPUTER_BUSY) -> None:
-        """Note that nobody took fields for some time, which fills the driver's buffers.
+        """Note that no fields were taken for some time, which fills the driver's buffers.
 
         Args:
             time_ns: Time since the buffers were empty.
-            reason: Reason for fields that are lost meanwhile.
+            reason: Reason for fields lost meanwhile.
         """
         if time_ns > (self._buffered - 1) * self._pace.period_ns:
             # The fields that are lost come after those that were in the buffers.
@@ -207,8 +207,7 @@ class FieldNumbering:
             grabbed: Its time, parity, sequence and damage are used, not its grey values.
             signal: The driver's last report.
             damage: Damage found in its content, in addition to the driver's report.
-            now_ns: Arrival, on the clock that a live stream's times should use: no field comes from the
-                future.
+            now_ns: Arrival, on the clock that a live stream's times should use: no field is in the future.
             no_picture: Picture that the grabber substituted, as found in its content.
             in_time: False if it may have waited in the driver's buffers, as far as the program knows.
 
@@ -227,17 +226,17 @@ class FieldNumbering:
         return self._begin() if self._start.is_over else []
 
     def settle(self) -> list[Numbered]:
-        """Number the fields that are in doubt by what is known now."""
+        """Number the fields in doubt by the present evidence."""
         settled = self._begin() if self._paths is None and self._start.fields else []
         while self._pending and self._paths is not None:
-            self._settling.is_settled(self._pending, self._paths)  # which notes what doubt there is
+            self._settling.is_settled(self._pending, self._paths)  # this also notes the doubt
             settled.append(self._settle_oldest(self._paths))
         return settled
 
     def _has_another_pace(self, pending: Pending) -> bool:
         time_ns, arrived_ns = pending.time_ns, pending.arrival.time_ns
         way_ns = None if time_ns is None or arrived_ns is None else arrived_ns - time_ns
-        # Stamps that are not those of arrivals tell nothing of a wait.
+        # Stamps that are not times of arrivals do not show a wait.
         may_have_waited = not self._arrivals.tells_of_stamps and (
             pending.arrival.burst or not pending.in_time
         )
@@ -245,7 +244,7 @@ class FieldNumbering:
         return self._pace.see(Came(time_ns, pending.count, way_ns, has_waited))
 
     def _follow_pace(self) -> list[Numbered]:
-        """Go on by the pace that the camera has now; fields in doubt are numbered by the driver's count."""
+        """Continue by the camera's present pace; fields in doubt are numbered by the driver's count."""
         settled = []
         if self._paths is None:
             first, *waiting = self._start.fields
@@ -259,8 +258,8 @@ class FieldNumbering:
         return settled
 
     def _count(self, pending: Pending, back: int) -> Numbered:
-        """Number a field by the driver's count, as its time tells nothing between one pace and another; so
-        many have come after it.
+        """Number a field by the driver's count, since its time is no evidence between two paces; `back`
+        fields followed it.
         """
         step = Step(pending.count or 1, None, None)
         lost = lost_before(pending, step, self._n + 1)
@@ -279,7 +278,7 @@ class FieldNumbering:
         return settled + [one for pending in others for one in self._go_on(self._paths, pending)]
 
     def _begin_with(self, first: Pending, late_ns: int, late_by: int) -> Numbered:
-        """Number the first field, whose stamp is late by so much and may be by so many fields."""
+        """Number the first field, given the delay of its stamp and the fields by which it may be late."""
         time_ns, doubt = self._timing.begin(first, late_ns)
         self._doubts.begin(time_ns, late_by)
         self._n, self._parity = 0, first.parity
@@ -297,7 +296,7 @@ class FieldNumbering:
         return settled
 
     def _goes_on(self, paths: Paths) -> bool:
-        """True if the oldest field has its number, or has waited for it as long as it may."""
+        """True if the oldest field has its number, or has waited for it as long as allowed."""
         if self._pace.may_change and len(self._pending) < SUSPECTED:
             return False
         return self._settling.is_settled(self._pending, paths) or len(self._pending) > self._most_pending
@@ -335,7 +334,7 @@ class FieldNumbering:
             arrival,
             doubt is None and self._arrivals.compare(arrival, grabbed.time_ns),
             grabbed.sequence,
-            # Of every field, also where time decides: it learns from each, and remembers the last count.
+            # For every field, even if time decides: it learns from each, and remembers the last count.
             self._sequence.step(grabbed.sequence, parity) if self._sequence else None,
             self._sequence is not None and self._sequence.restarted,
             outcome,
@@ -373,11 +372,11 @@ class FieldNumbering:
         return self._numbered(pending, time_ns, lost, doubt, rebases)
 
     def _evidence(self, pending: Pending, step: Step, doubt: Doubt, paths: Paths) -> Evidence:
-        """Evidence about a field's number, besides how it was numbered."""
+        """Evidence about a field's number in addition to its step."""
         ahead = self._timing.take_ahead()
         # One more: the early fields before it have moved the clock by part of a period.
         too_many = math.ceil(ahead) + 1 if ahead else 0
-        # It has waited for as long as it may, and nothing has told yet why it came late.
+        # It has waited as long as allowed, and the cause of its delay is still unknown.
         unexplained = self._pace.unexplained(len(self._pending)) if self._pace.may_change else 0
         of_itself = max(
             step.doubt, too_many, contradiction(pending, step), pending.may_have_waited, unexplained
@@ -401,10 +400,10 @@ class FieldNumbering:
         paths.confirm_way(self._arrivals.way)
 
     def _rebases(self, pending: Pending, step: Step) -> tuple[LedgerEvent, ...]:
-        """Changes of what numbers and times go by, from this field on."""
+        """Changes of the base of numbers and times, from this field on."""
         found, self._timing.rebases = self._timing.rebases, []
         before, self._miscounted = self._miscounted, pending.recounted or pending.overcounts(step.fields)
-        if self._miscounted and not before:  # once, also where a driver counts wrongly throughout
+        if self._miscounted and not before:  # only once, even if a driver always counts wrongly
             happened = "restarted" if pending.recounted else "skipped"
             found.append((Rebase.COUNT, f"the driver's count has {happened}, to {pending.sequence}"))
         due = (self._parity + step.fields) % 2

@@ -1,4 +1,4 @@
-"""Pace of a camera: the time from one picture to the next as it really is, which need not be as granted."""
+"""Pace of a camera: the actual time from one picture to the next, which may differ from the granted one."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -9,30 +9,30 @@ from grabberd.core.field import FieldOrder
 from grabberd.instrument.acquisition.device import StreamInfo
 
 _FEWEST, _MOST = 8, 64
-"""Intervals in a row that tell a pace: few where it is far from the one expected, more where it is close."""
+"""Consecutive intervals that establish a pace: few if it is far from the expected one, more if close."""
 _ALIKE = 0.2
 """Share of their mean by which intervals of a steady pace may differ."""
 _DRIFT, _OF_MANY, _MANY = 0.35, 0.2, 32
-"""Periods that the pictures of a steady pace may gain or lose in all, before it is another one; of so many
-and more. With half a period they would be numbered wrongly."""
+"""Periods that the pictures of a steady pace may gain or lose in total before it is another pace; from that
+number on. With half a period they would be numbered wrongly."""
 _SHORTEST, _LONGEST = 0.9, 12.0
-"""Periods of a pace, in those granted: a camera slows down in the dark, and hardly runs ahead."""
+"""Range of a pace in granted periods: a camera slows down in the dark, but hardly becomes faster."""
 _LONG = 1.6
-"""Times by which an interval is longer than those beside it where a picture may be lost uncounted."""
+"""Ratio of an interval to its neighbours from which on a picture may be lost uncounted."""
 _AS_COUNTED = 0.1
-"""Share by which an interval may differ from what the pace has for its count."""
+"""Relative deviation of an interval from the pace times its count."""
 SUSPECTED = 20
-"""Fields that wait after such an interval, within which another pace may explain it."""
-_TOLD = 0.05
-"""Share by which a rate departs from the last one that was told, before it is told again."""
+"""Fields held after such an interval, during which another pace may explain it."""
+_NOTABLE = 0.05
+"""Relative deviation from the last reported rate from which on a rate is reported again."""
 
 
 class Came(NamedTuple):
-    """A field as it came.
+    """A field as received.
 
     Attributes:
-        time_ns: Its time by its stamp; None if that is not believed.
-        counted: Fields since the one before by the driver's count; None if that cannot tell.
+        time_ns: Its time by its stamp; None if that is not trusted.
+        counted: Fields since the previous one by the driver's count; None if unknown.
         way_ns: From its time to its arrival; None if unknown.
         has_waited: True if it may have waited, or the stream was interrupted before it.
     """
@@ -44,12 +44,12 @@ class Came(NamedTuple):
 
 
 class Pace:
-    """Time from field to field that the camera is expected to keep to.
+    """Expected time from field to field of the camera.
 
-    A digital camera that may choose its exposure delivers fewer pictures in the dark than it has granted.
-    Where it counts its pictures and sends them steadily, its own pace takes over from the one granted. A
-    queue that drains looks steady as well, so no field of a pace may have waited. Without a count every
-    second picture may be lost as well: then the pace is told, and not followed.
+    A digital camera with automatic exposure delivers fewer pictures in the dark than granted. If it counts
+    its pictures and sends them steadily, its actual pace replaces the granted one. A draining queue looks
+    steady as well, so no field of a pace may have waited. Without a count, every second picture may just as
+    well be lost: then the pace is reported, but not followed.
 
     Args:
         info: The stream as granted.
@@ -61,7 +61,7 @@ class Pace:
     """
 
     def __init__(self, info: StreamInfo) -> None:
-        self.rate_hz = self._granted_hz = self._told_hz = info.rate_hz
+        self.rate_hz = self._granted_hz = self._reported_hz = info.rate_hz
         self.period_ns = self._granted_ns = 1e9 / info.rate_hz
         self.steady_hz: float | None = None
         keeps_pace = info.live and not info.waits_for_reader
@@ -73,22 +73,22 @@ class Pace:
 
     @property
     def may_change(self) -> bool:
-        """True while an interval may have been long for either reason: pictures were lost, or are fewer."""
+        """True while a long interval is unexplained: pictures were lost, or the camera delivers fewer."""
         return self._suspected > 0
 
     @property
     def before_ns(self) -> int:
-        """Time of the last field but one, by its stamp."""
+        """Time of the field before the last, by its stamp."""
         return self._recent[-2].time_ns or 0
 
     @property
     def ways_ns(self) -> Sequence[int]:
-        """Ways of the latest fields, as many as tell a pace."""
+        """Ways of the latest fields, as many as establish a pace."""
         latest = list(self._recent)[-_FEWEST - 1 :]
         return [one.way_ns for one in latest if one.way_ns is not None]
 
     def see(self, came: Came) -> bool:
-        """Take in the next field; True if the camera has another pace by now, which is followed."""
+        """Add the next field; True if the camera now has another pace, which is followed."""
         if not self._is_free:
             return False
         self._suspect(came)
@@ -114,7 +114,7 @@ class Pace:
     def unexplained(self, back: int) -> int:
         """Pictures that may be lost uncounted before the field that came so many before the newest.
 
-        Between one pace and another only the interval itself tells of a loss: it is long beside both others.
+        Between two paces only the interval itself shows a loss: it is longer than those on both sides.
         """
         around = list(self._recent)[-back - 3 :][:4]
         if back < 1 or len(around) < 4:
@@ -124,17 +124,17 @@ class Pace:
         is_long = own_ns > _LONG * beside_ns > 0
         return (around[2].counted or 1) * (round(own_ns / beside_ns) - 1) if is_long else 0
 
-    def take_told(self) -> str | None:
-        """Sentence about a rate that was not told yet; None if there is nothing new."""
-        if abs(self.rate_hz / self._told_hz - 1) < _TOLD:
+    def take_changed(self) -> str | None:
+        """Sentence about a rate not yet reported; None if there is nothing new."""
+        if abs(self.rate_hz / self._reported_hz - 1) < _NOTABLE:
             return None
-        self._told_hz = self.rate_hz
+        self._reported_hz = self.rate_hz
         return (
             f"the camera delivers {self.rate_hz:.1f} pictures a second, {self._granted_hz:.4g} were granted"
         )
 
     def _suspect(self, came: Came) -> None:
-        """Note an interval that is much longer than the one before, or not as long as its count says."""
+        """Note an interval that is much longer than the previous one, or does not match its count."""
         self._suspected = max(self._suspected - 1, 0)
         if not self.is_followed or len(self._recent) < 2:
             return
@@ -145,7 +145,7 @@ class Pace:
             self._suspected = SUSPECTED
 
     def _add(self, came: Came) -> None:
-        """Append a field that follows the one before steadily, or begin anew with it."""
+        """Append a field that follows the previous one steadily, or start again with it."""
         steady = self._steady
         if came.time_ns is None or came.has_waited:
             steady.clear()

@@ -1,9 +1,9 @@
-"""Hypotheses about the latest fields: how many nominal steps each is after the one before.
+"""Hypotheses about the latest fields: how many nominal steps each is after the previous one.
 
-A path is one way to number the pending fields. Its cost is minus the logarithm of its likelihood, in nats, up
-to a constant: the sum over its fields of what each has to explain away. Time is one-sided evidence: a stamp
-or an arrival may be late by any amount, and hardly early. So a path that claims too many losses is refuted by
-the next field that is on time.
+A path is one way to number the pending fields. Its cost is the negative log likelihood in nats, up to a
+constant: the sum over its fields of everything that must be explained by errors. Time is one-sided evidence:
+a stamp or an arrival may be late by any amount, but hardly early. So a path that claims too many losses is
+refuted by the next field that is on time.
 """
 
 import math
@@ -15,61 +15,61 @@ import numpy as np
 from grabberd.instrument.acquisition.numbering.arrivals import Way
 
 _JITTER = 0.25
-"""σ of a stamp in periods, where it is neither late nor wrong."""
+"""σ of a stamp in periods if it is neither late nor wrong."""
 _EXACT_JITTER = 0.1
-"""The same, where the times were smoothed before they were recorded."""
+"""The same for recordings, whose times are smoothed."""
 _EARLY_ARRIVAL = 0.6
 """Periods by which a field may arrive sooner than the quickest one did."""
 _SHORTER_WAY, _MORE = 2.0, 3.0
-"""Cost of a field that arrives sooner than any did, by any amount, while the shortest way is not known: the
-computer was overloaded until then; and more for each field that came regularly before."""
+"""Cost of a field that arrives sooner than all others, by any amount, while the shortest way is unknown: the
+computer was overloaded until then; plus an amount for each field that came regularly before."""
 _ARRIVAL = 0.5
-"""Weight of an arrival's lateness beside a stamp's."""
+"""Weight of an arrival's lateness relative to that of a stamp."""
 _COMPARED = 0.1
-"""Lateness that changes by less than that, in periods, has not changed."""
+"""Changes of the lateness that are ignored, in periods."""
 _LATE = 4.0
-"""Cost of a field that falls behind: somebody was busy."""
+"""Cost of a field that falls behind: something was busy."""
 _STILL_LATE, _LATE_AGAIN = 0.7, 3.0
-"""Cost of one that is still late: a queue drains; if nothing drains, the grid is more likely another one."""
+"""Cost of one that is still late: a queue drains; if it does not, another grid is more likely."""
 _LATE_UNKNOWN = 1.5
-"""Highest cost of both, while no way is known and stamps may be arrivals, and 1 more for each field that came
+"""Highest cost of both while no way is known and stamps may be arrivals, plus 1 for each field that came
 regularly before: on an overloaded computer all are late."""
 _LOSS = 3.5
-"""Cost of a loss; of one that the driver counts, `_COUNTED`."""
+"""Cost of a loss; `_COUNTED` for one counted by the driver."""
 _COUNTED = 1.0
 _MISCOUNT = 7.0
 """Cost of a step that the driver's count contradicts."""
 _WRONG_PARITY, _TURN = 9.0, 11.0
-"""Cost of a field of the wrong parity; of a camera that goes on in the other phase."""
+"""Cost of a field of the wrong parity, i.e. of a camera that continues in the other phase."""
 _IN_A_BURST = 3.0
-"""Cost of a loss before a field that waited in a buffer with the one before it: buffers fill, then fields are
+"""Cost of a loss before a field that waited in a buffer with the previous one: buffers fill before fields are
 lost."""
 _OTHER_CLOCK, _STILL_OTHER = 10.0, 1.0
-"""Cost of a stamp that is early by any amount: the clock was set back; of the next that is as early."""
+"""Cost of a stamp that is early by any amount, since the clock was set back, and of the next one as early."""
 _SAME_CLOCK = 0.5
-"""Cost of a stamp that goes on to be as far off as one was that arrived in time."""
+"""Cost of a stamp that is still as far off as one that arrived in time."""
 _FAR = 40.0
-"""Highest cost of time: a path can be wrong, but never so that no evidence could save it."""
+"""Highest cost of time: no path becomes so unlikely that no evidence could save it."""
 _BEAM, _WIDTH = 12, 25.0
-"""Paths that are kept, and how much worse than the best."""
+"""Number of paths that are kept, and by how much they may be worse than the best."""
 _HARDLY_WORSE = 3.0
-"""A path that is worse by no more than that might have been the right one."""
+"""Difference of cost up to which a worse path may be the right one."""
 CERTAIN = 8.0
-"""A step is settled when every path without it is less likely by a factor of three thousand."""
+"""A step is settled if every path without it is less likely by a factor of three thousand."""
 
 
 class Seen(NamedTuple):
-    """Evidence that a field brings, in periods after the field that was settled last.
+    """Evidence of a field, in periods after the last settled field.
 
     Attributes:
-        stamp: by its timestamp; None if that is not believed.
+        stamp: by its timestamp; None if that is not trusted.
         arrival: by its arrival, before its way is taken off; None if unknown.
         stamped_on_arrival: true if the stamp may be the time of the arrival.
-        counted: step by the driver's count; None if it cannot tell.
+        counted: step by the driver's count; None if unknown.
         parity: of the field; None if all have the same.
         burst: true if it arrived with the one before, and not a period after it.
         joined: true if it came in one buffer with the one before: nothing is lost between them.
-        excused: true if losses before it are explained.
+        excused: true if losses before it have a known reason.
     """
 
     stamp: float | None
@@ -90,7 +90,7 @@ class Step(NamedTuple):
         late: periods after its time by its stamp, `arrived` by its arrival; None where unknown.
         wrong_parity: true if the parity is another one than the path expects.
         other_clock: true if its stamp was as far off as the one before, which arrived in time.
-        doubt: number of fields by which another path, hardly worse, differed there and agreed later.
+        doubt: number of fields by which another, hardly worse path differed there but agreed later.
     """
 
     fields: int
@@ -114,7 +114,7 @@ class Path(NamedTuple):
         steps: of the pending fields, the oldest first.
         ahead: their sum.
         parity: of the newest field as expected; None before the first.
-        way: shortest one that a field has come by.
+        way: shortest way of a field so far.
     """
 
     cost: float
@@ -125,7 +125,7 @@ class Path(NamedTuple):
 
 
 class Paths:
-    """The paths that are still possible; at first the one that has settled.
+    """The paths that are still possible; at first only the settled one.
 
     Args:
         parity: Of the first field; None if all have the same.
@@ -145,7 +145,7 @@ class Paths:
 
     @property
     def spread(self) -> int:
-        """Number of fields by which the paths differ that cannot be excluded."""
+        """Number of fields by which the possible paths differ."""
         ahead = [path.ahead for path in self._possible()]
         return max(ahead) - min(ahead)
 
@@ -160,7 +160,7 @@ class Paths:
         self._paths = [path for path in paths[:_BEAM] if path.cost < paths[0].cost + _WIDTH]
 
     def settled(self, fields: int = 1) -> bool:
-        """True if all paths that cannot be excluded begin with the same steps of so many fields."""
+        """True if all possible paths begin with the same steps of so many fields."""
         if len(self._paths) == 1:
             return True
         best = self.best.steps
@@ -179,7 +179,7 @@ class Paths:
         return first
 
     def lengthen_way(self, periods: float) -> None:
-        """Note that all exposures so far were so much earlier."""
+        """Note that all exposures so far were earlier by an amount."""
         self._paths = [path._replace(way=path.way.longer_by(periods)) for path in self._paths]
 
     def confirm_way(self, way: Way) -> None:
@@ -212,7 +212,7 @@ class Paths:
 
 
 def _merged(one: Path, other: Path) -> Path:
-    """The better of two paths that lead to the same place, with what it differs by on the way."""
+    """The better of two paths that lead to the same place, with their difference on the way."""
     better, worse = (one, other) if one.cost <= other.cost else (other, one)
     if worse.cost > better.cost + _HARDLY_WORSE:
         return better
@@ -235,16 +235,16 @@ def _by_another_clock(late: float | None, before: Step) -> bool:
 
 
 def _way(before: Way, periods: float, joined: bool) -> Way:
-    """The shortest way of a path, after a field that has come by such a one on it.
+    """The shortest way of a path after one more field.
 
-    A way that is known is not given up for a field whose number may be wrong.
+    A known way is not given up for a field whose number may be wrong.
     """
     stays = before.is_known and before.is_far_longer_than(periods)
     return before if stays else before.after(periods, joined=joined)
 
 
 def _exposed(path: Path, seen: Seen) -> float | None:
-    """Exposure of a field that has come by the shortest way known on a path."""
+    """Exposure of a field that came by the shortest way known on a path."""
     if seen.arrival is None or math.isinf(path.way.periods):
         return None
     return seen.arrival - path.way.periods
@@ -282,10 +282,10 @@ def _cost_of_exact_time(step: Step) -> float:
 
 
 def _cost_of_a_shorter_way(way: Way, seen: Seen) -> float:
-    """Highest cost of a field that arrives sooner than any did before."""
+    """Highest cost of a field that arrives sooner than all before."""
     if way.is_known:
         return _FAR
-    # A queue that drains gives its fields one by one, each a period sooner than the one before.
+    # A draining queue delivers its fields one by one, each a period sooner than the previous one.
     return _STILL_LATE if seen.burst else _SHORTER_WAY + _MORE * way.regular
 
 
@@ -294,18 +294,18 @@ def _cost_of_time(step: Step, before: Step, seen: Seen, way: Way) -> float:
     if step.late is not None:
         stamp = _SAME_CLOCK if step.other_clock else _cost_of_stamp(step.late, before.late or 0.0)
         if seen.stamped_on_arrival and not way.is_known:
-            # One that is early is so because those before it were late.
+            # An early one is only early because those before it were late.
             stamp = min(stamp, _LATE_UNKNOWN + way.regular) if step.late > 0 else 0.0
         cost += stamp
     if step.arrived is not None:
         lateness = _cost_of_lateness(step.arrived, before.arrived or 0.0)
-        # No way is shorter than none.
+        # A way cannot be negative.
         if step.arrived < 0 and step.arrived + way.periods > -_JITTER:
             lateness = min(lateness, _cost_of_a_shorter_way(way, seen))
-        # A stream that has just begun again has no queue in which its first field could have become late.
+        # A stream that has just restarted has no queue in which its first field could have become late.
         if seen.excused or step.late is None or step.arrived < -_EARLY_ARRIVAL:
             cost += lateness
-        # Else both are late for the same reason. While no way is known, only those tell that fall behind.
+        # Else both are late for the same reason. While no way is known, only falling behind is evidence.
         elif abs(step.arrived - step.late) > _EARLY_ARRIVAL and (
             way.is_known or step.arrived > (before.arrived or 0.0) + _COMPARED
         ):

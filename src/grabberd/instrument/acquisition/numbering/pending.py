@@ -26,11 +26,11 @@ class Pending:
         doubt: Why it is not believed, or None.
         arrival: Its arrival; `stamped_on_arrival`: true if the time may be that of the arrival.
         sequence: The driver's number of it, or None.
-        count: Fields since the one before by the driver's count; None if that cannot tell.
+        count: Fields since the previous one by the driver's count; None if unknown.
         recounted: True if that count has restarted.
-        outcome, reason: What is known of it without its number.
+        outcome, reason: Its outcome and the reason, as known without its number.
         no_signal: True if the driver reports no camera.
-        in_time: False if it may have waited in the driver's buffers, as far as the program knows.
+        in_time: False if the program has reason to believe that it waited in the driver's buffers.
         may_have_waited: Number of fields for which it may have waited in the driver's buffers, after an
             interruption.
         interruption: Why the stream stopped before it, or None.
@@ -56,11 +56,11 @@ class Pending:
     standstill: str | None
 
     def overcounts(self, fields: int) -> bool:
-        """True if the driver counts more fields since the one before than there were."""
+        """True if the driver has counted more fields since the previous one than there were."""
         return self.count is not None and self.interruption is None and self.count > fields
 
     def seen(self, stamp: float | None, arrival: float | None) -> Seen:
-        """Evidence that it brings, with its stamp and its arrival in periods."""
+        """Its evidence, with its stamp and its arrival in periods."""
         return Seen(
             stamp,
             arrival,
@@ -73,23 +73,23 @@ class Pending:
         )
 
     def damaged(self, reason: str) -> Self:
-        """The same, damaged for this reason, unless it is no good field anyway."""
+        """The same, damaged for this reason, unless it is not good anyway."""
         if self.outcome is not Outcome.RECEIVED:
             return self
         return replace(self, outcome=Outcome.DAMAGED, reason=reason)
 
     def uncertain(self, fields: int) -> Self:
-        """The same with a number that may be off by so many; whatever else is wrong with it is said after."""
+        """The same with a number that may be off by so many; other problems are mentioned after that."""
         reason = f"{UNCERTAIN} {fields}"
         outcome = Outcome.DAMAGED if self.outcome is Outcome.RECEIVED else self.outcome
         return replace(self, outcome=outcome, reason=f"{reason}; {self.reason}" if self.reason else reason)
 
 
 def outcome_of(no_signal: str | None, damage: str | None) -> tuple[Outcome, str | None]:
-    """Outcome of a field, and its reason, by what driver and content tell."""
+    """Outcome of a field, and its reason, as reported by the driver and the content check."""
     if no_signal:
         return Outcome.NO_SIGNAL, no_signal
-    if damage and damage.startswith(NO_SIGNAL):  # as a recording tells of it
+    if damage and damage.startswith(NO_SIGNAL):  # as reported by a recording
         return Outcome.NO_SIGNAL, damage
     if damage:
         return Outcome.DAMAGED, damage
@@ -100,12 +100,12 @@ TIME_GAP = "time gap"
 SEQUENCE_GAP = "sequence gap"
 REPEATED_PARITY = "repeated parity"
 _LATE = 0.75
-"""Periods by which a field that has not waited may arrive late."""
+"""Delay in periods with which a field may arrive without having waited."""
 GAPS = {TIME_GAP, SEQUENCE_GAP, REPEATED_PARITY}
 
 
 def lost_before(pending: Pending, step: Step, first_n: int) -> tuple[LedgerEntry, ...]:
-    """The entry for the fields from `first_n` on that are missing before a field; none if none are."""
+    """The entry for the fields missing before a field, from `first_n` on; empty if none are."""
     count = step.fields - 1
     if not count:
         return ()
@@ -124,23 +124,23 @@ def _gap(pending: Pending, step: Step) -> str:
 
 
 def doubtful(lost: tuple[LedgerEntry, ...], uncertain_by: int) -> tuple[LedgerEntry, ...]:
-    """The same entries, where it is uncertain whether the fields are missing at all: then no cable has cost
-    them. An interruption and a computer that was busy are known besides, however many fields they have cost.
+    """The same entries if it is uncertain whether the fields are missing: then the cable is not blamed.
+    An interruption and a busy computer are known independently, whatever the number of lost fields.
     """
     reason = f"{UNCERTAIN} {uncertain_by}"
     return tuple(one._replace(reason=reason) if one.reason in GAPS else one for one in lost)
 
 
 def uncounted(pending: Pending, step: Step) -> int:
-    """Number of fields that were lost before one without the driver's notice."""
+    """Number of fields lost before one that the driver has not counted."""
     if pending.interruption:
         return 0
     return abs(step.fields - (1 if pending.count is None else pending.count))
 
 
 def contradiction(pending: Pending, step: Step) -> int:
-    """Number of fields by which evidence differs: stamp and count, where no arrival tells which of them is
-    wrong, or after an interruption a stamp and the arrival of a field that has not waited.
+    """Number of fields by which evidence differs: stamp and count, if no arrival shows which is wrong,
+    or after an interruption the stamp and the arrival of a field that has not waited.
     """
     if pending.interruption:
         has_waited = not pending.in_time or step.arrived is None or step.arrived <= _LATE
@@ -151,29 +151,29 @@ def contradiction(pending: Pending, step: Step) -> int:
 
 
 _FIRST_LATE = 0.75
-"""Periods by which the first stamp may be late before the stream begins with a better one."""
+"""Maximum delay of the first stamp, in periods, beyond which the stream begins with a better one."""
 _AT_ONCE = 1.5
-"""Periods after the request within which a first field has not waited."""
+"""Periods after the request during which a first field cannot have waited."""
 _MARGIN = 1
-"""Fields that may be exposed while a stream begins, beside those in the driver's buffers."""
+"""Fields that may be exposed while a stream begins, in addition to those in the driver's buffers."""
 
 
 class StreamStart:
-    """Fields that a stream begins with, kept back until it is known how late the first one was.
+    """The first fields of a stream, held until it is known how late the first one was.
 
-    A stamp may be the time of an arrival, and on an overloaded computer every field waits, each for another
-    time. What shows it are stamps that come regularly, or fields that come by the same shortest way, one by
-    one; or stamps that vary against the arrivals, which are those of exposures.
+    A stamp may be the time of an arrival, and on an overloaded computer every field waits for a different
+    time. The delay is known once stamps come regularly, or single fields come by the same shortest way; or
+    once stamps vary against the arrivals, since they are then those of exposures.
 
     Args:
         info: The stream as granted.
         arrivals: Those of the stream.
-        since_ns: When the stream was asked for: nothing was exposed before. None if unknown.
-        most: Fields that are kept back at most.
+        since_ns: When the stream was requested: nothing was exposed before. None if unknown.
+        most: Maximum number of fields that are held.
         pace: Of the camera.
 
     Attributes:
-        fields: Those that are kept back, the first of the stream first.
+        fields: The held fields, the first of the stream first.
     """
 
     def __init__(
@@ -189,7 +189,7 @@ class StreamStart:
         self.fields: list[Pending] = []
 
     def add(self, pending: Pending) -> None:
-        """Keep back the next field."""
+        """Hold the next field."""
         self.fields.append(pending)
         if len(self.fields) == 1:
             arrival = self._steps_to(pending.arrival.time_ns)
@@ -201,7 +201,7 @@ class StreamStart:
 
     @property
     def is_over(self) -> bool:
-        """True if nothing more is to be learned, or the fields have waited for as long as they may."""
+        """True if the delay is known, or the fields have waited as long as allowed."""
         return self.is_known or len(self.fields) > self._most
 
     @property
@@ -213,7 +213,7 @@ class StreamStart:
 
     @property
     def _stamps_are_regular(self) -> bool:
-        """True if stamps lie on the grid of the rate: no fields have waited then, however they arrived."""
+        """True if stamps are on the grid of the rate: then no fields have waited, however they arrived."""
         regular = Way().after(0.0)
         for field, step in zip(self.fields[1:], self._paths.best.steps, strict=True):
             if step.late is None:
@@ -242,9 +242,9 @@ class StreamStart:
 
     @property
     def _longest_wait(self) -> float:
-        """Periods for which the first field can have waited at most."""
+        """Longest possible wait of the first field, in periods."""
         asked = self._steps_to(self._since_ns)
-        # A stamp from before the request is one of another clock.
+        # A stamp from before the request is from another clock.
         return self._buffered + _MARGIN if asked is None or asked > 1 else max(-asked, 0.0)
 
     def _steps_to(self, time_ns: int | None) -> float | None:

@@ -1,6 +1,6 @@
-"""Settling: when the oldest pending field has its number, and how much doubt is left then.
+"""Settling: when the number of the oldest pending field is final, and which doubt remains.
 
-A doubt lasts from a field whose number is uncertain until one whose number is certain again.
+A doubt lasts from a field with an uncertain number until the next one with a certain number.
 """
 
 import math
@@ -15,11 +15,11 @@ from grabberd.instrument.acquisition.numbering.paths import Paths, Step
 from grabberd.instrument.acquisition.numbering.pending import Pending, uncounted
 
 _LATE = 0.75
-"""Periods by which the stamp of a field in time may be late; where parity does not tell, half a period."""
+"""Periods by which the stamp of a field in time may be late; half a period if parity is unknown."""
 _AS_MANY = 0.6
-"""Periods within which a field is late by a number of fields."""
-_TELLING = 6
-"""Buffers that have to arrive in time after a loss that nobody counts: else the program may be late."""
+"""Tolerance in periods within which a field is late by a whole number of fields."""
+_CONFIRMING = 6
+"""Buffers that must arrive in time after a loss that is not counted: else the program may be late."""
 
 
 class Doubt(NamedTuple):
@@ -28,7 +28,7 @@ class Doubt(NamedTuple):
     Attributes:
         fields: Number of fields that it may be off by.
         of_loss: True if it is in doubt whether any are missing at all.
-        of_place: True if as many are missing in any case, and only their place is in doubt.
+        of_place: True if the number of missing fields is certain, and only their place is in doubt.
     """
 
     fields: int
@@ -40,12 +40,12 @@ class Settling:
     """Decides by the paths whether the oldest pending field is settled.
 
     The number of a late field may change until one that is in time, its *anchor*, shows whether any are
-    missing. So both are settled together with those between them, and share what doubt there is: what is
-    missing may belong before or after a late field.
+    missing. So both are settled together with those between them, and share the doubt: missing fields may
+    belong before or after a late field.
 
     Args:
         arrivals: Those of the stream.
-        order: Order of the fields. Those of one buffer arrive together, and tell as much as one alone.
+        order: Order of the fields. Those of one buffer arrive together, and are as much evidence as one.
         has_own_pace: True if the camera may deliver fewer fields than granted, which looks like losses.
     """
 
@@ -53,12 +53,12 @@ class Settling:
         self._arrivals = arrivals
         self._has_own_pace = has_own_pace
         self._latest = _LATE if order.has_parity else 0.5
-        self._telling = _TELLING * (2 if order in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST) else 1)
+        self._needed = _CONFIRMING * (2 if order in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST) else 1)
         self._linked = self._doubt_linked = self._doubt_of_anchor = 0
         self._of_place = False
 
     def is_settled(self, pending: Collection[Pending], paths: Paths) -> bool:
-        """True if the oldest field's number will not change any more."""
+        """True if the oldest field's number is final."""
         if self._linked:
             return True
         if not paths.settled():
@@ -76,17 +76,17 @@ class Settling:
         if lost and paths.best.way.is_known and not _is_met(in_turn[anchor:], steps[anchor:]):
             return False
         if lost and self._arrivals.tells_of_stamps and not _is_there(in_turn[anchor], steps[anchor]):
-            # Its stamp alone tells of a loss: that of another clock would as well.
+            # Its stamp is the only sign of a loss: a change of the clock would look the same.
             self._doubt_of_anchor = lost
-        after = range(anchor + 1, min(anchor + 1 + self._telling, len(steps)))
+        after = range(anchor + 1, min(anchor + 1 + self._needed, len(steps)))
         if lost and (self._has_own_pace or not self._arrivals.tells_of_stamps):
-            if len(after) < self._telling:
+            if len(after) < self._needed:
                 return False
-            told = all(
+            confirmed = all(
                 steps[i].arrived_in_time and in_turn[i].in_time and not uncounted(in_turn[i], steps[i])
                 for i in after
             )
-            self._doubt_of_anchor = 0 if told else lost
+            self._doubt_of_anchor = 0 if confirmed else lost
         self._linked = anchor + 1
         exchanged = _exchanged(in_turn[:anchor], steps[: anchor + 1])
         self._doubt_linked = max(lost if anchor else 0, exchanged, self._doubt_of_anchor)
@@ -104,13 +104,13 @@ class Settling:
         return Doubt(doubt, of_loss=doubt > 0)
 
     def _unsettled(self, oldest: Pending, paths: Paths) -> Doubt:
-        """Doubt about a field whose number has to be settled before later ones have told of it."""
+        """Doubt about a field whose number must be settled before later ones have confirmed it."""
         lost = uncounted(oldest, paths.best.steps[0])
         in_doubt = lost > 0 and oldest.arrival.time_ns is not None and not self._arrivals.tells_of_stamps
         return Doubt(max(self._spread(paths), lost * in_doubt), of_loss=in_doubt)
 
     def _spread(self, paths: Paths) -> int:
-        """Number of fields by which one may be off whose number is settled before it is certain."""
+        """Number of fields by which a field may be off if it is settled before its number is certain."""
         step = paths.best.steps[0]
         if step.arrived is None or self._in_time(step):
             return 0 if paths.settled() else paths.spread
@@ -121,13 +121,13 @@ class Settling:
 
 
 def _is_there(pending: Pending, step: Step) -> bool:
-    """True if a field has arrived in time, or its arrival tells nothing."""
+    """True if a field has arrived in time, or its arrival is no evidence."""
     return step.arrived is None or (step.arrived_in_time and pending.in_time)
 
 
 def _is_met(pending: Iterable[Pending], steps: Sequence[Step]) -> bool:
-    """True if one of the fields has come in time by itself: those of a queue that is being emptied agree with
-    one another, and with a clock that was set meanwhile.
+    """True if one of the fields came alone and in time: those of a draining queue agree with one another, and
+    with a clock that was set meanwhile.
     """
     return any(
         step.arrived_in_time and one.in_time and not one.arrival.burst
@@ -138,8 +138,8 @@ def _is_met(pending: Iterable[Pending], steps: Sequence[Step]) -> bool:
 def _exchanged(late: Sequence[Pending], steps: Sequence[Step]) -> int:
     """Number of fields lost after a late one, up to its anchor, that may as well be lost before it.
 
-    They may if it is late by as many: then it came in time, and the driver has counted wrongly. A field that
-    has waited in a buffer with others is late for that reason.
+    That is possible if it is late by as many: then it came in time, and the driver has miscounted. A field
+    that has waited in a buffer with others is late for that reason.
     """
     after = [sum(step.fields - 1 for step in steps[i + 1 :]) for i in range(len(late))]
     return max(
@@ -158,25 +158,25 @@ def _is_late_by(fields: int, step: Step) -> bool:
 
 
 _REGULAR = 12
-"""Fields in a row without a loss that arrive in time, after which their numbers are certain: fields that were
-late come in a burst, or ever earlier."""
+"""Consecutive fields that arrive in time without a loss, after which their numbers are certain: late fields
+come in a burst, or earlier and earlier."""
 
 
 class Evidence(NamedTuple):
-    """Evidence about a field's number, besides how it was numbered.
+    """Evidence about a field's number in addition to its step.
 
     Attributes:
         uncertain_by: Doubt about this field alone.
-        way_is_known: False if none has come by the shortest way yet: then nothing arrives in time.
-        in_time: True if it has arrived in time, as far as its arrival and the program tell.
+        way_is_known: False if no field has come by the shortest way yet: then none arrives in time.
+        in_time: True if it has arrived in time, as far as is known from its arrival and the program.
         ahead_by: Fields by which numbers have run ahead of the camera, whose clock begins again with this
-            one: then stamps that fit tell nothing more, until an arrival does.
-        of_loss: True if it is in doubt whether fields are missing before it, which stamps that fit do not
-            tell either.
+            one: then matching stamps are no evidence until an arrival confirms them.
+        of_loss: True if it is in doubt whether fields are missing before it, for which matching stamps are no
+            evidence either.
         stamps_follow: True if the stamps are of another clock from this field on, and shifted to continue
-            the numbers as they are, and tell nothing of them.
-        of_place: True if the doubt is only which of the fields beside it was lost.
-        counted: Fields since the one before by the driver's count; None if that cannot tell.
+            the numbers as they are, so that they are no evidence of them.
+        of_place: True if the doubt is only which of the neighbouring fields was lost.
+        counted: Fields since the previous one by the driver's count; None if unknown.
     """
 
     uncertain_by: int
@@ -190,11 +190,10 @@ class Evidence(NamedTuple):
 
 
 class Doubts:
-    """Range of the numbers that are possible, while one is in doubt.
+    """Range of the possible numbers while one is in doubt.
 
-    Every field is at least one further than the one before, and none has been exposed later than its arrival
-    by the shortest way allows. So between the last certain number and the next one, the true number of each
-    field lies between two bounds.
+    Every number is greater than the previous one, and no field was exposed later than its arrival by the
+    shortest way allows. So between two certain numbers, the true number of each field is between two bounds.
 
     Args:
         arrivals: Those of the stream.
@@ -203,7 +202,7 @@ class Doubts:
     Attributes:
         open: True from a field whose number is uncertain up to one whose number is certain again.
         too_high_by: Fields by which numbers turn out to be too high from the last field on; negative if they
-            are too low, 0 if that tells nothing new.
+            are too low, 0 if there is nothing new.
     """
 
     def __init__(self, arrivals: Arrivals, pace: Pace) -> None:
@@ -216,13 +215,13 @@ class Doubts:
         self._fields = self._in_a_row = 0
 
     def begin(self, time_ns: int, late_by: int) -> None:
-        """Note the time of the first field, and by how many fields it may be late."""
+        """Note the time of the first field, and the number of fields by which it may be late."""
         self._certain, self._fields = (-late_by, time_ns - round(late_by * self._pace.period_ns)), 0
         self.open = late_by > 0
         self._counted = None if late_by else 0
 
     def end_by_count(self, n: int, time_ns: int) -> int:
-        """End a doubt by the driver's count alone, as the times until now were those of another pace.
+        """End a doubt by the driver's count alone, since the times until now had another pace.
 
         Returns:
             The fields by which the numbers turn out to be too high from here on, as `too_high_by`.
@@ -235,7 +234,7 @@ class Doubts:
         return too_high_by
 
     def shift(self, late_ns: int) -> None:
-        """Note that all times so far were late by so much."""
+        """Note that all times so far were late by an amount."""
         if self._certain is not None:
             self._certain = self._certain[0], self._certain[1] - late_ns
 
@@ -247,7 +246,7 @@ class Doubts:
             time_ns: Its time.
             step: How it was numbered.
             arrival: Its arrival.
-            evidence: What is known of its number besides.
+            evidence: Further evidence about its number.
         """
         uncertain_by, way_is_known = evidence.uncertain_by, evidence.way_is_known
         self.too_high_by = evidence.ahead_by
@@ -258,8 +257,8 @@ class Doubts:
         in_time = evidence.in_time
         regular = way_is_known and in_time and step.fields == 1
         self._in_a_row = self._in_a_row + 1 if regular else 0
-        told_by_arrivals = evidence.ahead_by > 0 or evidence.of_loss or evidence.stamps_follow
-        self._arrival_decides = told_by_arrivals or (self._arrival_decides and self.open)
+        stamps_unsure = evidence.ahead_by > 0 or evidence.of_loss or evidence.stamps_follow
+        self._arrival_decides = stamps_unsure or (self._arrival_decides and self.open)
         if uncertain_by:
             self._of_place = evidence.of_place and (self._of_place or not self.open)
         in_place = way_is_known and in_time and self._is_where_it_arrived(n, arrival)
@@ -274,15 +273,15 @@ class Doubts:
         return 0
 
     def _ends(self, step: Step, *, in_time: bool) -> bool:
-        told = self._arrivals.tells_of_stamps and step.late is not None and abs(step.late) < 0.5
-        told = told and (in_time or not self._arrival_decides)
-        return told or self._in_a_row >= _REGULAR or step.arrived is None
+        fits = self._arrivals.tells_of_stamps and step.late is not None and abs(step.late) < 0.5
+        fits = fits and (in_time or not self._arrival_decides)
+        return fits or self._in_a_row >= _REGULAR or step.arrived is None
 
     def _true_n(self, n: int, time_ns: int, step: Step, arrival: Arrival) -> int:
         """Number of a field that ends a doubt, counted from the last certain one."""
         if self._certain is None:
             return n
-        # By its arrival rather than by the time: that may have followed stamps which are not better.
+        # By its arrival rather than by the time, which may have followed stamps that are no better.
         latest = self._latest(arrival)
         if latest is not None and step.arrived_in_time and self._arrivals.way.is_known:
             return round(latest)
@@ -294,7 +293,7 @@ class Doubts:
         return latest is not None and round(latest) == n
 
     def _latest(self, arrival: Arrival) -> float | None:
-        """Greatest number that an arrival allows, by the last certain field."""
+        """Greatest number allowed by an arrival, relative to the last certain field."""
         exposed_ns = self._arrivals.exposed_ns(arrival) if self._arrivals.way.is_known else arrival.time_ns
         if exposed_ns is None or self._certain is None:
             return None

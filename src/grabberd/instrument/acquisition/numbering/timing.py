@@ -1,7 +1,7 @@
-"""Times of the fields: the camera's own clock, led by the timestamps that deserve it.
+"""Times of the fields: the camera's clock, steered by the trustworthy timestamps.
 
-Timestamps jitter, run backward, stand at zero or change their clock; the clock is filtered out of those that
-are believed, and predicts the time of a field whose stamp is not.
+Timestamps jitter, run backward, are always zero or change their clock; the clock is filtered from those that
+are trusted, and predicts the time of a field whose stamp is not.
 """
 
 import math
@@ -25,7 +25,7 @@ class FieldClock:
     The gain starts as that of a running mean and falls to 1/50, so a jitter of 8 ms shrinks to some tenths of
     a millisecond within a second and a half, while a camera clock that is off by some 100 ppm is still
     followed. The period never differs from the nominal one by more than 1000 ppm, or by 1 % for a camera
-    whose pace is its own.
+    with a free pace.
 
     Args:
         period_ns: Nominal time from field to field.
@@ -86,35 +86,35 @@ class FieldClock:
         self._period_ns = min(max(period_ns, self._nominal_ns - limit_ns), self._nominal_ns + limit_ns)
 
     def _move(self, phase_ns: float) -> None:
-        # Whole nanoseconds go into an integer: within a day a float would lose the small ones.
+        # Whole nanoseconds are kept in an integer: a float would lose precision within a day.
         whole_ns = int(phase_ns)
         self._base_ns += whole_ns
         self._phase_ns = phase_ns - whole_ns
 
 
 _BACKWARD = 1.5
-"""Periods by which a stamp may lie before the last one: one of them was late."""
+"""Periods by which a stamp may be before the last one: one of them was late."""
 FUTURE_NS = 100_000_000
 """Grace time: how far a stamp may be ahead of the arrival of its field before it is doubted."""
 _OLDEST_NS = 10_000_000_000
-"""Age of a stream's first stamp, beyond which it is of another clock."""
+"""Age of a stream's first stamp beyond which it is from another clock."""
 _LONGEST_GAP_S = 10.0
-"""Longest gap that a stamp is believed where no arrival confirms it."""
+"""Longest gap for which a stamp is trusted without an arrival that confirms it."""
 
 
 _AGREE = 0.5
 """Periods within which stamps that are off must be off alike before another clock is accepted: closer to the
 steps counted than to any other number of them."""
 _OF_DOUBTED, _OF_GOOD = 3, 8
-"""Number of such stamps in a row: of those that are not believed, and of those whose fields arrived in time.
-Good ones need more: what is merely late may be so alike by chance."""
+"""Number of such consecutive stamps: of untrusted ones, and of those whose fields arrived in time. More of
+the latter are needed, since stamps that are merely late may agree by chance."""
 
 
 class Stamps:
     """Timestamps as the driver gives them, on the clock that the first of them was on.
 
-    Stamps that are zero, run backward or come out of the future are not believed. If they stay off but agree
-    among themselves, another clock has taken over: from then on they are shifted to continue the old one.
+    Stamps that are zero, run backward or are in the future are not trusted. If they stay off but agree with
+    one another, they are from another clock: from then on they are shifted to continue the old one.
 
     Args:
         info: The stream as granted. The times of a recording are taken as they are.
@@ -132,11 +132,11 @@ class Stamps:
         self._off_ns: list[int] = []
 
     def look(self, stamp_ns: int, now_ns: int | None, *, interrupted: bool) -> tuple[int, str | None]:
-        """Time that a stamp means, and the reason not to believe it or None."""
+        """Time of a stamp on this clock, and the reason not to trust it or None."""
         time_ns = stamp_ns - self._offset_ns
         doubt = self._doubt(stamp_ns, time_ns, now_ns, interrupted)
         if doubt is None:
-            # The newest, not the last: stamps that run backward by a little each would all be believed.
+            # The newest, not the last: stamps that run slowly backward would all be trusted.
             self._last_ns = time_ns if self._last_ns is None else max(time_ns, self._last_ns)
         return time_ns, doubt
 
@@ -176,7 +176,7 @@ class Stamps:
         return set_by_ns if abs(set_by_ns) > _AGREE * self._pace.period_ns else 0
 
     def explains(self, stamp_ns: int, predicted_ns: int) -> bool:
-        """True if a stamp is one of the clock that is followed by now, which it was not when it came."""
+        """True if a stamp is from the clock that is now followed, but was not when the stamp came."""
         return abs(stamp_ns - self._offset_ns - predicted_ns) <= _AGREE * self._pace.period_ns
 
 
@@ -190,25 +190,25 @@ _NEW_FOR = 100
 """Fields of a stream within which its first stamps may turn out to have been late. Later on, early stamps are
 those of another clock."""
 _TAKEN_OVER = 5
-"""Stamps in a row that are not believed, after which arrivals have taken over: fewer are a few bad ones, or
-the first of another clock."""
+"""Consecutive untrusted stamps after which arrivals are used instead: fewer are a few bad ones, or the first
+of another clock."""
 
 
 class Timing:
-    """Comes to the time of each field in turn, when its number is settled.
+    """Determines the time of each field in turn, when its number is settled.
 
-    A stamp corrects the clock; one that is not believed, or that is off, leaves the clock to predict the
-    time, and then there is a reason why.
+    A stamp corrects the clock; if it is not trusted, or is off, the clock predicts the time, and the reason
+    is given.
 
     Args:
         info: The stream as granted. The times of a recording are taken as they are.
         pace: Of the camera.
         stamps, arrivals: Those of the stream.
-        since_ns: When the stream was asked for, before which nothing was exposed; None if unknown.
+        since_ns: When the stream was requested, before which nothing was exposed; None if unknown.
 
     Attributes:
-        rebases: What times go by from the last field on and did not before, each with its reason; whoever
-            takes them clears them.
+        rebases: Changes of the time base from the last field on, each with its reason; whoever takes them
+            clears them.
     """
 
     def __init__(
@@ -226,31 +226,31 @@ class Timing:
         self.rebases: list[tuple[Rebase, str]] = []
 
     def steps_to(self, time_ns: int | None) -> float | None:
-        """Periods from the field that was settled last to a time; None if either is unknown."""
+        """Periods from the last settled field to a time; None if either is unknown."""
         return self._clock.steps_to(time_ns) if time_ns is not None and self._clock.locked else None
 
     def follow_pace(self, too_high_by: int) -> None:
-        """Go on from the field before by the pace that the camera has now, and tell of it."""
+        """Continue from the previous field by the camera's present pace, and report it."""
         self._clock.follow(self._pace.period_ns, self._pace.before_ns)
         self._early = 0
         self._stamps.fits()
-        if told := self._pace.take_told():
-            self.rebases.append((Rebase.RATE, told))
+        if changed := self._pace.take_changed():
+            self.rebases.append((Rebase.RATE, changed))
         if too_high_by:
             self.rebases.append((Rebase.NUMBERS, numbers_off(0, too_high_by).reason))
 
     def take_ahead(self) -> float:
-        """Periods by which numbers turned out with the last field to have run ahead; 0 when asked again."""
+        """Periods by which the last field showed that numbers had run ahead; 0 when called again."""
         ahead, self._ahead = self._ahead, 0.0
         return ahead
 
     def take_late(self) -> float:
-        """Periods by which all fields before the last one turned out to be late; 0 when asked again."""
+        """Periods by which all fields before the last one turned out to be late; 0 when called again."""
         late, self._late = self._late, 0.0
         return late
 
     def begin(self, pending: Pending, late_ns: int = 0) -> tuple[int, str | None]:
-        """Begin with the first field, whose stamp is late by so much; its time, and why that is predicted."""
+        """Begin with the first field, given the delay of its stamp; its time, and why that is predicted."""
         time_ns = pending.arrival.time_ns if pending.time_ns is None else pending.time_ns
         if time_ns is None:
             return pending.stamp_ns, pending.doubt
@@ -272,7 +272,7 @@ class Timing:
             grace_ns = round(_IN_TIME * self._pace.period_ns)
         if time_ns <= exposed_ns + grace_ns:
             return time_ns, reason
-        # A field of the future: a clock that was set while fields waited has passed for losses.
+        # A field in the future: the clock was set while fields waited, which was mistaken for losses.
         self._run_ahead((time_ns - exposed_ns) / self._pace.period_ns, exposed_ns)
         return exposed_ns, reason or "far-off timestamp"
 
@@ -296,13 +296,13 @@ class Timing:
         return self._come_off(pending, step, late, n)
 
     def _come_off(self, pending: Pending, step: Step, late: float, n: int) -> tuple[int, str | None]:
-        """Advance to a field that is as late or early as its stamp, as far as its arrival tells."""
+        """Advance to a field that is as late or early as its stamp, judged by its arrival."""
         assert pending.time_ns is not None, "a stamp that is not believed is off in no way"
         self._stamps.fits()
         if late > 0:
             return self._clock.advance(step.fields), "late timestamp"
         if self._arrivals.way.is_known and self._arrived_late_by(pending, step) > _IN_TIME:
-            # It has waited, so its arrival tells nothing: one that is in time will tell of the clock.
+            # It has waited, so its arrival is no evidence: a later one in time will reveal the clock.
             return self._clock.advance(step.fields), "early timestamp"
         if pending.stamped_on_arrival and (n < _NEW_FOR or not self._arrivals.way.is_known):
             return self._begin_again(pending, step)
@@ -333,7 +333,7 @@ class Timing:
         return time_ns, None
 
     def _is_before_request(self, time_ns: int, step: Step) -> bool:
-        """True if the stream would have begun before it was asked for, had its first stamps been so late."""
+        """True if first stamps that late would mean that the stream began before it was requested."""
         if self._since_ns is None or self._first_ns is None:
             return False
         late_ns = (self._clock.steps_to(time_ns) - step.fields) * self._pace.period_ns
@@ -348,12 +348,12 @@ class Timing:
         return time_ns
 
     def _run_ahead(self, periods: float, time_ns: int) -> None:
-        """Note that the numbers have run ahead of the camera, and go on from a time."""
+        """Note that the numbers have run ahead of the camera, and continue from a time."""
         self._ahead = periods
         self._clock.lock(time_ns)
 
     def _go_without(self, pending: Pending, predicted_ns: int) -> None:
-        """Note a stamp that is not believed."""
+        """Note a stamp that is not trusted."""
         self._watch(pending.stamp_ns, predicted_ns, _OF_DOUBTED)
         if self._stamps.explains(pending.stamp_ns, predicted_ns):
             return  # it came before the other clock was known

@@ -29,7 +29,7 @@ K = TypeVar("K")
 V = TypeVar("V")
 
 FREE_ATTEMPTS = 10
-"""Without delay, because a page sends several requests at once and people mistype; then the wait doubles."""
+"""Attempts without delay: a page makes several requests at once, and people mistype; then waits double."""
 LONGEST_WAIT_S = 60.0
 FORGOTTEN_AFTER_S = 600.0
 ADDRESSES = 1024
@@ -43,7 +43,7 @@ _FORGET_COOKIE = f"{COOKIE}=; Max-Age=0; Path=/; HttpOnly; SameSite=Strict"
 
 
 def client_of(scope: Scope) -> str:
-    """The client that a limit counts: an IPv4 address, or the /64 in which an IPv6 host picks addresses."""
+    """The client as limits count it: an IPv4 address, or the /64 network of an IPv6 host."""
     client = scope.get("client")
     if not client or not client[0]:
         return UNIX
@@ -56,7 +56,7 @@ def client_of(scope: Scope) -> str:
 
 
 def is_here(scope: Scope) -> bool:
-    """True if a client of a private socket is at the machine itself, and not behind a proxy that says so."""
+    """True if a client of a private socket is on this machine, and not a remote client of a local proxy."""
     address = _address_of(scope)
     return address is None or address.is_loopback
 
@@ -126,7 +126,7 @@ class Attempts:
 
 def _wait_s(failures: int) -> float:
     beyond = failures - FREE_ATTEMPTS
-    # The exponent is capped: whoever tries for a day would make the power overflow.
+    # The exponent is capped, or the power would overflow after a day of attempts.
     return 0.0 if beyond <= 0 else min(2.0 ** min(beyond - 1, 10), LONGEST_WAIT_S)
 
 
@@ -159,7 +159,7 @@ class Credentials(NamedTuple):
 
 
 class Authenticator:
-    """Identifies clients; what is not remembered is read from the disk in a thread."""
+    """Identifies clients, from memory if possible, otherwise from the disk in a thread."""
 
     def __init__(self, access: Access, private: bool, attempts: Attempts) -> None:
         self._access = access

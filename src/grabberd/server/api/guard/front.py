@@ -26,9 +26,9 @@ Network = ipaddress.IPv4Network | ipaddress.IPv6Network
 
 
 class Proxies:
-    """The proxies of the configuration.
+    """The configured proxies.
 
-    `X-Forwarded-For` and `X-Forwarded-Proto` come from whoever sends them: they are believed of these alone.
+    Anyone can send `X-Forwarded-For` and `X-Forwarded-Proto`: only these proxies are trusted.
 
     Args:
         addresses: Their addresses or networks, and `unix`.
@@ -42,14 +42,14 @@ class Proxies:
         )
 
     def include(self, address: str | None) -> bool:
-        """True if the other end of a connection is one of them; None is that of a Unix socket."""
+        """True if the peer of a connection is one of them; None stands for a Unix socket."""
         if not address:
             return self._unix
         found = ip_address(address)
         return found is not None and any(found in network for network in self._networks)
 
     def seen_through(self, scope: Scope) -> Scope:
-        """A request as if its client had sent it itself."""
+        """The request as the proxy received it from its client."""
         client = scope.get("client")
         if not self.include(client[0] if client else None):
             return scope
@@ -61,9 +61,7 @@ class Proxies:
         return {**scope, "scheme": scheme, "client": client if address is None else (address, 0)}
 
     def _client(self, headers: Headers) -> str | None:
-        """The address nearest to the daemon that is none of the proxies; whatever stands before it may be
-        invented by that client.
-        """
+        """The last address that is not a proxy's; that client may have invented all addresses before it."""
         farthest = None
         for word in _from_last(headers, "x-forwarded-for"):
             address = ip_address(word)
@@ -92,12 +90,12 @@ class Front:
     """The daemon as its clients see it; by default, on a loopback address.
 
     Attributes:
-        hosts: Host names and addresses that requests may use, in lower case, without ports. Those of loopback
-            are valid on its own addresses anyway.
+        hosts: Host names and addresses that requests may use, in lower case, without ports. The names of
+            loopback are always valid on loopback addresses.
         tls: True if it serves TLS.
         private: True if its sockets can be reached only from this machine, so that tokens are optional.
         limits: Limits for one client.
-        proxies: Proxies that are believed what they report about their clients.
+        proxies: Trusted proxies.
     """
 
     hosts: frozenset[str] = frozenset()
@@ -127,8 +125,8 @@ FOREIGN_SITES = frozenset({"cross-site", "same-site"})
 def check_host(scope: Scope, front: Front) -> None:
     """Checks that a request uses one of the daemon's names, or the address on which it came in.
 
-    The names of loopback are valid on its addresses and on Unix sockets: nobody calls the daemon by them from
-    another computer, unless to get past a rule of somebody's proxy.
+    The names of loopback are valid only on its addresses and on Unix sockets: a request from another computer
+    would use them only to bypass a rule of a proxy.
 
     Raises:
         Refusal: 421, it uses another name.
@@ -146,7 +144,7 @@ def check_host(scope: Scope, front: Front) -> None:
 
 
 def _is_loopback(name: str, scope: Scope) -> bool:
-    """True if the name is one of loopback's, and the connection came in there or on a Unix socket."""
+    """True if the name is one of loopback's and the connection arrived on loopback or a Unix socket."""
     server = scope.get("server")
     if name not in LOOPBACK_NAMES:
         return False
@@ -155,7 +153,7 @@ def _is_loopback(name: str, scope: Scope) -> bool:
 
 
 def _is_own_address(name: str, scope: Scope) -> bool:
-    """True if the name is the address the connection came in on; an address cannot be rebound."""
+    """True if the name is the address on which the connection arrived; an address cannot be rebound."""
     server = scope.get("server")
     if not name or not server:
         return False

@@ -1,4 +1,4 @@
-"""The middleware that admits or refuses every request; plain ASGI, so that streams are not buffered."""
+"""The middleware that admits or refuses every request; plain ASGI, so streams are not buffered."""
 
 import time
 from collections.abc import Awaitable, Callable
@@ -15,7 +15,7 @@ from grabberd.server.api.guard.roles import least_role
 from grabberd.server.api.problems import Refusal
 
 RECHECK_S = 10.0
-"""Longest time that a stream outlives the token it was opened with."""
+"""Longest time for which a stream continues after its token was removed."""
 POLICY_VIOLATION = 1008
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
@@ -27,7 +27,7 @@ HEADERS = {
 
 
 class Gate:
-    """Checks host name, origin, token, role and length, in this order; a refused request reaches no route."""
+    """Checks host name, origin, token, role and length, in this order, before any route is called."""
 
     def __init__(
         self,
@@ -60,7 +60,7 @@ class Gate:
         least = await self._admit(scope)
         if least is not None:
             answer.watch(_Watch(lambda: self._authenticator.still_is(scope, least), self._now_s))
-        # After the identity: a stranger does not learn how long a body may be.
+        # After authentication: strangers must not learn the limit.
         if scope["type"] == "websocket":
             await self._app(scope, receive, answer)
             return
@@ -94,7 +94,7 @@ class _AccessEnded(Exception):
 
 
 class _Answer:
-    """A `send` that adds the headers, and rechecks the access during a long response."""
+    """A `send` that adds the headers and rechecks access during a long response."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -117,7 +117,7 @@ class _Answer:
         await self._send(message)
 
     async def refuse(self, refusal: Refusal, scope: Scope, receive: Receive) -> None:
-        """Responds with the refusal; a response that has begun is cut off by the server instead."""
+        """Responds with the refusal; if a response has started, the server cuts it off instead."""
         if self._begun:
             return
         if scope["type"] == "websocket" and "websocket.http.response" not in scope.get("extensions", {}):
@@ -132,7 +132,7 @@ class _Answer:
 
 
 class _Watch:
-    """Rechecks an access from time to time."""
+    """Rechecks access periodically."""
 
     def __init__(self, still: Callable[[], Awaitable[bool]], now_s: Callable[[], float]) -> None:
         self._still = still
@@ -153,7 +153,7 @@ class _Watch:
 
 
 class _HeadSent(Exception):
-    """The head has been sent, and the body is not wanted."""
+    """The headers have been sent, and the body is not wanted."""
 
 
 class HeadAsGet:

@@ -1,7 +1,7 @@
 """Limits of request bodies, of the live streams to one client, and of connections.
 
-A body is limited in size and time, and all bodies in memory together; a client in its live streams. For
-connections, their number, the time for a request head, and the time a client may stop reading count: the
+Limited are the size and duration of a body, the size of all bodies in memory, the live streams of a client,
+the number of connections, the time for a request head and the time for which a client may stop reading. The
 server itself has no such limits, so its protocol is extended here by two timers.
 """
 
@@ -26,7 +26,7 @@ from grabberd.server.api.problems import ProblemResponse, Refusal, problem
 from grabberd.server.daemon.descriptors import AT_ONCE
 
 LARGEST_AT_ONCE = 4
-"""Request bodies of the largest size that may be in memory at the same time."""
+"""Number of largest possible request bodies that may be in memory at the same time."""
 SHORT_BYTES = 65_536
 CLOSE = {"Connection": "close"}
 """Closes the connection, because the rest of the request is not read."""
@@ -46,7 +46,7 @@ def check_length(scope: Scope, limits: HttpLimits) -> None:
 class Bodies:
     """Bytes of all request bodies that are in memory.
 
-    Short bodies have room always: large ones must not keep anybody from starting or annotating a capture.
+    Short bodies are always accepted: large ones must not prevent starting or annotating a capture.
     """
 
     def __init__(self, limits: HttpLimits) -> None:
@@ -54,14 +54,14 @@ class Bodies:
         self._most = LARGEST_AT_ONCE * limits.body_bytes
 
     def add(self, size: int, of_one: int) -> None:
-        """Counts further bytes of a body.
+        """Counts received bytes.
 
         Args:
             size: Number of bytes.
-            of_one: Number of bytes of this body, these included.
+            of_one: Total of this body so far, these included.
 
         Raises:
-            Refusal: 503, it is a large one, and too many are being received.
+            Refusal: 503, the body is large and too many are being received.
         """
         self.count += size
         if self.count > self._most and of_one > SHORT_BYTES:
@@ -69,12 +69,12 @@ class Bodies:
                 503,
                 "too-many-bodies",
                 f"request bodies of {self.count} bytes are being received already",
-                "try again in a moment; bodies up to 64 KiB are received all the same",
+                "try again in a moment; bodies up to 64 KiB are still received",
                 {**CLOSE, "Retry-After": "5"},
             )
 
     def remove(self, size: int) -> None:
-        """Counts no more what has been worked off."""
+        """Stops counting bytes that are no longer in memory."""
         self.count -= size
 
 
@@ -107,7 +107,7 @@ class LimitedBody:
         return message
 
     def close(self) -> None:
-        """Counts the body no more."""
+        """Stops counting the body."""
         self._bodies.remove(self._bytes)
         self._bytes = 0
 
@@ -179,21 +179,21 @@ async def _hold(connection: HTTPConnection) -> AsyncIterator[None]:
 
 
 OneStream = Annotated[None, Depends(_hold)]
-"""Parameter of every streaming route: counts a stream until its response or its WebSocket has ended."""
+"""Parameter of every streaming route: counts the stream until its response or WebSocket has ended."""
 
 
 IDLE_S = 1.0
-"""Time after which a connection without a request counts as idle: a new one needs some to send its own."""
+"""Time after which a connection without a request counts as idle; a new one needs time to send its first."""
 
 
 async def too_busy(scope: Scope, receive: Receive, send: Send) -> None:
-    """The application of connections beyond the limit."""
+    """The application for connections beyond the limit."""
     answer = _turned_away(503, "the daemon has reached its limit of connections", "try again in a moment")
     await answer(scope, receive, send)
 
 
 async def too_many_of_one(scope: Scope, receive: Receive, send: Send) -> None:
-    """The application of connections beyond the limit of their client."""
+    """The application for connections beyond the limit per client."""
     hint = "close some, or raise http.limits.connections_per_client; name a proxy in http.proxies"
     await _turned_away(429, f"{client_of(scope)} has too many connections", hint)(scope, receive, send)
 
@@ -205,14 +205,11 @@ def _turned_away(status: int, detail: str, hint: str) -> ProblemResponse:
 
 
 class LimitedConnection(H11Protocol):
-    """A limited connection: one beyond the limit takes the place of the one that has been idle for longest.
+    """A limited connection: beyond the limit, a new one replaces the one that has been idle for longest.
 
-    Where none is idle, those beyond the limit get 503; those beyond twice the limit are dropped.
-
-    Those beyond the limit of their client get 429, and are dropped beyond twice that limit; proxies count as
-    no client, since they stand for many.
-
-    So are those, a little beyond that, whose TLS handshake has not ended: each holds a file descriptor.
+    If none is idle, connections beyond the limit get 503, and those beyond twice the limit are dropped. The
+    same holds for each client with 429, except for proxies, which stand for many clients. Connections in
+    their TLS handshake are dropped a little beyond twice the limit: each holds a file descriptor.
     """
 
     front: ClassVar[Front]
@@ -223,7 +220,7 @@ class LimitedConnection(H11Protocol):
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         if len(self.connections) + len(self.handshaking) >= 2 * self.limits.connections + 4 * AT_ONCE:
-            # It has no transport yet to be closed by; the socket goes with the last reference to it.
+            # There is no transport yet to close; the socket is closed with the last reference to it.
             raise ConnectionRefusedError("far too many connections in their TLS handshake")
         self.handshaking.add(self)
         self._head_timer: asyncio.TimerHandle | None = None
@@ -255,7 +252,7 @@ class LimitedConnection(H11Protocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Handles incoming data; after the response, the rest of a request has as much time as a head."""
+        """Handles incoming data; after the response, the rest of the request has as much time as a head."""
         super().data_received(data)
         answered = getattr(self.cycle, "response_complete", False)
         if answered or self.conn.their_state is h11.IDLE:
@@ -295,7 +292,7 @@ class LimitedConnection(H11Protocol):
         return bool(getattr(self.cycle, "response_complete", True))
 
     def _take_idle_place(self) -> bool:
-        """Drops the connection that has been idle for longest; False if there is no other idle one."""
+        """Drops the connection that has been idle for longest; False if no other one is idle."""
         idle = [one for one in self.connections if isinstance(one, LimitedConnection) and one._is_idle]
         long_s = self.loop.time() - IDLE_S
         open_ones = [one for one in idle if one is not self and not one.transport.is_closing()]
@@ -306,7 +303,7 @@ class LimitedConnection(H11Protocol):
         return True
 
     def _count(self) -> int:
-        """Counts the connection to its client; returns how many that has."""
+        """Counts the connection; returns the number of its client's connections."""
         if self.front.proxies.include(self.client[0] if self.client else None):
             return 0
         self._counted = client_of({"client": self.client})

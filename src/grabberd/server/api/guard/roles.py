@@ -1,6 +1,6 @@
-"""The least role for every route, in one table; the first match applies, and None is open to everybody.
+"""The minimum role for every route, in one table; the first match applies, and None means public.
 
-The routes of extensions need no rows: who reads is a viewer, who changes something an operator.
+Routes of extensions need no rows: GET requires a viewer, anything else an operator.
 """
 
 import re
@@ -95,7 +95,7 @@ _OWN: dict[str, Role | None] = {
 
 @cache
 def least_roles() -> Mapping[str, Role | None]:
-    """The least role by method and address, of the program and its extensions."""
+    """The minimum role by method and path, for the program and its extensions."""
     routes = [route for one in extensions() for place in one.routes for route in load(place.target).routes]
     added = [(method, route.path) for route in routes for method in route.methods]
     return _OWN | {
@@ -115,9 +115,9 @@ def _row(key: str, least: Role | None) -> _Row:
 
 
 REMEMBERED = 1024
-"""Addresses whose rows are remembered; to try all rows takes longer than anything else that the gate does."""
+"""Number of cached paths; trying all rows takes longer than everything else in the gate."""
 LONGEST_REMEMBERED = 200
-"""Characters of an address: whoever it comes from is not known yet, and may send 32 KB."""
+"""Longest cached path in characters: the client is not yet known and may send 32 KB."""
 
 
 def _find(scope: Scope) -> _Row | None:
@@ -137,21 +137,21 @@ def _row_of(method: str, path: str) -> _Row | None:
 
 
 def is_declared(method: str, path: str) -> bool:
-    """True if the table has a row for the requests of this method to an address."""
+    """True if the table has a row for this method and path."""
     return _row_of(method, path) is not None
 
 
 def least_role(scope: Scope) -> Role | None:
-    """The role that a request requires; a viewer may learn that an address does not exist."""
+    """The role that a request requires; a viewer may learn that a path does not exist."""
     row = _find(scope)
     return Role.VIEWER if row is None else row.least
 
 
 async def check_declared(connection: HTTPConnection) -> None:
-    """Reserves routes that are missing in the table for admins; a dependency of every route.
+    """Reserves routes that are missing from the table for admins; a dependency of every route.
 
     Raises:
-        Refusal: 403, the route is missing in the table, and the client is no admin.
+        Refusal: 403, the route is missing from the table and the client is not an admin.
     """
     identity: Identity | None = getattr(connection.state, "identity", None)
     if _find(connection.scope) is None and (identity is None or not identity.covers(Role.ADMIN)):

@@ -30,7 +30,7 @@ from grabberd.documents.requests import (
 )
 from grabberd.library.jobs.calibration_jobs import CalibrationJob, IdentificationJob
 from grabberd.server.api.guard.authentication import IdentityOf
-from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
+from grabberd.server.api.idempotency import ACCEPTED_ONCE, OnceRoute
 from grabberd.server.api.problems import Refusal
 from grabberd.server.api.readings import reads
 from grabberd.server.api.responses import NOT_MODIFIED, IfNoneMatch, tagged
@@ -58,8 +58,7 @@ def list_calibration_frames() -> CalibrationFrameList:
 
 @router.post(
     "/captures/{capture_id}/identification",
-    status_code=status.HTTP_202_ACCEPTED,
-    dependencies=[TAKES_KEY],
+    **ACCEPTED_ONCE,
     summary="Identify the calibration frame's targets in a capture",
 )
 def identify_capture(
@@ -80,10 +79,9 @@ def identify_capture(
 
 @router.post(
     "/calibrations",
-    status_code=status.HTTP_202_ACCEPTED,
     response_model=JobDocument | CalibrationRow,
     responses={201: {"model": CalibrationRow}, 202: {"model": JobDocument}},
-    dependencies=[TAKES_KEY],
+    **ACCEPTED_ONCE,
     summary="Calibrate, or store a calibration",
 )
 def make_calibration(
@@ -134,7 +132,7 @@ def activate_calibration(
             status.HTTP_403_FORBIDDEN,
             "forbidden",
             f"only an admin may use a calibration whose acceptance failed, not an {identity.role}",
-            "put the reasons right and calibrate again, or ask an admin",
+            "correct the causes and calibrate again, or ask an admin",
         )
     service.active.activate(
         choice.id, service.instrument(choice.device), despite_failure=choice.despite_failure

@@ -1,10 +1,12 @@
 """Contents of a capture: its file, its runs and points, its fields, and stretches of both for its replay."""
 
+from collections.abc import Callable
 from functools import partial
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Path, Query, Response, status
 from fastapi.responses import FileResponse, StreamingResponse
+from pydantic import BaseModel
 
 from grabberd.archive.capture.reader import stat_at_rest
 from grabberd.archive.catalogue.capture_documents import whole_run
@@ -35,6 +37,7 @@ from grabberd.server.api.responses import (
     REVALIDATE,
     IfNoneMatch,
     RenderedRoute,
+    Responses,
     is_known,
     tagged,
 )
@@ -66,6 +69,33 @@ PlyField = Annotated[
     int | None, Query(ge=0, le=FIELD_END, description="Only the points of this field; default: all.")
 ]
 FieldNumber = Annotated[int, Path(ge=0, le=FIELD_END, description="Number of the field.")]
+
+
+def _content(
+    path: str,
+    summary: str,
+    content: str | type[BaseModel],
+    further: Responses | None = None,
+    *,
+    streamed: bool = False,
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Decorator for a route that reads a capture's file.
+
+    Args:
+        path: Path below that of the capture.
+        summary: Summary for the API's description.
+        content: Media type of the response, or the model of its JSON document.
+        further: Further responses.
+        streamed: True if the response is sent in pieces.
+    """
+    answer: dict[str, Any] = {"content": {content: {}}} if isinstance(content, str) else {"model": content}
+    route = router.get(
+        f"/{{capture_id}}/{path}",
+        response_class=StreamingResponse if streamed else Response,
+        summary=summary,
+        responses={200: answer, **(further or {})},
+    )
+    return lambda endpoint: route(reads(endpoint))
 
 
 @router.get(
@@ -106,13 +136,7 @@ def get_run(
     return whole_run(service.archive.path(capture_id), run)
 
 
-@router.get(
-    "/{capture_id}/points",
-    response_class=Response,
-    summary="Get points as JSON, thinned out",
-    responses={200: {"model": PointsDocument}},
-)
-@reads
+@_content("points", "Get points as JSON, thinned out", PointsDocument)
 def get_points(
     capture_id: CaptureId,
     service: ServiceOf,
@@ -143,13 +167,7 @@ def get_points(
     return Content(points_json, (service.archive.path(capture_id), query), _json)
 
 
-@router.get(
-    "/{capture_id}/points.csv",
-    response_class=StreamingResponse,
-    summary="Get points as CSV",
-    responses={200: {"content": {"text/csv": {}}}},
-)
-@reads
+@_content("points.csv", "Get points as CSV", "text/csv", streamed=True)
 def get_points_csv(
     capture_id: CaptureId, service: ServiceOf, run: RunNumber = None, separator: CsvSeparator = "comma"
 ) -> Content:
@@ -158,13 +176,7 @@ def get_points_csv(
     return Content(points_csv, arguments, media_type="text/csv", name=f"{capture_id}-points.csv")
 
 
-@router.get(
-    "/{capture_id}/points.ply",
-    response_class=StreamingResponse,
-    summary="Get points as a PLY cloud",
-    responses={200: {"content": {PLY: {}}}},
-)
-@reads
+@_content("points.ply", "Get points as a PLY cloud", PLY, streamed=True)
 def get_points_ply(
     capture_id: CaptureId, service: ServiceOf, run: RunNumber = None, field: PlyField = None
 ) -> Content:
@@ -176,13 +188,7 @@ def get_points_ply(
     return Content(points_ply, arguments, media_type=PLY, name=f"{capture_id}-{suffix}.ply")
 
 
-@router.get(
-    "/{capture_id}/points.parquet",
-    response_class=StreamingResponse,
-    summary="Get points as Parquet",
-    responses={200: {"content": {PARQUET: {}}}, 501: {"model": Problem}},
-)
-@reads
+@_content("points.parquet", "Get points as Parquet", PARQUET, {501: {"model": Problem}}, streamed=True)
 def get_points_parquet(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> Download:
     """The points as Parquet, the columns of the CSV with their units as metadata. 501 if the optional package
     that writes it is not installed.
@@ -191,13 +197,7 @@ def get_points_parquet(capture_id: CaptureId, service: ServiceOf, run: RunNumber
     return download(parts, PARQUET, f"{capture_id}-points.parquet")
 
 
-@router.get(
-    "/{capture_id}/points.mat",
-    response_class=StreamingResponse,
-    summary="Get points as a MAT-file",
-    responses={200: {"content": {MAT: {}}}},
-)
-@reads
+@_content("points.mat", "Get points as a MAT-file", MAT, streamed=True)
 def get_points_mat(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> Download:
     """The points as a MAT-file of version 5 for MATLAB and Octave: dense arrays over fields and targets, NaN
     where there is no point, with units, meanings, ledger and origin. 422 if it would take more than 600 MB.
@@ -206,13 +206,7 @@ def get_points_mat(capture_id: CaptureId, service: ServiceOf, run: RunNumber = N
     return download(parts, MAT, f"{capture_id}-points.mat")
 
 
-@router.get(
-    "/{capture_id}/points.c3d",
-    response_class=StreamingResponse,
-    summary="Get points as C3D",
-    responses={200: {"content": {C3D: {}}}},
-)
-@reads
+@_content("points.c3d", "Get points as C3D", C3D, streamed=True)
 def get_points_c3d(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> Content:
     """The points as C3D for motion analysis programs: a marker for each target, and a frame for each field,
     including lost ones.
@@ -221,13 +215,7 @@ def get_points_c3d(capture_id: CaptureId, service: ServiceOf, run: RunNumber = N
     return Content(points_c3d, arguments, media_type=C3D, name=f"{capture_id}-points.c3d")
 
 
-@router.get(
-    "/{capture_id}/channels",
-    response_class=Response,
-    summary="Get channels as JSON, thinned out",
-    responses={200: {"model": CaptureChannelsDocument}},
-)
-@reads
+@_content("channels", "Get channels as JSON, thinned out", CaptureChannelsDocument)
 def get_channels(
     capture_id: CaptureId,
     service: ServiceOf,
@@ -241,26 +229,14 @@ def get_channels(
     return Content(channels_json, (service.archive.path(capture_id), max_readings), _json)
 
 
-@router.get(
-    "/{capture_id}/channels.csv",
-    response_class=StreamingResponse,
-    summary="Get channels as CSV",
-    responses={200: {"content": {"text/csv": {}}}},
-)
-@reads
+@_content("channels.csv", "Get channels as CSV", "text/csv", streamed=True)
 def get_channels_csv(capture_id: CaptureId, service: ServiceOf, separator: CsvSeparator = "comma") -> Content:
     """All readings of all channels as CSV, a row for each, as measured and in kPa."""
     arguments = service.archive.path(capture_id), DIALECTS[separator]
     return Content(channels_csv, arguments, media_type="text/csv", name=f"{capture_id}-channels.csv")
 
 
-@router.get(
-    "/{capture_id}/fields/{n}.png",
-    response_class=Response,
-    summary="Get a field as a picture",
-    responses={200: {"content": {"image/png": {}}}, **NOT_MODIFIED},
-)
-@reads
+@_content("fields/{n}.png", "Get a field as a picture", "image/png", NOT_MODIFIED)
 def get_field_png(
     capture_id: CaptureId, n: FieldNumber, service: ServiceOf, if_none_match: IfNoneMatch = None
 ) -> Content:
@@ -269,13 +245,7 @@ def get_field_png(
     return Content(field_png, (service.archive.path(capture_id), n), answer)
 
 
-@router.get(
-    "/{capture_id}/thumbnail.png",
-    response_class=Response,
-    summary="Get a small picture of a capture",
-    responses={200: {"content": {"image/png": {}}}, **NOT_MODIFIED},
-)
-@reads
+@_content("thumbnail.png", "Get a small picture of a capture", "image/png", NOT_MODIFIED)
 def get_thumbnail(capture_id: CaptureId, service: ServiceOf, if_none_match: IfNoneMatch = None) -> Content:
     """A small picture of the field in the middle of a sealed capture, which never changes."""
     answer = partial(tagged, media_type="image/png", if_none_match=if_none_match, cache=IMMUTABLE)
@@ -294,13 +264,7 @@ FirstField = Annotated[int, Query(ge=0, le=FIELD_END, description="First field."
 _binary = partial(Response, media_type=BINARY)
 
 
-@router.get(
-    "/{capture_id}/replay/points",
-    response_class=Response,
-    summary="Get points of a stretch for replay",
-    responses={200: {"content": {BINARY: {}}}},
-)
-@reads
+@_content("replay/points", "Get points of a stretch for replay", BINARY)
 def get_replay_points(
     capture_id: CaptureId,
     service: ServiceOf,
@@ -315,13 +279,7 @@ def get_replay_points(
     return Content(replay_points, (service.archive.path(capture_id), run, stretch), _binary)
 
 
-@router.get(
-    "/{capture_id}/replay/pictures",
-    response_class=Response,
-    summary="Get pictures of a stretch for replay",
-    responses={200: {"content": {BINARY: {}}}},
-)
-@reads
+@_content("replay/pictures", "Get pictures of a stretch for replay", BINARY)
 def get_replay_pictures(
     capture_id: CaptureId,
     service: ServiceOf,

@@ -1,4 +1,4 @@
-"""Query parameters that say which captures are meant, and in which order."""
+"""Query parameters that select captures and their order."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -17,7 +17,7 @@ from grabberd.errors import InputError
 
 
 def _in_utc(moment: datetime) -> datetime:
-    """A time in UTC; one without a zone is in UTC already."""
+    """A time in UTC; a time without a zone is taken as UTC."""
     try:
         return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
     except OverflowError:
@@ -56,7 +56,7 @@ async def _time_and_words(
         ),
     ] = "-time",
 ) -> CaptureQuery:
-    # Async though it waits for nothing: FastAPI calls other dependencies in threads.
+    # Async although it awaits nothing: FastAPI calls other dependencies in threads.
     return CaptureQuery(
         device=device,
         since_utc=None if since is None else iso_utc(since),
@@ -105,7 +105,7 @@ Filter = Annotated[CaptureQuery, Depends(_filter)]
 
 
 def position_in(order: Order, cursor: str | None) -> Position | None:
-    """The position that a cursor stands for; None without one.
+    """The position of a cursor; None without one.
 
     Raises:
         InputError: It is the cursor of a list in another order.
@@ -128,7 +128,7 @@ def zone_of(name: str) -> ZoneInfo:
     """A time zone by its name.
 
     Raises:
-        InputError: There is none of that name.
+        InputError: The name is unknown.
     """
     try:
         return ZoneInfo(name)

@@ -36,7 +36,7 @@ from grabberd.documents.requests import (
 from grabberd.errors import NotFound
 from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.library.jobs.measurement import MeasurementJob
-from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
+from grabberd.server.api.idempotency import ACCEPTED_ONCE, OnceRoute
 from grabberd.server.api.readings import reads
 from grabberd.server.api.responses import RenderedRoute
 from grabberd.server.api.routes.capture_filter import (
@@ -56,9 +56,7 @@ router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, ro
 TableLimit = Annotated[int, Query(ge=1, le=10_000, description="Maximum number of rows.")]
 
 
-@router.post(
-    "", status_code=status.HTTP_202_ACCEPTED, dependencies=[TAKES_KEY], summary="Start or arm a capture"
-)
+@router.post("", **ACCEPTED_ONCE, summary="Start or arm a capture")
 def start_capture(
     new: NewCapture, service: ServiceOf, request: Request, response: Response
 ) -> CaptureDocument:
@@ -134,12 +132,7 @@ def delete_capture(capture_id: CaptureId, service: ServiceOf) -> None:
     service.annotations.delete(capture_id)
 
 
-@router.post(
-    "/{capture_id}/trigger",
-    status_code=status.HTTP_202_ACCEPTED,
-    dependencies=[TAKES_KEY],
-    summary="Trigger an armed capture",
-)
+@router.post("/{capture_id}/trigger", **ACCEPTED_ONCE, summary="Trigger an armed capture")
 def trigger_capture(capture_id: CaptureId, service: ServiceOf) -> CaptureDocument:
     """Start recording an armed capture, including its pre-trigger fields, and all others of its
     group with it. 409 if it is not armed.
@@ -156,12 +149,7 @@ def stop_capture(capture_id: CaptureId, service: ServiceOf) -> CaptureDocument:
     return before.disarmed if before.state == "armed" else service.archive.document(capture_id)
 
 
-@router.post(
-    "/{capture_id}/measure",
-    status_code=status.HTTP_202_ACCEPTED,
-    dependencies=[TAKES_KEY],
-    summary="Re-measure a capture",
-)
+@router.post("/{capture_id}/measure", **ACCEPTED_ONCE, summary="Re-measure a capture")
 def measure_capture(
     capture_id: CaptureId,
     service: ServiceOf,
@@ -223,7 +211,7 @@ def delete_captures(selection: CaptureSelection, service: ServiceOf) -> BatchDoc
     return for_each(selection.captures, service.annotations.delete)
 
 
-# Of its own, as analyses' routes come between: their extension puts them after the captures.
+# A separate router: an extension inserts the routes of analyses before it.
 zip_router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=RenderedRoute)
 
 
@@ -257,12 +245,7 @@ group_router = APIRouter(
 GroupId = Annotated[str, Path(pattern=r"^[0-9A-Za-z_-]{1,80}$", description="Id of the group.")]
 
 
-@group_router.post(
-    "",
-    status_code=status.HTTP_202_ACCEPTED,
-    dependencies=[TAKES_KEY],
-    summary="Start or arm a group of captures",
-)
+@group_router.post("", **ACCEPTED_ONCE, summary="Start or arm a group of captures")
 def start_capture_group(
     new: NewCaptureGroup, service: ServiceOf, request: Request, response: Response
 ) -> CaptureGroup:
@@ -287,12 +270,7 @@ def get_capture_group(group_id: GroupId, service: ServiceOf) -> CaptureGroup:
     return service.capture_control.group_document(group_id)
 
 
-@group_router.post(
-    "/{group_id}/trigger",
-    status_code=status.HTTP_202_ACCEPTED,
-    dependencies=[TAKES_KEY],
-    summary="Trigger an armed group",
-)
+@group_router.post("/{group_id}/trigger", **ACCEPTED_ONCE, summary="Trigger an armed group")
 def trigger_capture_group(group_id: GroupId, service: ServiceOf) -> CaptureGroup:
     """Start recording all armed captures of a group at the same moment. 409 if they are not armed."""
     service.capture_control.trigger_group(group_id)
@@ -312,10 +290,10 @@ def stop_capture_group(group_id: GroupId, service: ServiceOf) -> CaptureGroup:
 
 
 def _check_labels(new: NewCaptureGroup, names: list[str]) -> None:
-    """Refuses labels of devices that are not part of the group, which would be lost.
+    """Refuses labels of devices that are not part of the group.
 
     Raises:
-        NotFound: some labels belong to no capture of the group.
+        NotFound: Some labels belong to no capture of the group.
     """
     others = [name for name in new.labels_of if name not in names]
     if others:

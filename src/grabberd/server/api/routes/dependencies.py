@@ -1,4 +1,4 @@
-"""Parameters and responses that several routes share, and long lists, page by page."""
+"""Parameters and responses shared by several routes, and pagination."""
 
 from collections.abc import Callable, Sequence
 from typing import Annotated, TypeVar
@@ -13,7 +13,7 @@ from grabberd.server.daemon.service import Service
 
 
 async def _service(request: Request) -> Service:
-    # Async though it waits for nothing: FastAPI calls other dependencies in threads.
+    # Async although it awaits nothing: FastAPI calls other dependencies in threads.
     return request.app.state.service
 
 
@@ -34,15 +34,15 @@ PROBLEMS: Responses = {
     for code in (404, 409, 422, 503, 507)
 }
 BUSY: Responses = {503: PROBLEMS[503]}
-"""Of routes that read among the heavy reads and have no other problems."""
+"""For heavy reads without other problems."""
 OF_A_FILE: Responses = {**PROBLEMS, 410: PROBLEMS[404]}
-"""Of routes that open a capture's file, which may be damaged."""
+"""For routes that open a capture's file, which may be damaged."""
 REPORT_HEADERS = {"Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:"}
-"""A report loads nothing: its styles and pictures are inside it."""
+"""A report loads nothing: its styles and pictures are embedded."""
 
 
 def accepted(job: JobDocument, request: Request, response: Response) -> JobDocument:
-    """The response to a request that queued a job: the job, and its address in Location."""
+    """The response to a request that queued a job: the job, with its URL in Location."""
     response.headers["Location"] = str(request.url_for("get_job", job_id=job.id))
     return job
 
@@ -54,14 +54,14 @@ Cursor = Annotated[
     str | None,
     Query(pattern=r"^[!-}]{0,40}~[0-9A-Za-z_.-]{1,200}$", description="`next` of the previous page."),
 ]
-"""Creation time and id of the previous page's last entry, so that entries that come or go do not shift the
-pages, as they would if pages were counted."""
+"""Creation time and id of the previous page's last entry: unlike page numbers, these stay valid when entries
+are added or removed."""
 
 
 def page_of(
     rows: Sequence[T], position: Callable[[T], tuple[str, str]], limit: int, cursor: str | None
 ) -> tuple[list[T], str | None]:
-    """A page of rows, the greatest position first, and the next page's cursor."""
+    """A page of rows in descending order of position, and the next page's cursor."""
     after = None if cursor is None else tuple(cursor.split("~", 1))
     descending = sorted(rows, key=position, reverse=True)
     left = [row for row in descending if after is None or position(row) < after]

@@ -1,4 +1,4 @@
-"""Jobs: the one pattern for work that takes long."""
+"""Jobs: the pattern for all long-running work."""
 
 from typing import Annotated
 
@@ -35,5 +35,5 @@ def cancel_job(job_id: JobId, service: ServiceOf) -> JobDocument:
 
 
 def _by_number(job: JobDocument) -> tuple[str, str]:
-    """Place in the list by number, because two jobs may be submitted in the same millisecond."""
+    """Sort position by number, because two jobs may be submitted in the same millisecond."""
     return job.id.removeprefix("job-").zfill(12), job.id

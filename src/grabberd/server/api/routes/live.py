@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 PATIENCE_S = 60.0
 GOING_AWAY = 1001
-"""Close code of a server that goes down (RFC 6455, 7.4.1)."""
+"""Close code of a server that is shutting down (RFC 6455, 7.4.1)."""
 
 
 async def _feeds(connection: HTTPConnection) -> Feeds:
@@ -50,7 +50,7 @@ async def get_events(
     ] = None,
 ) -> EventStream:
     """Server-sent events: the state, then its changes, at most five times a second."""
-    # nginx would otherwise hold events back until its buffer is full.
+    # Otherwise nginx would buffer events until its buffer is full.
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
     return EventStream(feeds.events.events(last_event_id), headers=headers)
 
@@ -103,7 +103,7 @@ async def stream_curves(socket: WebSocket, feeds: FeedsOf, _: OneStream, device:
 
 
 async def _send(socket: WebSocket, channel: Channel[T], send: Callable[[T], Awaitable[None]]) -> None:
-    """Sends the messages as fast as the client reads; gives up on a client that does not read."""
+    """Sends messages as fast as the client reads them; gives up if it does not read."""
     timeout_s = socket.app.state.front.limits.write_timeout_s
     with channel.listening() as listener:
         while not channel.closed:
@@ -115,14 +115,14 @@ async def _send(socket: WebSocket, channel: Channel[T], send: Callable[[T], Awai
 
 
 async def _close_after(sending: Awaitable[None], socket: WebSocket) -> None:
-    """Tells the client that the daemon ends, once that has ended the stream."""
+    """Closes the WebSocket once the daemon has ended the stream."""
     await sending
     await socket.close(GOING_AWAY)
 
 
 async def _until_gone(socket: WebSocket) -> None:
-    """Waits until the client has gone; anything it sends is ignored."""
-    # A closed connection is noticed only by receiving: while there is nothing to send, no send fails.
+    """Waits until the client has disconnected; ignores anything it sends."""
+    # A closed connection is noticed only by receiving: while there is nothing to send, no send can fail.
     while (await socket.receive())["type"] != "websocket.disconnect":
         pass
 

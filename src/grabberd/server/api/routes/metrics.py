@@ -1,4 +1,4 @@
-"""Metrics for Prometheus, read on request from counters that the daemon keeps anyway."""
+"""Metrics for Prometheus, read on request from the daemon's own counters."""
 
 from collections.abc import Callable, Iterable, Iterator
 
@@ -63,11 +63,11 @@ STATES = (
     *(DeviceState.OPENING, DeviceState.READY, DeviceState.ABSENT),
     *(DeviceState.FAILED, DeviceState.ENDED),
 )
-"""Those that a logger can have."""
+"""States of a logger."""
 
 
 def logger_metrics(loggers: Loggers) -> Iterator[Metric]:
-    """Every metric of the loggers at this moment; families without samples where there is none."""
+    """Present metrics of the loggers; families without samples if there are no loggers."""
     known, ages_s = loggers.document(), loggers.ages_s()
     states = (((name, s), float(one.state is s)) for name, one in known.items() for s in STATES)
     yield gauge("grabberd_logger_state", "1 for the current state.", ("logger", "state"), states)
@@ -98,16 +98,16 @@ _DAY_S = 86_400
 
 
 def health_metrics(service: Service) -> Iterator[Metric]:
-    """Health, readiness, calibration and disk of every device at this moment."""
+    """Present health, readiness, calibration and disk of every device."""
     around = service.surroundings()
     instruments = service.instruments.values()
     found = {one.name: device_health(one, around) for one in instruments}
     levels = (((name, s), float(one.level == s)) for name, one in found.items() for s in LEVELS)
     yield gauge("grabberd_health", "1 for the current level of the health.", ("device", "level"), levels)
     parts = (
-        ((name, part, s), float(told.level == s))
+        ((name, part, s), float(health.level == s))
         for name, one in found.items()
-        for part, told in one.parts.items()
+        for part, health in one.parts.items()
         for s in LEVELS
     )
     yield gauge("grabberd_health_part", "1 for the part's current level.", ("device", "part", "level"), parts)
@@ -122,7 +122,7 @@ def health_metrics(service: Service) -> Iterator[Metric]:
 
 
 def fault_metrics(service: Service) -> Iterator[Metric]:
-    """Faults of the daemon itself, and what it has done about them."""
+    """Faults of the daemon itself, and its countermeasures."""
     board, unsealed = service.faults, service.unsealed
     now = (((cause,), float(board.has(cause))) for cause in OWN_CAUSES)
     counts = (((cause,), board.counts[cause]) for cause in OWN_CAUSES)
@@ -166,7 +166,7 @@ def registry_of(service: Service, streams: Callable[[], int]) -> CollectorRegist
 
 
 class ServiceMetrics(Collector):
-    """Reads the service's counters; it keeps none of its own."""
+    """Reads the service's counters."""
 
     def __init__(self, service: Service, streams: Callable[[], int]) -> None:
         self._service = service
@@ -177,7 +177,7 @@ class ServiceMetrics(Collector):
         return []
 
     def collect(self) -> Iterator[Metric]:
-        """Yields every metric at this moment."""
+        """Yields all metrics."""
         instruments = list(self._service.instruments.values())
         yield InfoMetricFamily("grabberd", "The program.", {"version": __version__})
         yield from _fields(instruments)

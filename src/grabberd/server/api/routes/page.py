@@ -1,7 +1,7 @@
-"""The operator's page, the sessions of the browsers that show it, and the documentation.
+"""The operator's page, browser sessions, and the documentation.
 
 The page is public, but shows the daemon's state only to clients with access: a token, sent once, is traded
-for a cookie that no page can read. The documentation says nothing of that state, and is open to everybody.
+for a cookie that no script can read. The documentation contains nothing of that state and is public, too.
 """
 
 from typing import Annotated
@@ -103,12 +103,12 @@ async def get_static(
     accept_encoding: Annotated[str, Header()] = "",
     if_none_match: Annotated[str, Header()] = "",
 ) -> Response:
-    """One of the page's files; an address of an earlier version gets the present file, without caching.
+    """One of the page's files; the URL of an earlier version returns the present file, without caching.
 
-    The files are in memory and a page requests fifty at once, so they are served without a thread for each.
+    The files are in memory and a page requests fifty at once, so they are served without threads.
 
     Raises:
-        NotFound: the page has no file of that name.
+        NotFound: The page has no such file.
     """
     files: Files = request.app.state.files
     if (edition := files.edition) is None:
@@ -124,7 +124,7 @@ async def get_static(
 def sent(
     file: StaticFile, headers: dict[str, str], accept_encoding: str, if_none_match: str | None = None
 ) -> Response:
-    """A file as an answer, compressed for a client that takes it so; 304 if the client has it."""
+    """The response with a file, compressed if the client accepts that; 304 if the client has it."""
     if if_none_match is not None and is_known(file.etag, if_none_match):
         return Response(status_code=304, headers=headers)
     if "gzip" not in accept_encoding:
@@ -134,7 +134,7 @@ def sent(
 
 
 async def _who_asks(request: Request) -> tuple[Identity | None, dict[str, str]]:
-    """The client, if the daemon knows it, and headers that delete an invalid cookie."""
+    """The client's identity, if known, and headers that delete an invalid cookie."""
     authenticator: Authenticator = request.app.state.authenticator
     try:
         return await authenticator.identify(request.scope), {}
@@ -157,7 +157,7 @@ API = "/api/v1/docs"
 
 @router.get("/docs")
 async def get_site(request: Request) -> Response:
-    """The documentation's first page, or the description of the API where an installation has none."""
+    """The documentation's first page, or the API description if no documentation is installed."""
     site: Site = request.app.state.site
     return RedirectResponse("/docs/" if await run_in_threadpool(lambda: site.is_built) else API, 307)
 
@@ -172,7 +172,7 @@ async def get_site_page(
     """A page or another file of the documentation.
 
     Raises:
-        NotFound: There is none at this address.
+        NotFound: There is no such file.
     """
     site: Site = request.app.state.site
     if await run_in_threadpool(site.is_folder, path):

@@ -7,7 +7,6 @@ from fastapi.responses import HTMLResponse
 
 from grabberd import __version__
 from grabberd.documents.document import JsonObject
-from grabberd.documents.problems import Problem
 from grabberd.documents.requests import SettingsRequest
 from grabberd.documents.state import HealthDocument, SettingsDocument, StateDocument
 from grabberd.server.api.openapi import POLICY, page
@@ -39,7 +38,7 @@ async def get_state(snapshots: SnapshotsOf, if_none_match: IfNoneMatch = None) -
     "/healthz",
     response_model=HealthDocument,
     summary="Check that the daemon serves",
-    responses={503: {"model": Problem, "content": {"application/problem+json": {}}}},
+    responses=BUSY,
 )
 async def get_health(service: ServiceOf) -> HealthDocument | Response:
     """The daemon is serving, whatever its devices do. 503 if a capture thread hangs: restart the daemon."""

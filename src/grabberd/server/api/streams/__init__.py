@@ -1,5 +1,5 @@
-"""Responses that go on: server-sent events, preview, downloads.
+"""Long-lived responses: server-sent events, preview, downloads.
 
-A feed is made once for all its listeners and queues nothing for any of them, so a slow client costs neither
-memory nor the capture. Downloads are made while they are sent.
+A feed makes each message once for all its listeners and queues nothing, so a slow client costs no memory and
+cannot disturb a capture. Downloads are generated while they are sent.
 """

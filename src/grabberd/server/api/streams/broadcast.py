@@ -1,4 +1,4 @@
-"""Messages that are made once for all listeners, and only while there are any."""
+"""Messages that are made once for all listeners, and only while there are listeners."""
 
 import asyncio
 import logging
@@ -15,16 +15,16 @@ T = TypeVar("T")
 
 
 class Channel(Generic[T]):
-    """The newest messages for all listeners, without a queue for any of them.
+    """The newest messages for all listeners, without a queue for each.
 
-    A listener that is later than the messages that are kept gets the newest one and misses the rest. Used
-    within one event loop.
+    A listener that falls behind the kept messages gets the newest one and misses the rest. Used within one
+    event loop.
 
     Args:
         kept: Number of messages that are kept.
 
     Attributes:
-        closed: True once no further message will come.
+        closed: True once there will be no more messages.
     """
 
     def __init__(self, kept: int = 1) -> None:
@@ -42,7 +42,7 @@ class Channel(Generic[T]):
             self._begin()
         self._listeners += 1
         try:
-            # One less than the count if there is a message: the new listener has not seen it.
+            # One less than the count if a message is kept: the new listener has not seen it.
             yield Listener(self, self._count - bool(self._newest))
         finally:
             self._listeners -= 1
@@ -50,16 +50,16 @@ class Channel(Generic[T]):
                 self._end()
 
     def close(self) -> None:
-        """Ends every listener; to be called in the event loop."""
+        """Ends all listeners; to be called in the event loop."""
         self.closed = True
         self._wake()
 
     def _begin(self) -> None:
-        """Has messages made from now on."""
+        """Starts making messages."""
         raise NotImplementedError
 
     def _end(self) -> None:
-        """Has none made any longer."""
+        """Stops making messages."""
         raise NotImplementedError
 
     def _put(self, message: T) -> None:
@@ -68,18 +68,17 @@ class Channel(Generic[T]):
         self._wake()
 
     def _wake(self) -> None:
-        # Replaced before it is set: a listener that wakes up and waits again needs an event that is not set.
+        # Replaced before it is set: a listener that wakes up and waits again needs an unset event.
         changed, self._changed = self._changed, asyncio.Event()
         changed.set()
 
 
 class Broadcast(Channel[T]):
-    """Repeats a message, of which a late listener gets the newest; the messages are made in a thread.
+    """A channel whose messages are made periodically in a thread; a late listener gets the newest.
 
     Args:
-        make: Makes a message, or returns None if there is nothing new; called in a thread of the server's
-            pool.
-        every_s: Shortest time between two calls of `make`.
+        make: Makes a message, or returns None if nothing is new; called in a thread of the server's pool.
+        every_s: Shortest interval between two calls of `make`.
     """
 
     def __init__(self, make: Callable[[], T | None], every_s: float) -> None:
@@ -121,7 +120,7 @@ class Listener(Generic[T]):
     """One listener's position in a channel.
 
     Attributes:
-        passed: Messages that there were from one call of `next` to the other, with the one it was given.
+        passed: Number of messages made between the last two calls of `next`, including the returned one.
     """
 
     def __init__(self, channel: Channel[T], seen: int) -> None:
@@ -130,7 +129,7 @@ class Listener(Generic[T]):
         self._seen = seen
 
     async def next(self, patience_s: float) -> T | None:
-        """The next message, or the newest if that is kept no more; None if none comes in time, or ever."""
+        """The next message, or the newest if that is gone; None after the timeout or the channel's end."""
         channel = self._channel
         with suppress(TimeoutError):
             async with asyncio.timeout(patience_s):

@@ -1,4 +1,4 @@
-"""Downloads: files that are made while they are sent, and files that must not change while they are sent."""
+"""Downloads: files generated while they are sent, and files that must not change while they are sent."""
 
 import io
 import logging
@@ -21,18 +21,18 @@ log = logging.getLogger(__name__)
 
 
 class Source(Protocol):
-    """Maker of the pieces of a download, in threads or in a process."""
+    """Source of the pieces of a download."""
 
     def close(self) -> None:
-        """Makes no further piece; safe twice."""
+        """Stops making pieces; may be called twice."""
 
 
 class Download(StreamingResponse):
-    """A file made piece by piece; its source is closed as soon as the client has gone.
+    """A file sent piece by piece; its source is closed as soon as the client disconnects.
 
     Attributes:
-        source: Makes the pieces.
-        pieces: Has them made.
+        source: Source of the pieces.
+        pieces: Iterates over the source, in threads or in another process.
     """
 
     source: Source
@@ -48,7 +48,7 @@ class Download(StreamingResponse):
 
 
 def download(source: Source, media_type: str, name: str) -> Download:
-    """A download that the client saves under a name."""
+    """A download with a file name."""
     headers = {"Content-Disposition": f'attachment; filename="{name}"'}
     answer = Download((), media_type=media_type, headers=headers)
     answer.source = source
@@ -56,16 +56,15 @@ def download(source: Source, media_type: str, name: str) -> Download:
 
 
 class _Changed(Exception):
-    """The file has changed since the download began."""
+    """The file has changed since the download started."""
 
 
 class WholeFile(FileResponse):
-    """A file download that aborts if the file is written meanwhile, as when a run is added to a capture.
+    """A file download that aborts if the file is written meanwhile, e.g. when a run is added to a capture.
 
-    The client knows the length, so it notices that the file is incomplete and retries; half of the old file
-    followed by half of the new one would look like a whole capture.
-
-    It is a database that this program may have open: its descriptor is not closed while that is so.
+    The client knows the length, so it notices the incomplete file and retries; half of the old file followed
+    by half of the new one would look like a whole capture. The file is a database that this process may have
+    open, so its descriptor is shared and held (`files.held_files`).
     """
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -91,7 +90,7 @@ class WholeFile(FileResponse):
 
 
 class _HeldFile(io.RawIOBase):
-    """A file that is read by a descriptor of others', with a position of its own, and is not closed here."""
+    """A file read through a shared descriptor, with its own position; it does not close the descriptor."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -104,7 +103,7 @@ class _HeldFile(io.RawIOBase):
         return True
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """Moves to a place, as a response does it: from the beginning, or not at all to ask for it."""
+        """Moves to an offset from the start, or from the current position; never from the end."""
         self._position = offset + (self._position if whence == os.SEEK_CUR else 0)
         return self._position
 

@@ -1,7 +1,7 @@
-"""The feeds of a service that stream to clients: its state, every field's points, curves, preview.
+"""The feeds of a service that stream to clients: its state, the points of every field, curves and preview.
 
-The state goes out as server-sent events, whole first, then its changes. A field's points are encoded once for
-all clients, as soon as they are published.
+The state is sent as server-sent events: first the whole state, then its changes. A field's points are encoded
+once for all clients, as soon as they are published.
 """
 
 import asyncio
@@ -54,7 +54,7 @@ class EventFeed:
         self._text = lru_cache(8)(self._make_text)  # most clients have seen the same version
 
     async def events(self, last_id: str | None) -> AsyncIterator[str]:
-        """The events after the last one that a client has seen; ends when the daemon does."""
+        """The events after the last one that a client has received; ends when the daemon stops."""
         seen = self._number(last_id)
         yield RETRY
         with self.broadcast.listening() as listener:
@@ -76,7 +76,7 @@ class EventFeed:
     def _make_text(self, seen: int | None, number: int) -> str:
         version, known = self._history.find(number), None if seen is None else self._history.find(seen)
         assert version is not None, "the newest is never forgotten"
-        # The client is new, was away for longer than versions are kept, or knew another start of the daemon.
+        # The client is new, was away longer than versions are kept, or the daemon was restarted.
         if known is None:
             return self._event("state", number, version.document)
         return self._event("change", number, changes(known.document, version.document))
@@ -87,7 +87,7 @@ class EventFeed:
 
 
 class EventStream(StreamingResponse):
-    """An endless response that closes its source as soon as its client has gone."""
+    """An endless response that closes its source as soon as its client disconnects."""
 
     media_type = "text/event-stream"
 
@@ -100,16 +100,16 @@ class EventStream(StreamingResponse):
 log = logging.getLogger(__name__)
 
 KEPT = 10
-"""Fields that a client may be behind before it gets the newest: it misses none when the daemon is held up."""
+"""Fields by which a client may be late without missing any, so a short stall of the daemon costs none."""
 LOOK_EVERY_S = 0.25
-"""Longest wait for a field, until it is seen that nobody listens any more."""
+"""Longest wait for a field before checking whether anybody still listens."""
 
 
 class PointsMessage(NamedTuple):
-    """A field's points as they are sent.
+    """A field's points as sent to clients.
 
     Attributes:
-        number: Number of the description that holds for it.
+        number: Number of the description that applies to it.
         description: That description as JSON.
         content: The points.
     """
@@ -144,7 +144,7 @@ class PointsFeed(Channel[PointsMessage]):
         self._ended.set()
         published = self._instrument.worker.published
         with published:
-            published.notify_all()  # so that threads do not add up where listeners come and go
+            published.notify_all()  # or threads would accumulate where listeners come and go
 
     def _follow(
         self, loop: asyncio.AbstractEventLoop, encoder: PointsEncoder, ended: threading.Event
@@ -172,7 +172,7 @@ class PointsFeed(Channel[PointsMessage]):
 
 
 def _fresh(worker: Worker, last: int, ended: threading.Event) -> list[Live]:
-    """Fields published since, as soon as there are any; none if nobody listens any more, or for long."""
+    """Fields published since, as soon as there are any; empty after a timeout or without listeners."""
     with worker.published:
         worker.published.wait_for(lambda: ended.is_set() or worker.since(last), LOOK_EVERY_S)
         return worker.since(last)
@@ -191,7 +191,7 @@ class DeviceFeeds(NamedTuple):
     """The feeds of a device.
 
     Attributes:
-        preview: Its newest field, with what was found in it.
+        preview: Its newest field, with the measured targets.
         points: The points of its fields.
         curves: Its movement and its vacuum.
         picture: Its newest field as a picture.
@@ -224,10 +224,10 @@ class Feeds:
         }
 
     def of(self, device: str | None) -> DeviceFeeds:
-        """The feeds of a device, whose name can be left out if there is only one.
+        """The feeds of a device, whose name may be None if there is only one.
 
         Raises:
-            NotFound: there is no device of that name, or the name is needed.
+            NotFound: The device does not exist, or a name is required.
         """
         return of_device(self._devices, device)
 

@@ -1,7 +1,7 @@
-"""The preview of a device: its newest field for all who look at it, as fast as each client takes it.
+"""The preview of a device: its newest field for all viewers, as fast as each client can take it.
 
-Each kind of message is made once, and none while nobody looks. What a client has taken tells how much detail
-its link carries.
+Each kind of message is made once for all clients, and only while there are any. The pictures that a client
+acknowledges show how much detail its link can carry.
 """
 
 import asyncio
@@ -20,29 +20,29 @@ from grabberd.instrument.live.preview import LADDER, Detail, Part, Preview, Prev
 from grabberd.server.api.streams.broadcast import Broadcast
 
 WINDOW = 3
-"""Pictures that may be on their way: at 25 a second, a round trip of 120 ms holds none of them up."""
+"""Pictures in flight: at 25 a second, enough for a round trip of 120 ms."""
 LOOK_S, LONGEST_LOOK_S = 1.0, 3.0
 LEAST_TAKEN = 6
-"""Time over which a link is judged; longer where fewer pictures than this were taken in it."""
+"""Pictures that must be taken within `LOOK_S` for a judgement; with fewer it waits up to `LONGEST_LOOK_S`."""
 ENOUGH = 0.85
-"""Share of the pictures offered that a link has to take for its detail to stay."""
+"""Share of the offered pictures that a link must take to keep its level of detail."""
 GAIN = 1.15
-"""Factor by which less detail has to raise that share; else it was not the detail that was too much."""
+"""Factor by which less detail must raise that share; otherwise the detail was not the bottleneck."""
 VAIN_S = 30.0
-"""Time until less detail is tried again after it was in vain."""
+"""Time until less detail is tried again after it did not help."""
 PATIENCE, MOST_PATIENCE = 8, 128
-"""Good looks after which more detail is tried; doubled each time that it turns out to be too much."""
+"""Good judgements after which more detail is tried; doubled each time that it turns out to be too much."""
 
 
 class Link:
-    """Judges a link by the pictures that were offered and those that its client has taken.
+    """Judges a link by the pictures offered and those that its client has taken.
 
     Args:
         levels: Number of levels of detail.
         now_s: Present time.
 
     Attributes:
-        level: Level of detail; 0 has most.
+        level: Level of detail; 0 is the most detailed.
     """
 
     def __init__(self, levels: int, now_s: float) -> None:
@@ -72,7 +72,7 @@ class Link:
         self._taken += count
 
     def offered(self, count: int, now_s: float) -> None:
-        """Counts pictures that there were, sent or not, and judges the link when there were enough."""
+        """Counts available pictures, sent or not, and judges the link after enough of them."""
         self._offered += count
         passed_s = now_s - self._since_s
         if passed_s < LOOK_S or (self._taken < LEAST_TAKEN and passed_s < LONGEST_LOOK_S):
@@ -113,17 +113,17 @@ LIGHT_EVERY_S = 0.2
 
 
 class FieldMessages:
-    """Messages of one field, each made once for all who are shown the same of it; used in the event loop."""
+    """Messages of one field, each made once for all clients with the same view; used in the event loop."""
 
     def __init__(self, field: PreviewField) -> None:
         self._field = field
         self._made: dict[View, asyncio.Future[bytes]] = {}
 
     async def of(self, view: View) -> bytes:
-        """The message with this view."""
+        """The message for a view."""
         if view not in self._made:
             self._made[view] = asyncio.ensure_future(run_in_threadpool(self._field.message, view))
-        # Others wait for it, too: it is made whether or not this client stays.
+        # Shielded: other clients may be waiting for it, too.
         return await asyncio.shield(self._made[view])
 
 
@@ -158,20 +158,20 @@ class PreviewFeed(Broadcast[FieldMessages]):
 
 PATIENCE_S = 60.0
 UNASKED_EVERY_S = 1 / 12
-"""Shortest time between messages to a client that does not say what it takes."""
+"""Shortest interval of messages to a client that does not acknowledge pictures."""
 SOONER = 0.9
-"""Share of a client's period after which the next field is its own: fields come in steps of theirs."""
+"""Share of a client's period after which the next field is sent to it, since fields come at fixed times."""
 FRAME_COLUMNS = 720
 COARSEST = LADDER[-1].reduce
 INVALID = 1008
-"""Close code for what breaks the rules (RFC 6455, 7.4.1)."""
+"""Close code for invalid messages (RFC 6455, 7.4.1)."""
 
 
 class PreviewClient:
-    """Sends one client the newest fields, as it asks for them and as fast as it takes them.
+    """Sends one client the newest fields, as requested and as fast as it takes them.
 
     Args:
-        socket: Its WebSocket, which is open.
+        socket: Its accepted WebSocket.
         feed: The preview of the device.
     """
 
@@ -186,7 +186,7 @@ class PreviewClient:
         self._due_s = self._light_due_s = -math.inf
 
     async def hear(self) -> None:
-        """Takes what the client says, until it has gone or says what cannot be understood."""
+        """Receives the client's messages until it disconnects or sends an invalid one."""
         while (event := await self._socket.receive())["type"] != "websocket.disconnect":
             try:
                 words = PreviewWords.model_validate_json(event.get("text") or "")
@@ -198,19 +198,19 @@ class PreviewClient:
             self._heard.set()
 
     async def send(self) -> None:
-        """Sends pictures while there are any; gives up on a client that takes none."""
+        """Sends pictures until the feed ends; gives up on a client that takes none."""
         with self._feed.listening() as listener:
             while not self._feed.closed:
                 await self._until_free()
                 field = await listener.next(PATIENCE_S)
                 if self._now_s() < self._due_s:
-                    continue  # not wanted yet, so the link is not judged by it
+                    continue  # not requested yet, so it does not count for the link
                 self._link.offered(listener.passed, self._now_s())
                 if field is not None:
                     await self._send_one(field)
 
     async def _until_free(self) -> None:
-        """Waits until the client has taken enough of what is on its way."""
+        """Waits until the client has taken enough of the pictures in flight."""
         async with asyncio.timeout(self._timeout_s):
             while self._ask is not None and not self._link.is_free:
                 self._heard.clear()
@@ -246,9 +246,9 @@ class PreviewClient:
 
 
 def _detail(detail: Detail, ask: PreviewAsk) -> Detail:
-    """Detail that the link carries, and no more than the screen shows."""
+    """Detail that the link carries, limited to what the screen can show."""
     if ask.part is not None:
-        # A small part takes little of a link even with every pixel.
+        # A small part needs little bandwidth even with every pixel.
         return detail._replace(reduce=1 if 2 * ask.part.columns <= FRAME_COLUMNS else detail.reduce)
     reduce = detail.reduce
     while ask.width_px is not None and ask.width_px * 2 * reduce <= FRAME_COLUMNS and reduce < COARSEST:
@@ -257,6 +257,6 @@ def _detail(detail: Detail, ask: PreviewAsk) -> Detail:
 
 
 def _reason(error: ValidationError) -> str:
-    """The first thing that is wrong, in as many bytes as a close frame holds."""
+    """The first problem, truncated to what a close frame can hold."""
     first = error.errors()[0]
     return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"[:120]
