@@ -170,7 +170,7 @@ class DiscPaths:
             steady=shares[_SMOOTH],
             from_top=shares[_FROM_TOP],
             from_bottom=shares[_FROM_BOTTOM],
-            offset_px=float(np.median(self._offsets)) if self._offsets else None,
+            offset_px=float(np.median(self._offsets)) if self._offsets and self._fields else None,
             fields=self._fields,
             moving=int((evidence[:, _ALL, 2] > 0).sum()),
             is_always_steady=self._steady_fields > len(evidence),

@@ -2,6 +2,8 @@
 field.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -13,6 +15,8 @@ from grabberd.errors import MeasurementError
 
 FIND = LocationSettings(method="centroid", min_diameter_px=2.0, max_diameter_px=200.0, line_jitter_px=0.0)
 """Anything from a dot to a coin: what size targets have is the question."""
+_LOCATE = replace(FIND, method="template", line_shifts=False)
+"""The centroid of small discs on the same lines differs from parity to parity by as much as they move."""
 LIKE = 2.0
 """Factor by which a target's diameter may differ from the usual one."""
 _BRIGHTEST = 0.9
@@ -81,7 +85,7 @@ class DiscFinder:
         self._fields += 1
         if self.level is None:
             return None
-        blobs = measure(quantise(field, 8, self.level), None, FIND)
+        blobs = measure(quantise(field, 8, self.level), None, _LOCATE)
         return alike(blobs.select(~blobs.at_border)) if 0 < len(blobs) <= _MOST else None
 
 

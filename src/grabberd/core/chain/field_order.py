@@ -30,8 +30,6 @@ class FieldOrderFinding:
         fields: number of fields examined.
         top_to_bottom: squared movement from a top field to the bottom field after it, in units of one field
             step squared; `bottom_to_top` likewise. None if too little moves.
-        offset_px: frame lines by which discs lie lower in top fields than in bottom ones, which is 0 unless
-            the parities have the wrong names; None if no discs show it.
     """
 
     order: Order
@@ -39,7 +37,6 @@ class FieldOrderFinding:
     fields: int
     top_to_bottom: Ratio | None = None
     bottom_to_top: Ratio | None = None
-    offset_px: float | None = None
 
 
 class OrderCheck:
@@ -49,6 +46,9 @@ class OrderCheck:
         self._paths, self._differences = DiscPaths(), PictureDifferences()
         self._fields = self._following = 0
         self._parity: int | None = None
+        self.offset_px: float | None = None
+        """With the finding: frame lines by which discs lie lower in top fields than in bottom ones, 0 unless
+        the parities have the wrong names; None if no discs show it."""
 
     def add(self, field: Field | None) -> None:
         """Take the next field; None for a gap of unknown length. Two of one parity in a row are one, too."""
@@ -65,11 +65,11 @@ class OrderCheck:
 
     def finding(self) -> FieldOrderFinding:
         """What the fields show; a verdict only if it is significant (3 σ)."""
-        count = self._fields
+        count, movement = self._fields, self._paths.movement()
+        self.offset_px = movement.offset_px
         if self._following + 1 < _LEAST_FIELDS:
             evidence = f"{count} fields, too few of alternating parity: {_LEAST_FIELDS} are needed"
             return FieldOrderFinding(Order.UNCLEAR, evidence, count)
-        movement = self._paths.movement()
         if movement.fields < _OF_DISCS * count:
             found = self._differences.finding()
             return FieldOrderFinding(
@@ -92,7 +92,7 @@ def check(fields: Iterable[Field | None]) -> FieldOrderFinding:
 def _by_paths(movement: DiscMovement, count: int) -> FieldOrderFinding:
     order = _order(movement)
     ratios = _squared(movement.from_top), _squared(movement.from_bottom)
-    return FieldOrderFinding(order, _evidence(order, movement, ratios), count, *ratios, movement.offset_px)
+    return FieldOrderFinding(order, _evidence(order, movement, ratios), count, *ratios)
 
 
 def _order(movement: DiscMovement) -> Order:
@@ -145,6 +145,6 @@ def _why_unclear(movement: DiscMovement) -> str:
         return "the movement is too steady: move the object, pause, and move it again"
     zigzag = Ratio(movement.zigzag.value, movement.zigzag.sigma)
     return (
-        f"the paths of discs zigzag by {zigzag} of the movement over two fields, squared: not clearly 0 (right), "
-        "0.25 (both fields of one instant) or 1 (reversed): move it more slowly, or for longer"
+        f"the paths of discs zigzag by {zigzag} of the movement over two fields, squared: not clearly 0 "
+        "(right), 0.25 (both fields of one instant) or 1 (reversed): move it more slowly, or for longer"
     )
