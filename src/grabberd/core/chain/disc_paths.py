@@ -43,6 +43,8 @@ _LEAST_OWN = 10
 """Third differences of a disc's path that show its own noise."""
 _LEAST_AT_REST = 100
 """Places of discs at rest that show the offset between the parities."""
+_RESTING = 0.25
+"""Share of such places from which on an object is one that rests between its movements."""
 _BLOCK = 100
 _MARGIN = 2
 """Fields before and after a field that its evidence is taken from."""
@@ -71,7 +73,8 @@ class Share(NamedTuple):
     def of(cls, evidence: Array) -> "Share":
         """The share by (fields, 3) sums: what is judged, its unit, and discs."""
         evidence = evidence[evidence[:, 2] > 0]
-        weight = 1 / (1 + np.maximum(evidence[:, 1], 0) / evidence[:, 2] / (2 * _ENOUGH_PX) ** 2)
+        size = np.maximum(evidence[:, :2].max(axis=1), 0) / evidence[:, 2]
+        weight = 1 / (1 + size / (2 * _ENOUGH_PX) ** 2)
         weighted = evidence[:, :2] * weight[:, np.newaxis]
         return cls(np.array([one.sum(axis=0) for one in np.array_split(weighted, _BLOCKS)]), len(evidence))
 
@@ -88,15 +91,21 @@ class Share(NamedTuple):
 
     def is_below(self, limit: float) -> bool:
         """True if the share is significantly below a limit."""
-        return self._distance(limit) < -_SIGNIFICANT * self._sigma(limit)
+        return self._significance(limit) < -_SIGNIFICANT
 
     def is_above(self, limit: float) -> bool:
         """True if the share is significantly above a limit."""
-        return self._distance(limit) > _SIGNIFICANT * self._sigma(limit)
+        return self._significance(limit) > _SIGNIFICANT
 
-    def _distance(self, limit: float) -> float:
+    def _significance(self, limit: float) -> float:
+        """Distance of the share from a limit, in σ: of the share, or of what exceeds the limit where that is
+        known better, as where a few blocks have nearly all movement.
+        """
         judged, unit = self.sums.sum(axis=0)
-        return float(judged - limit * unit) if np.isfinite(self.value) else np.nan
+        if not np.isfinite(self.value):
+            return 0.0
+        sigma = min(self._sigma(self.value), self._sigma(limit))
+        return float((judged - limit * unit) / max(sigma, 1e-9 * unit))
 
     def _sigma(self, share: float) -> float:
         """Standard deviation of what is judged less a share of the unit: few blocks leave a ratio none."""
@@ -236,7 +245,9 @@ class _Block(NamedTuple):
         off = _off_middle(self.places) * self.sign[_MARGIN:-_MARGIN] / 2
         seen = np.isfinite(off[..., 0])
         rest = off[seen & ~self.moving]
-        if len(rest) >= _LEAST_AT_REST:
+        is_shown = len(rest) >= _LEAST_AT_REST
+        # Of an object that hardly ever rests, what seems to rest moves slowly.
+        if is_shown and len(rest) >= _RESTING * seen.sum():
             return np.asarray(np.median(rest, axis=0))
         moving = seen & self.moving & np.isfinite(self.across[..., 0])
         off, across = off[moving], self.across[moving]
@@ -244,7 +255,7 @@ class _Block(NamedTuple):
             return np.asarray(np.median(rest, axis=0)) if len(rest) else np.zeros(2)
         change = across - across.mean(axis=0) * (0, 1)  # no parity lies beside the other
         if np.square(change).sum() < _LEAST_CHANGE * np.square(across).sum():
-            return None
+            return np.asarray(np.median(rest, axis=0)) if is_shown else None
         slope = (off * change).sum() / np.square(change).sum()
         return np.asarray((off - slope * across).mean(axis=0) * (0, 1))
 

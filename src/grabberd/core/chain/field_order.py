@@ -127,7 +127,7 @@ _MEANING = {
 def _evidence(order: Order, movement: DiscMovement, ratios: tuple[Ratio | None, Ratio | None]) -> str:
     if order is Order.NO_MOVEMENT:
         seldom = f"discs move in only {movement.moving} of {movement.fields} fields"
-        still = seldom if movement.moving else "no discs move by more than their noise"
+        still = seldom if movement.moving else "no disc moves clearly from one field to the next"
         return f"too little movement: {still}"
     if order is Order.UNCLEAR:
         return _why_unclear(movement)

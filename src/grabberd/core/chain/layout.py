@@ -53,7 +53,7 @@ class Sample(NamedTuple):
     picture: Picture
 
 
-FLAT = 1.5
+FLAT = 1.35
 """Width over height from which on discs are not round: half of their lines are elsewhere."""
 _LEAST_DISCS = 6
 _MATCHED = 0.75
@@ -72,6 +72,7 @@ _COPIED = 0.1
 _FLAT_BLACK, _NOISY = 0.3, 0.6
 """Standard deviations, in grey levels, of what a device fills in, and of a camera's background."""
 _OTHER_BLACK = 3.0
+_BRIGHT = 40.0
 _MARGIN = 16
 _ALL = 0.9
 """Share of the pictures in which something is so."""
@@ -158,22 +159,30 @@ _OTHER = {"upper": "lower", "lower": "upper", "left": "right", "right": "left"}
 
 
 def _half_missing(samples: Sequence[Sample]) -> Layout | None:
-    """A half that a device filled in: it is without noise, and the other half is not, or is not as black."""
+    """A half that a device filled in: a view is never without noise or targets.
+
+    An object may well be in the upper half alone, and few bits show no noise: then the halves differ in how
+    black they are.
+    """
     for name, half in _HALVES.items():
-        if all(_is_filled_in(half(one.picture), _HALVES[_OTHER[name]](one.picture)) for one in samples):
+        is_view = name in ("left", "right")
+        both = [(half(one.picture), _HALVES[_OTHER[name]](one.picture)) for one in samples]
+        if all(_is_filled_in(one, other) and (is_view or _is_blacker(one, other)) for one, other in both):
             return Layout(LayoutKind.HALF_MISSING, name)
     return None
 
 
 def _is_filled_in(half: Picture, other: Picture) -> bool:
+    """True if a half is all of one grey, and there is something in the other one."""
     if not half.size or not other.size or float(half.std()) >= _FLAT_BLACK:
         return False
-    middle = float(np.median(other))
+    return float(other.max()) - float(np.median(other)) > _BRIGHT
+
+
+def _is_blacker(half: Picture, other: Picture) -> bool:
     dark = other[other <= np.quantile(other, 0.9)]
-    has_picture = int(other.max()) - middle > 40
-    return has_picture and (
-        float(dark.std()) > _NOISY or abs(middle - float(np.median(half))) >= _OTHER_BLACK
-    )
+    apart = abs(float(np.median(other)) - float(np.median(half)))
+    return float(dark.std()) > _NOISY or apart >= _OTHER_BLACK
 
 
 class _Alike(NamedTuple):
