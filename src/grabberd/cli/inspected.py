@@ -355,9 +355,13 @@ def _picture_options(seen: Inspected) -> Iterator[str]:
 def _rate_options(seen: Inspected) -> Iterator[str]:
     if seen.rate_hz is None:
         yield "# rate_hz: 60            # required: how many pictures a second?"
-    elif "rate_hz" in seen.options or (
-        seen.driver == "replay"
-        and (seen.of_pictures or "pictures" in seen.options)
-        and Path(seen.options["path"]).is_dir()
+    elif (
+        "rate_hz" in seen.options
+        or seen.found.interlacing in _SINGLE
+        or (
+            seen.driver == "replay"
+            and (seen.of_pictures or "pictures" in seen.options)
+            and Path(seen.options["path"]).is_dir()
+        )
     ):
         yield f"rate_hz: {seen.rate_hz:.6g}"

@@ -17,7 +17,7 @@ FIND = LocationSettings(method="centroid", min_diameter_px=2.0, max_diameter_px=
 """Anything from a dot to a coin: what size targets have is the question."""
 _LOCATE = replace(FIND, method="template", line_shifts=False)
 """The centroid of small discs on the same lines differs from parity to parity by as much as they move."""
-LIKE = 2.0
+_LIKE = 2.0
 """Factor by which a target's diameter may differ from the usual one."""
 _BRIGHTEST = 0.9
 """Share of a target's pixels that are darker than its middle."""
@@ -67,7 +67,7 @@ def alike(blobs: Blobs) -> Blobs:
     order = np.argsort(size)
     pixels = np.cumsum(blobs.area_px[order])  # by pixels, since specks of noise outnumber discs
     share = size / size[order][np.searchsorted(pixels, pixels[-1] / 2)]
-    return blobs.select((share < LIKE) & (share > 1 / LIKE))
+    return blobs.select((share < _LIKE) & (share > 1 / _LIKE))
 
 
 class DiscFinder:
