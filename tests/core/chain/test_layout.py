@@ -95,3 +95,9 @@ def test_fields_of_one_parity_are_whole_pictures_of_half_the_height(fields):
 def test_fields_whose_missing_lines_are_interpolated_are_played_as_such(fields, first):
     found = inspect(double_lines(field).luma for field in fields[first:])
     assert (found.interlacing, found.first_parity) == (Interlacing.DOUBLED, ("top", "bottom")[first])
+
+
+def test_without_targets_the_parity_of_single_fields_is_not_made_up():
+    random = np.random.default_rng(4)
+    found = inspect(random.normal(20, 3, (240, 640)).clip(0, 255).astype(np.uint8) for _ in range(20))
+    assert (found.interlacing, found.first_parity) == (Interlacing.FIELDS, None)

@@ -42,7 +42,7 @@ _LEAST_NOISE_PX = 0.03
 _LEAST_OWN = 10
 """Third differences of a disc's path that show its own noise."""
 _LEAST_AT_REST = 100
-"""Places of discs at rest that show the offset between the parities."""
+"""Places of discs at rest, or of discs at all, that show the offset between the parities."""
 _RESTING = 0.25
 """Share of such places from which on an object is one that rests between its movements."""
 _BLOCK = 100
@@ -179,7 +179,7 @@ class DiscPaths:
             steady=shares[_SMOOTH],
             from_top=shares[_FROM_TOP],
             from_bottom=shares[_FROM_BOTTOM],
-            offset_px=float(np.median(self._offsets)) if self._offsets and self._fields else None,
+            offset_px=float(np.median(self._offsets)) if self._offsets else None,
             fields=self._fields,
             moving=int((evidence[:, _ALL, 2] > 0).sum()),
             is_always_steady=self._steady_fields > len(evidence),
@@ -194,7 +194,8 @@ class DiscPaths:
         if offset is None:
             self._steady_fields += int(block.moving.any(axis=1).sum())
             return
-        self._offsets.append(2 * float(offset[1]))
+        if np.isfinite(block.across).sum() > 2 * _LEAST_AT_REST:
+            self._offsets.append(2 * float(offset[1]))
         self._evidence.append(block.evidence(offset))
 
 
