@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import subprocess
+from collections.abc import Iterable
 from pathlib import Path
 
 import cv2
@@ -10,6 +12,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner, Result
 
+from core.chain.drawn_discs import frame as discs
 from core.chain.drawn_footage import footage
 from drivers.replay.videos import by_ffmpeg, needs_ffmpeg
 from drivers.v4l2.bench import Bench, camera
@@ -105,6 +108,85 @@ def test_a_digital_camera_is_named_with_what_it_was_looked_at_in(
     assert (device["driver"], device["options"]) == ("v4l2", chosen)
     assert (device["rig"]["columns"], device["rig"]["lines"]) == (640, 480)
     assert device["rig"]["views"]["left"]["end_column"] == pytest.approx(300, abs=12)
+
+
+# --- pictures that are not what they seem ---
+
+
+def written(folder: Path, pictures: Iterable[np.ndarray]) -> Path:
+    folder.mkdir()
+    for number, picture in enumerate(pictures):
+        cv2.imwrite(str(folder / f"{number:04d}.png"), picture)
+    return folder
+
+
+def swung(number: float) -> np.ndarray:
+    """A frame at a time: discs that go up and down."""
+    return discs((0.0, 6.0 * np.sin(number / 9)), np.random.default_rng(round(10 * number)))
+
+
+def test_stacked_fields_are_named_with_the_filter_that_weaves_them_and_no_configuration(
+    tmp_path: Path,
+) -> None:
+    stacked = (np.vstack([swung(2 * n)[::2], swung(2 * n + 1)[1::2]]) for n in range(40))
+    folder, config = written(tmp_path / "stacked", stacked), tmp_path / "rig.yaml"
+    result = run("inspect", folder, "--out", config)
+    assert "both fields of a frame lie one above the other" in result.output
+    assert "top field in the upper half" in result.output
+    assert "-vf 'il=l=i:c=i'" in result.output
+    assert "was not written" in str(result.exception)
+    assert not config.exists()
+    found = json.loads(run("inspect", folder, "--json").stdout)
+    assert found["interlacing"] == "unknown"
+    assert found["layout"] == {"kind": "fields_one_above_the_other", "part": "top"}
+
+
+@needs_ffmpeg
+@pytest.mark.parametrize("bottom", [0, 1])
+def test_the_filter_makes_frames_of_stacked_fields(tmp_path: Path, bottom: int) -> None:
+    frames = []
+    for n in range(40):
+        frame = swung(2 * n)
+        frame[1::2] = swung(2 * n + 1)[1::2]
+        frames.append(frame)
+    halves = (np.vstack([frame[bottom::2], frame[1 - bottom :: 2]]) for frame in frames)
+    folder, woven = written(tmp_path / "stacked", halves), tmp_path / "woven"
+    (note,) = json.loads(run("inspect", folder, "--json").stdout)["problems"]
+    woven.mkdir()
+    filters = note.split("'")[1]
+    command = ("ffmpeg", "-v", "error", "-i", folder / "%04d.png", "-vf", filters, woven / "%04d.png")
+    subprocess.run([str(word) for word in command], check=True)
+    again = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in sorted(woven.iterdir())]
+    assert all((one == other).all() for one, other in zip(again, frames, strict=True))
+
+
+@pytest.mark.parametrize("first", ["top", "bottom"])
+def test_single_fields_are_captured_with_the_parity_that_they_show(tmp_path: Path, first: str) -> None:
+    begin = int(first == "bottom")
+    folder = written(tmp_path / "fields", (swung(n)[n % 2 :: 2] for n in range(begin, 80 + begin)))
+    config, out = tmp_path / "rig.yaml", tmp_path / "a.grab"
+    result = run("inspect", folder, "--rate-hz", 50, "--out", config)
+    assert f"the {first} one first" in result.output
+    options = yaml.safe_load(config.read_text())["devices"]["camera"]["options"]
+    assert options == {"path": str(folder), "pictures": "fields", "first_parity": first, "rate_hz": 50}
+    assert run("capture", "--config", config, "--bits", 8, "--out", out).exit_code == 0
+    with CaptureReader(out) as reader:
+        assert next(reader.fields()).numbered.packed.parity == begin
+    assert json.loads(run("inspect", out, "--json").stdout)["order"]["order"] == "right"
+
+
+@needs_ffmpeg
+def test_a_still_clip_that_may_be_woven_is_not_believed_to_be_progressive(tmp_path: Path) -> None:
+    video, config = tmp_path / "still.mkv", tmp_path / "rig.yaml"
+    noise, (calm,) = (
+        np.random.default_rng(1),
+        footage("progressive", 1, **{**VGA, "columns": 720, "lines": 576}),
+    )
+    still = [np.clip(calm + noise.normal(0, 2, calm.shape), 0, 255).astype(np.uint8) for _ in range(3)]
+    by_ffmpeg(video, still, "-vf", "setfield=prog", "-c:v", "ffv1")
+    found = run("inspect", video, "--out", config)
+    assert "recorders often forget the mark" in found.output
+    assert "pictures: frames   # as their size suggests" in config.read_text()
 
 
 # --- what is stated beside ---

@@ -2,6 +2,7 @@
 
 from contextlib import closing
 from dataclasses import asdict
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,11 +12,18 @@ from grabberd.cli.options import DriverOption, JsonOption, driver_options, out_f
 from grabberd.errors import GrabberdError, InputError, StorageError, StreamEnded, StreamFailed
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from grabberd.core.chain.inspection import Inspection
     from grabberd.core.field import Field
     from grabberd.instrument.acquisition import Grabber, StreamInfo
 
-MOST_FIELDS = 200
+MOST_FIELDS = 600
+"""Twelve closures of a liner before a PAL grabber, and as many pictures of a folder or a video."""
+MOST_PIXELS = 600 * 576 * 720
+"""Larger pictures are fewer, so that it takes no longer."""
+FEWEST_FIELDS = 120
+MOST_MISSING = 1000
 SILENCE_S = 2.0
 
 
@@ -46,11 +54,29 @@ def inspect(
     driver, options = _driver_of(source)
     options |= driver_options(option)
     found, info, problem = _inspected(driver, options, rate_hz)
-    seen = Inspected.of(found, info, driver, options, rate_hz, problem)
-    if out is not None:
+    is_known = driver != "replay" or found.interlacing != "unknown"
+    played = None if is_known else _played(options)
+    seen = Inspected.of(found, info, driver, options, rate_hz, problem, played)
+    if out is not None and found.layout is None:
         _write(out, configuration(seen))
     document = {**asdict(seen.found), "rate_hz": seen.rate_hz, "problems": list(seen.problems)}
-    print_result(document, words(seen, out), as_json=json)
+    print_result(document, words(seen, None if found.layout else out), as_json=json)
+    if out is not None and found.layout is not None:
+        raise InputError(
+            f"{out} was not written: no configuration fits pictures whose layout is {found.layout.kind}",
+            "convert them as the note says, and inspect the result",
+        )
+
+
+def _played(options: dict[str, Any]) -> str | None:
+    """The kind that the replay driver takes pictures for by their size; None if it asks."""
+    from grabberd.instrument.acquisition import GRABBERS  # noqa: PLC0415
+
+    try:
+        with closing(GRABBERS.create("replay", {"rate_hz": 1.0, **options})) as grabber:
+            return grabber.open().details.get("pictures")
+    except GrabberdError:
+        return None
 
 
 def _driver_of(source: str) -> tuple[str, dict[str, Any]]:
@@ -65,10 +91,8 @@ def _inspected(
     driver: str, options: dict[str, Any], rate_hz: float | None
 ) -> "tuple[Inspection, StreamInfo, GrabberdError | None]":
     """The inspection, the stream, and what ended its reading before its end."""
-    from grabberd.core.chain.field_order import check  # noqa: PLC0415
     from grabberd.core.chain.inspection import inspect as looked_at  # noqa: PLC0415
     from grabberd.core.chain.inspection import inspect_fields  # noqa: PLC0415
-    from grabberd.core.field import FieldOrder  # noqa: PLC0415
     from grabberd.instrument.acquisition import GRABBERS  # noqa: PLC0415
 
     pictures = driver == "replay" and _has_pictures(Path(options.get("path", "")))
@@ -77,14 +101,17 @@ def _inspected(
     except ValueError as error:
         raise InputError(str(error), "name a folder, a video, a capture, or DRIVER:PATH") from error
     with closing(grabber):
-        info = grabber.open()
-        fields, problem = _fields(grabber)
-    if not fields:
-        raise problem or InputError(f"{info.card} has no pictures", "name another source")
-    if pictures and "pictures" not in options:
-        return looked_at([one.luma for one in fields]), info, problem
-    order = None if info.field_order is FieldOrder.PROGRESSIVE else check(fields)
-    return inspect_fields(fields, order), info, problem
+        reading = _Reading(grabber)
+        fields = iter(reading)
+        first = next((one for one in fields if one is not None), None)
+        if first is None:
+            raise reading.problem or InputError(f"{reading.info.card} has no pictures", "name another source")
+        whole = chain([first], fields)
+        if pictures and "pictures" not in options:
+            found = looked_at(None if one is None else one.luma for one in whole)
+        else:
+            found = inspect_fields(whole)
+    return found, reading.info, reading.problem
 
 
 def _of_pictures(options: dict[str, Any], rate_hz: float | None) -> dict[str, Any]:
@@ -100,23 +127,43 @@ def _has_pictures(path: Path) -> bool:
     return not path.name.endswith((".grab", ".grab.part")) and not (path / "fields.csv").exists()
 
 
-def _fields(grabber: "Grabber") -> "tuple[list[Field], GrabberdError | None]":
-    """Copies of the first fields, and the error that ended them, if one did."""
-    from dataclasses import replace  # noqa: PLC0415
+class _Reading:
+    """The first fields of a grabber, each valid until the next is taken, and None for each that is missing.
 
-    fields: list[Field] = []
-    while len(fields) < MOST_FIELDS:
-        try:
-            with grabber.dequeue(SILENCE_S) as grabbed:
-                if not grabbed:
-                    hint = "check the camera and its cable"
-                    return fields, StreamFailed(f"no picture came for {SILENCE_S:g} s", hint)
-                fields += [replace(one.field, luma=one.field.luma.copy()) for one in grabbed]
-        except StreamEnded:
-            break
-        except GrabberdError as error:
-            return fields, error
-    return fields, None
+    Attributes:
+        info: The stream.
+        problem: With the last field: the error that ended them, if one did.
+    """
+
+    def __init__(self, grabber: "Grabber") -> None:
+        self._grabber = grabber
+        self.info = grabber.open()
+        self.problem: GrabberdError | None = None
+
+    def __iter__(self) -> "Iterator[Field | None]":
+        size = self.info.columns * self.info.field_rows
+        left = max(FEWEST_FIELDS, min(MOST_FIELDS, MOST_PIXELS // size))
+        due_ns: int | None = None
+        while left > 0:
+            try:
+                with self._grabber.dequeue(SILENCE_S) as grabbed:
+                    if not grabbed:
+                        hint = "check the camera and its cable"
+                        self.problem = StreamFailed(f"no picture came for {SILENCE_S:g} s", hint)
+                        return
+                    for one in grabbed:
+                        missing = (
+                            0 if due_ns is None else round((one.time_ns - due_ns) * self.info.rate_hz / 1e9)
+                        )
+                        yield from [None] * min(missing, MOST_MISSING)
+                        yield None if one.damage else one.field
+                        due_ns = one.time_ns + round(1e9 / self.info.rate_hz)
+                        left -= 1
+            except StreamEnded:
+                return
+            except GrabberdError as error:
+                self.problem = error
+                return
 
 
 def _write(out: Path, text: str) -> None:

@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.core.chain.inspection import Inspection, Interlacing, Split, Targets
+from grabberd.core.chain.layout import Layout, LayoutKind
 from grabberd.core.field import FieldOrder, standard_rate_hz
+from grabberd.core.reconstruction.field_order import Order
 from grabberd.errors import GrabberdError
 from grabberd.instrument.acquisition import StreamInfo
 
@@ -18,13 +20,49 @@ _IN_WORDS = {
     Interlacing.PROGRESSIVE: "progressive: every line is of the same moment",
     Interlacing.TOP_FIRST: "interlaced, the top field first",
     Interlacing.BOTTOM_FIRST: "interlaced, the bottom field first",
+    Interlacing.FIELDS: "single fields, alternately top and bottom",
+    Interlacing.DOUBLED: "single fields, whose missing lines are interpolated",
     Interlacing.UNKNOWN: "not clear from what the pictures show",
 }
 _PICTURES = {
     Interlacing.PROGRESSIVE: "progressive",
     Interlacing.TOP_FIRST: "frames",
     Interlacing.BOTTOM_FIRST: "frames",
+    Interlacing.FIELDS: "fields",
+    Interlacing.DOUBLED: "doubled",
 }
+_SINGLE = (Interlacing.FIELDS, Interlacing.DOUBLED)
+_WHICH = {
+    "": "which one is the top field cannot be told",
+    "top": "the top one first",
+    "bottom": "the bottom one first",
+}
+_LAYOUTS = {
+    LayoutKind.STACKED: "both fields of a frame lie one above the other",
+    LayoutKind.BESIDE: "both fields of a frame lie side by side",
+    LayoutKind.TWICE_BELOW: "the same picture twice, one above the other",
+    LayoutKind.TWICE_BESIDE: "the same picture twice, side by side",
+    LayoutKind.LINES_TWICE: "each line twice: a field stretched to the height of a frame",
+    LayoutKind.INTERPOLATED: "one field of each frame, whose missing lines are interpolated",
+    LayoutKind.FIELD_MISSING: "the lines of one field are black",
+    LayoutKind.HALF_MISSING: "half of each picture is missing",
+}
+_FFMPEG = "convert them with ffmpeg -i INPUT -vf '{}' OUTPUT, and inspect the result"
+_SIDES = "split[a][b];[a]crop=iw/2:ih:0:0[l];[b]crop=iw/2:ih:iw/2:0[r];[{}]vstack,il=l=i:c=i"
+_FILTERS = {
+    (LayoutKind.STACKED, "top"): "il=l=i:c=i",
+    (LayoutKind.STACKED, "bottom"): "il=l=i:c=i:ls=1:cs=1",
+    (LayoutKind.BESIDE, "top"): _SIDES.format("l][r"),
+    (LayoutKind.BESIDE, "bottom"): _SIDES.format("r][l"),
+    (LayoutKind.TWICE_BELOW, ""): "crop=iw:ih/2:0:0",
+    (LayoutKind.TWICE_BESIDE, ""): "crop=iw/2:ih:0:0",
+    (LayoutKind.LINES_TWICE, ""): "field=top",
+    (LayoutKind.INTERPOLATED, "top"): "field=bottom",
+    (LayoutKind.INTERPOLATED, "bottom"): "field=top",
+    (LayoutKind.FIELD_MISSING, "top"): "field=bottom",
+    (LayoutKind.FIELD_MISSING, "bottom"): "field=top",
+}
+"""Filters that make pictures of every layout that can be inspected and measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +75,7 @@ class Inspected:
         rate_hz: Fields a second, or progressive pictures; None if nothing tells.
         of_pictures: True if the source gives whole pictures, and nobody has stated what their lines are.
         grey: Where the grey values come from; empty where they are the source's own.
+        played: Kind that the replay driver takes pictures of an unknown one for; None if it does not.
         problems: What a user has to know or to do, in sentences.
     """
 
@@ -46,6 +85,7 @@ class Inspected:
     rate_hz: float | None
     of_pictures: bool
     grey: str
+    played: str | None
     problems: tuple[str, ...]
 
     @classmethod
@@ -57,6 +97,7 @@ class Inspected:
         options: dict[str, Any],
         rate_hz: float | None,
         problem: GrabberdError | None,
+        played: str | None,
     ) -> "Inspected":
         """Put together what was found and where."""
         whole = driver == "replay" and info.field_order is FieldOrder.PROGRESSIVE
@@ -65,8 +106,12 @@ class Inspected:
         if not is_told and whole and Path(options["path"]).is_dir():
             info = replace(info, rate_hz=0.0)
         marked = _marked(info) if of_pictures else None
-        own = list(_of_mark(found, marked))
-        if found.interlacing is Interlacing.UNKNOWN and marked:
+        # Recorders forget to mark frames, and the replay driver knows it.
+        is_forgotten = marked is Interlacing.PROGRESSIVE and played == "frames"
+        if found.layout or found.interlacing in _SINGLE:
+            marked = None
+        own = list(_of_mark(found, marked, is_forgotten=is_forgotten))
+        if found.interlacing is Interlacing.UNKNOWN and marked and not is_forgotten:
             found = replace(found, interlacing=marked)
         rate_hz = _rate_hz(found, info.rate_hz or None, of_pictures and "rate_hz" not in options)
         own += [*_problems(found, rate_hz, of_pictures), *info.remarks]
@@ -76,7 +121,7 @@ class Inspected:
             own.append(f"{problem.message}: only what comes before it was looked at ({problem.hint})")
         grey = ", ".join(info.details[key] for key in ("luma", "colours", "samples") if key in info.details)
         options = {**options, **_chosen(info)}
-        return cls(found, driver, options, rate_hz, of_pictures, grey, tuple(own))
+        return cls(found, driver, options, rate_hz, of_pictures, grey, played, tuple(own))
 
 
 def _chosen(info: StreamInfo) -> dict[str, Any]:
@@ -93,36 +138,42 @@ def _marked(info: StreamInfo) -> Interlacing | None:
     return Interlacing(marked) if marked in set(Interlacing) else None
 
 
-def _of_mark(found: Inspection, marked: Interlacing | None) -> Iterator[str]:
+def _of_mark(found: Inspection, marked: Interlacing | None, *, is_forgotten: bool) -> Iterator[str]:
     if marked is None or found.interlacing is marked:
         return
-    if found.interlacing is Interlacing.UNKNOWN:
-        yield f"Nothing moves, so the line structure cannot be seen; the video is marked as {marked}."
-    else:
+    if found.interlacing is not Interlacing.UNKNOWN:
         yield f"The video is marked as {marked}, but its pictures show {found.interlacing}, which was used."
+    elif is_forgotten:
+        yield (
+            "The video is marked as progressive, but has the size of interlaced frames and is played as "
+            "such: recorders often forget the mark."
+        )
+    else:
+        still = found.order is None or found.order.order is Order.NO_MOVEMENT
+        why = (
+            "Nothing moves, so the line structure cannot be seen"
+            if still
+            else "The line structure is not clear"
+        )
+        yield f"{why}; the video is marked as {marked}."
 
 
 def _rate_hz(found: Inspection, told_hz: float | None, per_picture: bool) -> float | None:
     interlaced = found.interlacing in (Interlacing.TOP_FIRST, Interlacing.BOTTOM_FIRST)
     if told_hz is not None:
         return 2 * told_hz if per_picture and interlaced else told_hz
-    if interlaced:
+    if interlaced or found.interlacing in _SINGLE:
         return standard_rate_hz(found.lines)
     return None
 
 
 def _problems(found: Inspection, rate_hz: float | None, of_pictures: bool) -> Iterator[str]:
-    if found.interlacing is Interlacing.UNKNOWN and of_pictures:
-        yield (
-            "Interlaced and progressive pictures differ only where something moves: use pictures of a moving "
-            "object, or set the option 'pictures' (frames or progressive)."
-        )
-    elif found.interlacing is Interlacing.UNKNOWN:
-        yield "The field order can be checked only where something moves."
+    if found.layout is not None:
+        yield _of_layout(found.layout)
+        return
+    yield from _of_lines(found, of_pictures)
     if rate_hz is None:
         yield "The rate of the pictures is unknown: give --rate-hz."
-    if found.lines % 2:
-        yield f"The number of lines, {found.lines}, is odd, and the rig needs an even one: cut a line off."
     if found.targets is None:
         yield "No targets are visible: they must be bright discs on a dark background."
     elif found.targets.diameter_px < FEWEST_PX:
@@ -135,11 +186,71 @@ def _problems(found: Inspection, rate_hz: float | None, of_pictures: bool) -> It
         )
 
 
+def _of_lines(found: Inspection, of_pictures: bool) -> Iterator[str]:
+    if found.interlacing in _SINGLE:
+        yield from _of_singles(found)
+    elif found.interlacing is Interlacing.UNKNOWN:
+        yield _why_unknown(found, of_pictures)
+    if found.lines % 2:
+        yield f"The number of lines, {found.lines}, is odd, and the rig needs an even one: cut a line off."
+    if found.is_flat:
+        yield (
+            "Targets are far wider than high, as if half of the lines were missing: use the original "
+            "pictures if there are any, else correct pixel_y_mm, which is for the lines that there are."
+        )
+
+
 def _of_light(targets: Targets) -> Iterator[str]:
     if targets.contrast < LEAST_CONTRAST:
         yield f"Targets are only {targets.contrast:.0f} grey levels above the background: use more light."
     if targets.clipped > MOST_CLIPPED:
         yield f"{targets.clipped:.0%} of the targets' pixels are saturated: reduce the light or the exposure."
+
+
+def _why_unknown(found: Inspection, of_pictures: bool) -> str:
+    """Reason why the line structure, or the order of the fields, cannot be told."""
+    order = found.order
+    if order is not None and order.order is Order.UNCLEAR:
+        other = ", or set the option 'pictures' (frames or progressive)" if of_pictures else ""
+        return f"What moves does not show how the lines belong together: {order.evidence}{other}."
+    if of_pictures:
+        return (
+            "Interlaced and progressive pictures differ only where something moves: use pictures of a moving "
+            "object, or set the option 'pictures' (frames or progressive)."
+        )
+    return "The field order can be checked only where something moves."
+
+
+def _of_layout(layout: Layout) -> str:
+    words = _LAYOUTS[layout.kind]
+    if layout.kind is LayoutKind.HALF_MISSING:
+        return (
+            f"The {layout.part} half of the pictures is missing: check the recorder, and record them again."
+        )
+    if layout.kind in (LayoutKind.STACKED, LayoutKind.BESIDE):
+        half = "upper" if layout.kind is LayoutKind.STACKED else "left"
+        is_known = f"with the {layout.part} field in the {half} half"
+        words = f"{words}, {is_known if layout.part else _WHICH['']}"
+    filters = _FILTERS.get((layout.kind, layout.part or "top"), _FILTERS.get((layout.kind, "")))
+    return f"In each picture {words}, so it cannot be measured as it is: {_FFMPEG.format(filters)}."
+
+
+def _of_singles(found: Inspection) -> Iterator[str]:
+    order = found.order.order if found.order else Order.UNCLEAR
+    if found.first_parity is None:
+        yield (
+            "Whether the first field is the top one cannot be told without targets that show by how much the "
+            "fields lie apart: look up how they were separated, and set first_parity."
+        )
+    if order is Order.REVERSED:
+        right = "tff" if found.first_parity == "bottom" else "bff"
+        yield (
+            "The two fields of each frame change places in time: they were separated in the wrong order. "
+            f"Separate them again with ffmpeg -i INPUT -vf 'setfield={right},separatefields' OUTPUT, since "
+            "ffmpeg takes frames without a mark for bottom field first."
+        )
+    if found.interlacing is Interlacing.FIELDS and order is Order.SAME_INSTANT:
+        yield "Both fields of each frame show the same instant: they are halves of a progressive picture."
 
 
 def words(seen: Inspected, out: Path | None) -> str:
@@ -149,7 +260,7 @@ def words(seen: Inspected, out: Path | None) -> str:
     what = "pictures" if found.interlacing is Interlacing.PROGRESSIVE else "fields"
     rows = [
         f"size      {found.columns} x {found.lines} pixels",
-        f"lines     {_IN_WORDS[found.interlacing]}" + (f" ({found.order.evidence})" if found.order else ""),
+        f"lines     {_lines_in_words(found)}",
         f"rate      {rate} {what} a second",
         *([f"grey      {seen.grey}"] if seen.grey else []),
         *_rows_of(found.targets, found.split),
@@ -158,6 +269,15 @@ def words(seen: Inspected, out: Path | None) -> str:
     if out is not None:
         rows.append(f"written   {out}: complete it where marked, then run: grabberd check-config {out}")
     return "\n".join(rows)
+
+
+def _lines_in_words(found: Inspection) -> str:
+    if found.layout is not None:
+        return _LAYOUTS[found.layout.kind]
+    words = _IN_WORDS[found.interlacing]
+    if found.interlacing in _SINGLE:
+        words += f", {_WHICH[found.first_parity or '']}"
+    return words + (f" ({found.order.evidence})" if found.order else "")
 
 
 def _rows_of(targets: Targets | None, split: Split | None) -> Iterator[str]:
@@ -212,21 +332,36 @@ def configuration(seen: Inspected) -> str:
 
 
 def _picture_options(seen: Inspected) -> Iterator[str]:
-    pictures = _PICTURES.get(seen.found.interlacing)
-    if pictures is None:
-        yield "pictures: progressive   # or frames, if they are interlaced: nothing that moves shows which"
-    else:
+    found = seen.found
+    pictures = _PICTURES.get(found.interlacing)
+    if pictures is not None:
         yield f"pictures: {pictures}"
+    elif seen.played == "frames":
+        yield "pictures: frames   # as their size suggests; or progressive: nothing that moves shows which"
+    else:
+        yield "pictures: progressive   # or frames, if they are interlaced: nothing that moves shows which"
     if pictures == "frames":
-        yield f"field_order: {seen.found.interlacing}"
+        yield f"field_order: {found.interlacing}"
+    if found.interlacing in _SINGLE:
+        yield (
+            f"first_parity: {found.first_parity}"
+            if found.first_parity
+            else ("first_parity: top   # or bottom: the pictures do not show which")
+        )
+        if found.order is not None and found.order.order is Order.REVERSED:
+            yield "# The fields change places in time: separate them again in the other order."
 
 
 def _rate_options(seen: Inspected) -> Iterator[str]:
     if seen.rate_hz is None:
         yield "# rate_hz: 60            # required: how many pictures a second?"
-    elif "rate_hz" in seen.options or (
-        seen.driver == "replay"
-        and (seen.of_pictures or "pictures" in seen.options)
-        and Path(seen.options["path"]).is_dir()
+    elif (
+        "rate_hz" in seen.options
+        or seen.found.interlacing in _SINGLE
+        or (
+            seen.driver == "replay"
+            and (seen.of_pictures or "pictures" in seen.options)
+            and Path(seen.options["path"]).is_dir()
+        )
     ):
         yield f"rate_hz: {seen.rate_hz:.6g}"

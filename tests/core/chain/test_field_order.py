@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from grabberd.core.chain.field_order import check
-from grabberd.core.field import BOTTOM, TOP, Field
+from grabberd.core.field import BOTTOM, TOP, Field, quantise, unpack
 from grabberd.core.reconstruction.field_order import Order
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.world import World
@@ -120,6 +120,30 @@ def test_movement_too_fast_to_follow_leads_to_no_wrong_verdict():
 
 def test_lost_fields_are_passed_over(liner):
     assert check([field for n, field in enumerate(liner) if n % 23]).order is Order.RIGHT
+
+
+@pytest.fixture(scope="module", params=["reference-round", "wide-empty"])
+def pulsating(request):
+    """Three pulsations of a solved wall: it closes within a few fields, and rests for most of a second."""
+    return seen(150, scene="liner", liner={"wall": request.param})
+
+
+@pytest.mark.parametrize("bits", [8, 1])
+def test_a_liner_whose_movement_is_fast_and_rare_tells_it(pulsating, bits):
+    packed = [unpack(quantise(field, bits, 60)) for field in pulsating]
+    assert check(packed).order is Order.RIGHT
+    assert check(exchanged(packed)).order is Order.REVERSED
+    assert check(exchanged(packed)[1:]).order is Order.REVERSED
+
+
+def test_a_liner_whose_bottom_field_is_made_of_the_top_one_is_of_one_instant(pulsating):
+    assert check(doubled(pulsating)).order in {Order.SAME_INSTANT, Order.UNCLEAR}
+
+
+def test_a_gap_between_closures_is_passed_over(pulsating):
+    gap = [*pulsating[:40], None, *pulsating[53:]]
+    assert check(gap).order is Order.RIGHT
+    assert check(gap).fields == 137
 
 
 @pytest.mark.parametrize("count", [0, 1, 5, 40])

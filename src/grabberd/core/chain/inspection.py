@@ -1,27 +1,32 @@
 """Inspection of pictures of unknown origin: how their lines belong together, where the views are, what the
-targets look like.
+targets look like. Pictures are looked at one after the other; of each, little is kept.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.chain.field_order import FieldOrderFinding, check
-from grabberd.core.chain.thresholds import field_threshold
-from grabberd.core.field import PROGRESSIVE, TOP, Field, quantise, split_frame
-from grabberd.core.measurement import Blobs, LocationSettings, ThresholdRule, measure
+from grabberd.core.chain.discs import FIND, alike, background, diameters, disc_level, peak
+from grabberd.core.chain.field_order import FieldOrderFinding, OrderCheck
+from grabberd.core.chain.layout import (
+    FLAT,
+    Layout,
+    LayoutKind,
+    Picture,
+    Sample,
+    first_original,
+    flatness,
+    recognise,
+)
+from grabberd.core.field import BOTTOM, PROGRESSIVE, TOP, Field, quantise, split_frame
+from grabberd.core.measurement import Blobs, measure
 from grabberd.core.reconstruction.field_order import Order
-from grabberd.errors import MeasurementError
-
-Picture = NDArray[np.uint8]
 
 MOST_BLOBS_AT = 12
-"""Pictures in which targets are looked for, evenly among all."""
-_FIND = LocationSettings(method="centroid", min_diameter_px=2.0, max_diameter_px=200.0, line_jitter_px=0.0)
-"""Anything from a dot to a coin: what size targets have is the question."""
+"""Pairs of pictures in which targets are looked for, evenly among all."""
 _MIDDLE = (0.3, 0.7)
 """Shares of the width between which the views meet."""
 _LEAST_SHARE = 0.35
@@ -30,10 +35,11 @@ _CLEAR = 1.5
 """Factor by which the gap between the views exceeds those between columns of targets."""
 _ROUND = 2.0
 """Ratio of width to height beyond which a bright spot is no disc."""
-_BRIGHTEST = 0.9
-"""Share of a target's pixels that are darker than its middle."""
-_LIKE = 2.0
-"""Factor by which a target's diameter may differ from the median."""
+_WIDE = 2.0
+"""Columns over lines from which on pictures may be single fields."""
+_FIELD_LINES = (240, 243, 288)
+_SURE_PX = 0.3
+"""Deviation in lines from what a parity gives, which is one line."""
 
 
 class Interlacing(StrEnum):
@@ -42,6 +48,8 @@ class Interlacing(StrEnum):
     PROGRESSIVE = "progressive"
     TOP_FIRST = "top_first"
     BOTTOM_FIRST = "bottom_first"
+    FIELDS = "fields"
+    DOUBLED = "doubled"
     UNKNOWN = "unknown"
 
 
@@ -85,11 +93,16 @@ class Inspection:
     """Findings of an inspection.
 
     Attributes:
-        columns, lines: Their size.
+        columns, lines: Their size; of single fields, that of the frame that two of them make.
         interlacing: How their lines belong together; `order` has the evidence.
-        order: The check of the field order; None for pictures that are known to be fields.
+        order: The check of the field order; None for pictures that have no fields, or one each.
         targets: None if there are none to be seen.
         split: None without targets.
+        first_parity: The field that single fields, or doubled ones, begin with, "top" or "bottom"; None if
+            that is unknown, or there are none.
+        layout: What the pictures are, if nothing that can be measured as it is.
+        is_flat: True if the targets are far from round in pictures that should have all lines, or in which
+            half of the lines never appear.
     """
 
     columns: int
@@ -98,6 +111,9 @@ class Inspection:
     order: FieldOrderFinding | None
     targets: Targets | None
     split: Split | None
+    first_parity: str | None = None
+    layout: Layout | None = None
+    is_flat: bool = False
 
 
 _BY_ORDER = {
@@ -107,51 +123,129 @@ _BY_ORDER = {
 }
 
 
-def inspect(pictures: Sequence[Picture]) -> Inspection:
-    """Inspect whole pictures, frames of two fields or progressive ones.
+class _Samples:
+    """A few pairs of successive fields, evenly among all that have come."""
+
+    def __init__(self) -> None:
+        self._kept: list[tuple[int, Field]] = []
+        self._every = 2
+
+    def add(self, number: int, field: Field) -> None:
+        """Keep a copy of the field, if it is its turn."""
+        if number % self._every > 1:
+            return
+        self._kept.append((number, replace(field, luma=field.luma.copy())))
+        if len(self._kept) > 2 * MOST_BLOBS_AT:
+            self._every *= 2
+            self._kept = [(n, one) for n, one in self._kept if n % self._every < 2]
+
+    @property
+    def fields(self) -> list[Field]:
+        """The fields that were kept."""
+        return [field for _, field in self._kept]
+
+    @property
+    def pictures(self) -> list[Sample]:
+        """Their pictures."""
+        return [Sample(number, field.luma) for number, field in self._kept]
+
+
+def inspect(pictures: Iterable[Picture | None]) -> Inspection:
+    """Inspect whole pictures: frames of two fields, single fields, or progressive ones.
 
     Args:
-        pictures: (lines, columns) uint8 each, all of one size, in the order of time.
+        pictures: (lines, columns) uint8 each, at least one, all of one size, in the order of time; None for
+            each that is missing. They are copied, if at all, before the next is requested.
     """
-    lines, columns = pictures[0].shape
-    order = None if lines % 2 else check(field for one in pictures for field in split_frame(one, TOP))
+    samples, frames, singles = _Samples(), OrderCheck(), OrderCheck()
+    lines, columns = 0, 0
+    for number, picture in enumerate(pictures):
+        if picture is None:
+            frames.add(None)
+            singles.add(None)
+            continue
+        lines, columns = picture.shape
+        samples.add(number, Field.progressive(picture))
+        for field in () if lines % 2 else split_frame(picture, TOP):
+            frames.add(field)
+        if columns >= _WIDE * lines:
+            singles.add(Field.intact(picture, (TOP, BOTTOM)[number % 2]))
+    kept = samples.pictures
+    flat, layout = flatness(kept) > FLAT, recognise(kept)
+    # Whatever half of a picture a field is in, nothing but its discs shows it: they are half as high.
+    if layout is None and columns >= _WIDE * lines and (flat or lines in _FIELD_LINES):
+        return _of_singles(kept, singles, flat=flat)
+    order = frames.finding() if lines % 2 == 0 else None
     told = order.order if order else Order.SAME_INSTANT  # an odd number of lines is that of no frame
     interlacing = _BY_ORDER.get(told, Interlacing.UNKNOWN)
+    first = None
+    if layout is not None:
+        interlacing = Interlacing.UNKNOWN
+        if layout == Layout(LayoutKind.INTERPOLATED, "both"):
+            interlacing, layout, first = Interlacing.DOUBLED, None, first_original(kept)
+            order = None
     # A field alone is sharp whatever moves; of progressive pictures every line counts.
+    whole = interlacing in (Interlacing.PROGRESSIVE, Interlacing.DOUBLED)
     fields = [
-        Field.progressive(one) if interlacing is Interlacing.PROGRESSIVE else Field.intact(one[::2], TOP)
-        for one in pictures
+        Field.progressive(one.picture) if whole else Field.intact(one.picture[::2], TOP) for one in kept
     ]
     targets, split = _targets_and_split(fields)
-    return Inspection(columns, lines, interlacing, order, targets, split)
+    return Inspection(
+        columns, lines, interlacing, order, targets, split, first, layout, flat and layout is None
+    )
 
 
-def inspect_fields(fields: Sequence[Field], order: FieldOrderFinding | None = None) -> Inspection:
+def _of_singles(kept: Sequence[Sample], singles: OrderCheck, *, flat: bool) -> Inspection:
+    """Inspection of pictures that may be single fields, by what was found with the top one first."""
+    lines, columns = kept[0].picture.shape
+    order, first = singles.finding(), None
+    fields = [Field.intact(one.picture, (TOP, BOTTOM)[one.number % 2]) for one in kept]
+    if singles.offset_px is not None:
+        # With the parities exchanged, each field lies two lines wrong against the other one.
+        if abs(singles.offset_px) < _SURE_PX:
+            first = "top"
+        elif abs(singles.offset_px + 2) < 2 * _SURE_PX:
+            first = "bottom"
+        elif abs(singles.offset_px + 1) < _SURE_PX:
+            whole = [Field.progressive(one.picture) for one in kept]
+            targets, split = _targets_and_split(whole)
+            return Inspection(columns, lines, Interlacing.PROGRESSIVE, None, targets, split, is_flat=flat)
+    targets, split = _targets_and_split(fields)
+    return Inspection(columns, 2 * lines, Interlacing.FIELDS, order, targets, split, first)
+
+
+def inspect_fields(fields: Iterable[Field | None]) -> Inspection:
     """Inspect fields whose parity is known.
 
     Args:
-        fields: All of one size.
-        order: What is known of their order.
+        fields: At least one, all of one size; None for a gap. Each is copied, if at all, before the next is
+            requested.
     """
-    first = fields[0]
-    told = order.order if order else Order.UNCLEAR
+    order, samples = OrderCheck(), _Samples()
+    for number, field in enumerate(fields):
+        if field is None or field.parity != PROGRESSIVE:
+            order.add(field)
+        if field is not None:
+            samples.add(number, field)
+    first = samples.fields[0]
     if first.parity == PROGRESSIVE:
-        told = Order.SAME_INSTANT
-    interlacing = _BY_ORDER.get(told, Interlacing.UNKNOWN)
-    targets, split = _targets_and_split(fields)
-    return Inspection(first.columns, first.rows * first.y_step, interlacing, order, targets, split)
+        found, interlacing = None, Interlacing.PROGRESSIVE
+    else:
+        found = order.finding()
+        interlacing = _BY_ORDER.get(found.order, Interlacing.UNKNOWN)
+    targets, split = _targets_and_split(samples.fields)
+    return Inspection(first.columns, first.rows * first.y_step, interlacing, found, targets, split)
 
 
 def _targets_and_split(fields: Sequence[Field]) -> tuple[Targets | None, Split | None]:
-    chosen = fields[:: max(1, len(fields) // MOST_BLOBS_AT)]
-    found = [one for field in chosen if (one := _discs(field)) is not None]
+    found = [one for field in fields if (one := _discs(field)) is not None]
     if not found:
         return None, None
     targets = Targets(
         count=float(np.mean([len(blobs) for _, blobs, _ in found])),
-        diameter_px=float(np.median(np.concatenate([_diameters(blobs) for _, blobs, _ in found]))),
-        contrast=float(np.median([_peak(field, level) - _background(field) for field, _, level in found])),
-        background=float(np.median([_background(field) for field, _, _ in found])),
+        diameter_px=float(np.median(np.concatenate([diameters(blobs) for _, blobs, _ in found]))),
+        contrast=float(np.median([peak(field, level) - background(field) for field, _, level in found])),
+        background=float(np.median([background(field) for field, _, _ in found])),
         clipped=float(np.mean([_clipped(field, level) for field, _, level in found])),
     )
     return targets, _split([blobs for _, blobs, _ in found], fields[0].columns)
@@ -159,34 +253,13 @@ def _targets_and_split(fields: Sequence[Field]) -> tuple[Targets | None, Split |
 
 def _discs(field: Field) -> tuple[Field, Blobs, int] | None:
     """The spots of a field that are round and alike, and the level that shows them; None without any."""
-    try:
-        threshold = field_threshold(field, ThresholdRule(), 8, doubled=False)
-    except MeasurementError:
+    level = disc_level(field)
+    if level is None:
         return None
-    # At half of their height blur makes discs neither wider nor narrower.
-    level = round((_peak(field, threshold) + _background(field)) / 2)
-    blobs = measure(quantise(field, 8, level), None, _FIND)
+    blobs = measure(quantise(field, 8, level), None, FIND)
     ratio = blobs.width_px / np.maximum(blobs.height_px, 1.0)
-    blobs = blobs.select(~blobs.at_border & (ratio < _ROUND) & (ratio > 1 / _ROUND))
-    if not len(blobs):
-        return None
-    share = _diameters(blobs) / np.median(_diameters(blobs))
-    blobs = blobs.select((share < _LIKE) & (share > 1 / _LIKE))
-    return field, blobs, level
-
-
-def _diameters(blobs: Blobs) -> NDArray[np.float64]:
-    return np.asarray(np.sqrt(4 / np.pi * blobs.area_px))
-
-
-def _background(field: Field) -> float:
-    return float(np.median(field.luma))
-
-
-def _peak(field: Field, level: int) -> float:
-    """Grey level of the targets' brightest pixels."""
-    above = field.luma[field.luma > level]
-    return float(np.quantile(above, _BRIGHTEST)) if len(above) else float(level)
+    blobs = alike(blobs.select(~blobs.at_border & (ratio < _ROUND) & (ratio > 1 / _ROUND)))
+    return (field, blobs, level) if len(blobs) else None
 
 
 def _clipped(field: Field, level: int) -> float:

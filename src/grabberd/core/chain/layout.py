@@ -1,0 +1,243 @@
+"""Pictures that are not what their size suggests: two fields or the same picture twice in one, or half of it
+missing. Only what the pictures themselves prove is said.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.core.chain.discs import DiscFinder, disc_level, pairs, spacing_px
+from grabberd.core.field import Field
+from grabberd.core.measurement import Blobs
+
+Picture = NDArray[np.uint8]
+Array = NDArray[np.float64]
+
+
+class LayoutKind(StrEnum):
+    """Ways in which a picture is neither a frame, nor a field, nor progressive."""
+
+    STACKED = "fields_one_above_the_other"
+    BESIDE = "fields_side_by_side"
+    TWICE_BELOW = "same_picture_below"
+    TWICE_BESIDE = "same_picture_beside"
+    LINES_TWICE = "lines_twice"
+    INTERPOLATED = "lines_interpolated"
+    FIELD_MISSING = "field_missing"
+    HALF_MISSING = "half_missing"
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """A layout that was recognised.
+
+    Attributes:
+        kind: What it is.
+        part: Of fields, which one is in the upper or left half, `top` or `bottom`; the field whose lines are
+            missing or interpolated, `both` if they alternate from picture to picture; the half that is
+            missing: `upper`, `lower`, `left` or `right`. Empty if that cannot be told.
+    """
+
+    kind: LayoutKind
+    part: str = ""
+
+
+class Sample(NamedTuple):
+    """A picture and its number in the recording."""
+
+    number: int
+    picture: Picture
+
+
+FLAT = 1.35
+"""Width over height from which on discs are not round: half of their lines are elsewhere."""
+_LEAST_DISCS = 6
+_MATCHED = 0.75
+"""Share of the discs that two fields of one frame have in common, while the object moves."""
+_EQUAL = 0.9
+"""Share of the discs that the same picture has in common, and of the pictures that are alike."""
+_GATE = 0.3
+"""Share of the distance between discs within which a disc of the other half is the same one."""
+_SAME_PX = 0.25
+_SPREAD_PX = 0.6
+"""Largest deviation of the discs' distances: two views of an object have others from disc to disc."""
+_HALF_LINE = 0.25
+"""Deviation from half a line, by which the fields of a frame lie apart."""
+_COPIED = 0.1
+"""Share of the usual difference below which a line is made of its neighbours."""
+_FLAT_BLACK, _NOISY = 0.3, 0.6
+"""Standard deviations, in grey levels, of what a device fills in, and of a camera's background."""
+_OTHER_BLACK = 3.0
+_BRIGHT = 40.0
+_MARGIN = 16
+_ALL = 0.9
+"""Share of the pictures in which something is so."""
+
+
+def flatness(samples: Sequence[Sample]) -> float:
+    """Width of the discs over their height, in pixels of the pictures; NaN without discs."""
+    found = _discs(samples)
+    ratios = [blobs.width_px / np.maximum(blobs.height_px, 1.0) for blobs in found if len(blobs)]
+    return float(np.median(np.concatenate(ratios))) if ratios else np.nan
+
+
+def recognise(samples: Sequence[Sample]) -> Layout | None:
+    """The layout of pictures of one size, if it is a known one that they prove."""
+    found = _discs(samples)
+    for one in (_of_lines(samples), _half_missing(samples), _of_halves(found, samples)):
+        if one is not None:
+            return one
+    return None
+
+
+def _discs(samples: Sequence[Sample]) -> list[Blobs]:
+    finder = DiscFinder()
+    found = [finder.find(Field.progressive(one.picture)) for one in samples]
+    return [blobs for blobs in found if blobs is not None]
+
+
+def _of_lines(samples: Sequence[Sample]) -> Layout | None:
+    """Layouts that alternate from line to line."""
+    lit = [one for one in samples if _rows_lit(one.picture).sum() >= _LEAST_DISCS]
+    if not lit:
+        return None
+    for parity, name in enumerate(("top", "bottom")):
+        if all(not _rows_lit(one.picture)[parity::2].any() for one in lit):
+            return Layout(LayoutKind.FIELD_MISSING, name)
+    if all(_share(_twice(one.picture)) < _COPIED for one in lit):
+        return Layout(LayoutKind.LINES_TWICE)
+    made = [_interpolated(one.picture) for one in lit]
+    if None in made:
+        return None
+    alternate = {(parity or 0) ^ (one.number % 2) for parity, one in zip(made, lit, strict=True)}
+    if len(set(made)) == 1 and len({one.number % 2 for one in lit}) == 2:
+        return Layout(LayoutKind.INTERPOLATED, ("top", "bottom")[made[0] or 0])
+    return Layout(LayoutKind.INTERPOLATED, "both") if len(alternate) == 1 else None
+
+
+def first_original(samples: Sequence[Sample]) -> str:
+    """Of pictures whose interpolated lines alternate, the field that the first one was made of."""
+    made = _interpolated(samples[0].picture) or 0
+    return ("bottom", "top")[made ^ (samples[0].number % 2)]
+
+
+def _rows_lit(picture: Picture) -> NDArray[np.bool_]:
+    level = disc_level(Field.progressive(picture))
+    return np.zeros(len(picture), bool) if level is None else np.asarray((picture > level).any(axis=1))
+
+
+def _twice(picture: Picture) -> tuple[float, float]:
+    """Mean squared differences of the lines 0 and 1, 2 and 3 …, and of those between; the less first."""
+    steps = np.square(np.diff(picture.astype(np.int32), axis=0)).mean(axis=1)
+    one, other = float(steps[0::2].mean()), float(steps[1::2].mean())
+    return min(one, other), max(one, other)
+
+
+def _interpolated(picture: Picture) -> int | None:
+    """Parity of the lines that are the means of their neighbours; None if neither is, or both."""
+    luma = picture.astype(np.float32)
+    left = np.square(luma[1:-1] - (luma[:-2] + luma[2:]) / 2).mean(axis=1)
+    odd, even = float(left[0::2].mean()), float(left[1::2].mean())
+    return None if _share((min(odd, even), max(odd, even))) >= _COPIED else int(odd < even)
+
+
+def _share(values: tuple[float, float]) -> float:
+    return values[0] / values[1] if values[1] > 0 else 1.0
+
+
+_HALVES: dict[str, Callable[[Picture], Picture]] = {
+    "upper": lambda one: one[_MARGIN : len(one) // 2 - _MARGIN, _MARGIN:-_MARGIN],
+    "lower": lambda one: one[len(one) // 2 + _MARGIN : -_MARGIN, _MARGIN:-_MARGIN],
+    "left": lambda one: one[_MARGIN:-_MARGIN, _MARGIN : one.shape[1] // 2 - _MARGIN],
+    "right": lambda one: one[_MARGIN:-_MARGIN, one.shape[1] // 2 + _MARGIN : -_MARGIN],
+}
+_OTHER = {"upper": "lower", "lower": "upper", "left": "right", "right": "left"}
+
+
+def _half_missing(samples: Sequence[Sample]) -> Layout | None:
+    """A half that a device filled in: a view is never without noise or targets.
+
+    An object may well be in the upper half alone, and few bits show no noise: then the halves differ in how
+    black they are.
+    """
+    for name, half in _HALVES.items():
+        is_view = name in ("left", "right")
+        both = [(half(one.picture), _HALVES[_OTHER[name]](one.picture)) for one in samples]
+        if all(_is_filled_in(one, other) and (is_view or _is_blacker(one, other)) for one, other in both):
+            return Layout(LayoutKind.HALF_MISSING, name)
+    return None
+
+
+def _is_filled_in(half: Picture, other: Picture) -> bool:
+    """True if a half is all of one grey, and there is something in the other one."""
+    if not half.size or not other.size or float(half.std()) >= _FLAT_BLACK:
+        return False
+    return float(other.max()) - float(np.median(other)) > _BRIGHT
+
+
+def _is_blacker(half: Picture, other: Picture) -> bool:
+    dark = other[other <= np.quantile(other, 0.9)]
+    apart = abs(float(np.median(other)) - float(np.median(half)))
+    return float(dark.std()) > _NOISY or apart >= _OTHER_BLACK
+
+
+class _Alike(NamedTuple):
+    """Discs of the one half found in the other: their share, median distance, and its spread, pixels."""
+
+    share: float
+    off_px: Array
+    spread_px: float
+
+    @property
+    def is_same(self) -> bool:
+        """True if nothing but noise distinguishes the halves."""
+        near = bool((np.abs(self.off_px) < _SAME_PX).all())
+        return self.share >= _EQUAL and near and self.spread_px < _SPREAD_PX / 2
+
+
+def _of_halves(found: Sequence[Blobs], samples: Sequence[Sample]) -> Layout | None:
+    """Layouts whose halves show the same discs: equal, or half a line apart."""
+    lines, columns = samples[0].picture.shape
+    for axis, length, twice, fields in (
+        (1, lines, LayoutKind.TWICE_BELOW, LayoutKind.STACKED),
+        (0, columns, LayoutKind.TWICE_BESIDE, LayoutKind.BESIDE),
+    ):
+        alike = [one for blobs in found if (one := _compared(blobs, axis, length / 2)) is not None]
+        if length % 2 or len(alike) < _ALL * len(samples):
+            continue
+        if np.mean([one.is_same for one in alike]) >= _EQUAL:
+            return Layout(twice)
+        if np.median([one.share for one in alike]) < _MATCHED or not flatness(samples) > FLAT:
+            continue
+        # The object moves from field to field: what stands still shows how the lines lie.
+        stillest = sorted(alike, key=lambda one: one.spread_px)[: max(1, len(alike) // 3)]
+        off = np.median([one.off_px for one in stillest], axis=0)
+        if stillest[-1].spread_px < _SPREAD_PX and np.abs(off).max() < _LEAST_DISCS:
+            return Layout(fields, _upper_field(float(off[1])))
+    return None
+
+
+def _upper_field(lower_px: float) -> str:
+    """The field in the upper or left half, by the rows by which discs lie lower in the other half."""
+    if abs(abs(lower_px) - 0.5) > _HALF_LINE:
+        return ""
+    return "top" if lower_px < 0 else "bottom"
+
+
+def _compared(blobs: Blobs, axis: int, half_px: float) -> _Alike | None:
+    xy = blobs.xy_px
+    first, second = xy[xy[:, axis] < half_px - 0.5], xy[xy[:, axis] >= half_px - 0.5]
+    if min(len(first), len(second)) < _LEAST_DISCS:
+        return None
+    second = second - np.eye(2)[axis] * half_px
+    i, j = pairs(first, second, _GATE * spacing_px(first))
+    if len(i) < _LEAST_DISCS:
+        return None
+    off = second[j] - first[i]
+    middle = np.median(off, axis=0)
+    spread = float(np.median(np.abs(off - middle), axis=0).max()) / 0.6745
+    return _Alike(2 * len(i) / (len(first) + len(second)), middle, spread)
