@@ -14,7 +14,7 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.chain.repeats import RepeatJudge, rhythm
+from grabberd.core.chain.repeats import RepeatJudge, repetitions
 from grabberd.core.field import NTSC_HZ, PAL_HZ, TOP, Field, FieldOrder
 from grabberd.errors import DeviceRefused, GrabberdError, PictureError
 from grabberd_replay.recording import (
@@ -32,6 +32,7 @@ from grabberd_replay.samples import KNOWN_BITS, STORED_BITS, Levels, Samples
 from grabberd_replay.timeline import LOOKED_AT, Numbered, Pace, Timeline, apart_ms
 
 _GRABBED_SIZES = ((720, 576), (720, 288), (720, 480), (720, 240))
+_SLOWEST_HZ = 1.0
 _SAME_RATE = 0.02
 """Departure of the times' rate from a multiple of a stated one up to which they are of one clock."""
 
@@ -175,7 +176,7 @@ class FootageRecording(Recording):
                 *self._levels.remarks,
                 *_of_fields(source, self._splitter, options),
                 *_of_times(self._splitter, pace, options),
-                *_of_repeats(look.repeats, rate_hz / pictures.fields),
+                *filter(None, [repetitions(look.repeats, _known_hz(rate_hz / pictures.fields))]),
             ),
         )
 
@@ -225,6 +226,11 @@ class FootageRecording(Recording):
 
     def _grey(self, one: Shown) -> NDArray[np.uint8]:
         return self._levels.grey(one.name, one.samples)
+
+
+def _known_hz(rate_hz: float) -> float:
+    """A rate that a camera may have; 0 for one that was only made up to look at pictures without any."""
+    return rate_hz if rate_hz > _SLOWEST_HZ else 0.0
 
 
 T = TypeVar("T")
@@ -315,16 +321,6 @@ def _of_times(splitter: Splitter, pace: Pace | None, options: Options) -> Iterat
         yield (
             f"Its own times are of {own_hz:.6g} fields a second; it is played at {splitter.rate_hz:g}, as "
             "'rate_hz' asks."
-        )
-
-
-def _of_repeats(repeats: list[bool], rate_hz: float) -> Iterator[str]:
-    if count := sum(repeats):
-        left_hz = rate_hz * (1 - count / len(repeats))
-        how = f" ({words})" if (words := rhythm(repeats)) else ""
-        yield (
-            f"{count} of its first {len(repeats)} pictures repeat the one before{how}: {left_hz:.4g} of "
-            f"{rate_hz:.4g} pictures a second are left. Where anything moves, repeated ones are not measured."
         )
 
 

@@ -1,7 +1,7 @@
 """`grabberd inspect`: looks at pictures of unknown origin and writes a configuration for them."""
 
 from contextlib import closing
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from grabberd.cli.options import DriverOption, JsonOption, driver_options, out_file, print_result
-from grabberd.errors import GrabberdError, InputError, StorageError, StreamEnded, StreamFailed
+from grabberd.errors import DeviceRefused, GrabberdError, InputError, StorageError, StreamEnded, StreamFailed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,6 +25,7 @@ MOST_PIXELS = 600 * 576 * 720
 FEWEST_FIELDS = 120
 MOST_MISSING = 1000
 SILENCE_S = 2.0
+SLOWEST_HZ = 1.0
 
 
 def inspect(
@@ -93,15 +94,13 @@ def _inspected(
     """The inspection, the stream, and what ended its reading before its end."""
     from grabberd.core.chain.inspection import inspect as looked_at  # noqa: PLC0415
     from grabberd.core.chain.inspection import inspect_fields  # noqa: PLC0415
-    from grabberd.instrument.acquisition import GRABBERS  # noqa: PLC0415
 
     pictures = driver == "replay" and _has_pictures(Path(options.get("path", "")))
     try:
-        grabber = GRABBERS.create(driver, _of_pictures(options, rate_hz) if pictures else options)
+        reading = _reading(driver, options, rate_hz, pictures=pictures)
     except ValueError as error:
         raise InputError(str(error), "name a folder, a video, a capture, or DRIVER:PATH") from error
-    with closing(grabber):
-        reading = _Reading(grabber)
+    with closing(reading.grabber):
         fields = iter(reading)
         first = next((one for one in fields if one is not None), None)
         if first is None:
@@ -111,15 +110,31 @@ def _inspected(
             found = looked_at(None if one is None else one.luma for one in whole)
         else:
             found = inspect_fields(whole)
-    return found, reading.info, reading.problem
+    remarks = (*reading.info.remarks, *filter(None, [reading.repetitions]))
+    return found, replace(reading.info, remarks=remarks), reading.problem
 
 
 def _of_pictures(options: dict[str, Any], rate_hz: float | None) -> dict[str, Any]:
     """Options that give pictures whole: how their lines belong together is the question."""
     whole = {"pictures": "progressive", **options}
     rate_hz = rate_hz and rate_hz * (2 if whole["pictures"] == "frames" else 1)
-    rate_hz = rate_hz or options.get("rate_hz") or (1.0 if Path(options["path"]).is_dir() else None)
-    return {**whole, "rate_hz": rate_hz}
+    return {**whole, "rate_hz": rate_hz or options.get("rate_hz")}
+
+
+def _reading(driver: str, options: dict[str, Any], rate_hz: float | None, *, pictures: bool) -> "_Reading":
+    """The source, opened; pictures whose rate nothing tells are looked at as if they had one."""
+    from grabberd.instrument.acquisition import GRABBERS  # noqa: PLC0415
+
+    if not pictures:
+        return _Reading(GRABBERS.create(driver, options))
+    try:
+        return _Reading(GRABBERS.create(driver, _of_pictures(options, rate_hz)))
+    except DeviceRefused as error:
+        if "'rate_hz'" not in error.hint:
+            raise
+    reading = _Reading(GRABBERS.create(driver, _of_pictures(options, SLOWEST_HZ)))
+    reading.info = replace(reading.info, rate_hz=0.0)
+    return reading
 
 
 def _has_pictures(path: Path) -> bool:
@@ -131,13 +146,20 @@ class _Reading:
     """The first fields of a grabber, each valid until the next is taken, and None for each that is missing.
 
     Attributes:
+        grabber: Where they come from.
         info: The stream.
         problem: With the last field: the error that ended them, if one did.
     """
 
     def __init__(self, grabber: "Grabber") -> None:
-        self._grabber = grabber
+        from grabberd.core.chain.repeats import RepeatJudge  # noqa: PLC0415 - loads NumPy
+        from grabberd.core.field import FieldOrder  # noqa: PLC0415
+
+        self.grabber = grabber
         self.info = grabber.open()
+        self._rate_hz = self.info.rate_hz
+        self._judge = RepeatJudge(of_any_parity=self.info.field_order is FieldOrder.PROGRESSIVE)
+        self._repeats: list[bool] = []
         self.problem: GrabberdError | None = None
 
     def __iter__(self) -> "Iterator[Field | None]":
@@ -146,24 +168,36 @@ class _Reading:
         due_ns: int | None = None
         while left > 0:
             try:
-                with self._grabber.dequeue(SILENCE_S) as grabbed:
+                with self.grabber.dequeue(SILENCE_S) as grabbed:
                     if not grabbed:
                         hint = "check the camera and its cable"
                         self.problem = StreamFailed(f"no picture came for {SILENCE_S:g} s", hint)
                         return
                     for one in grabbed:
-                        missing = (
-                            0 if due_ns is None else round((one.time_ns - due_ns) * self.info.rate_hz / 1e9)
-                        )
+                        missing = 0 if due_ns is None else round((one.time_ns - due_ns) * self._rate_hz / 1e9)
                         yield from [None] * min(missing, MOST_MISSING)
-                        yield None if one.damage else one.field
-                        due_ns = one.time_ns + round(1e9 / self.info.rate_hz)
+                        yield None if one.damage or self._is_repeated(one.field) else one.field
+                        due_ns = one.time_ns + round(1e9 / self._rate_hz)
                         left -= 1
             except StreamEnded:
                 return
             except GrabberdError as error:
                 self.problem = error
                 return
+
+    def _is_repeated(self, field: "Field") -> bool:
+        """True for a picture that a live device gives once more; a recording marks its own."""
+        if not self.info.live:
+            return False
+        self._repeats.append(self._judge.take(replace(field, luma=field.luma.copy())))
+        return self._repeats[-1]
+
+    @property
+    def repetitions(self) -> str:
+        """Which pictures of a live device repeat another, in a sentence; empty if none does."""
+        from grabberd.core.chain.repeats import repetitions  # noqa: PLC0415
+
+        return repetitions(self._repeats, self._rate_hz)
 
 
 def _write(out: Path, text: str) -> None:

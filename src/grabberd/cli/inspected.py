@@ -102,9 +102,6 @@ class Inspected:
         """Put together what was found and where."""
         whole = driver == "replay" and info.field_order is FieldOrder.PROGRESSIVE
         of_pictures = whole and "pictures" not in options
-        is_told = rate_hz is not None or "rate_hz" in options
-        if not is_told and whole and Path(options["path"]).is_dir():
-            info = replace(info, rate_hz=0.0)
         marked = _marked(info) if of_pictures else None
         # Recorders forget to mark frames, and the replay driver knows it.
         is_forgotten = marked is Interlacing.PROGRESSIVE and played == "frames"

@@ -113,6 +113,25 @@ def _places(field: Field) -> NDArray[np.float64]:
     return measure(quantise(field, 8, level), None, _FIND).xy_px if level >= 0 else np.empty((0, 2))
 
 
+def repetitions(repeats: Sequence[bool], rate_hz: float, what: str = "pictures") -> str:
+    """What repeats in the beginning of a recording or stream, as a sentence; empty if nothing does.
+
+    Args:
+        repeats: for each of its first pictures, whether it repeats another.
+        rate_hz: pictures a second, the repeated ones included; 0 if unknown.
+        what: what they are.
+    """
+    if not (count := sum(repeats)):
+        return ""
+    how = f" ({words})" if (words := rhythm(repeats)) else ""
+    share = 1 - count / len(repeats)
+    left = f"{share * rate_hz:.4g} of {rate_hz:.4g} {what} a second" if rate_hz else f"{share:.0%} of them"
+    return (
+        f"{count} of its first {len(repeats)} {what} repeat the one before{how}: {left} are left. Where "
+        "anything moves, repeated ones are not measured."
+    )
+
+
 def rhythm(repeats: Sequence[bool]) -> str:
     """How the pictures that repeat the one before follow one another, in words; empty where nothing shows."""
     at = np.flatnonzero(repeats)
