@@ -53,7 +53,7 @@ LAYOUTS = {
     "YUY2": Layout(2, first=0, step=2),
 }
 _COLOURS = frozenset(
-    {"RGB", "RGB.", "BGR", "BGR.", "RGBA", "BGRA", "ARGB", "ABGR", "PAL.", "RV24", "RV32", "BGR0"}
+    {"RGB", "RGB[24]", "BGR", "BGR[24]", "RGBA", "BGRA", "ARGB", "ABGR", "PAL[8]", "RV24", "RV32", "BGR0"}
 )
 """Pixel formats without a luma of their own, of 8 bits a colour."""
 
@@ -230,7 +230,7 @@ def check_size(path: Path, header: Header) -> None:
 
 def _letters(code: float) -> str:
     raw = (int(code) & 0xFFFFFFFF).to_bytes(4, "little").rstrip(b"\0 ")
-    return "".join(chr(value) if 32 < value < 127 else "." for value in raw)
+    return "".join(chr(value) if 32 < value < 127 else f"[{value}]" for value in raw)
 
 
 def _read(path: Path, setting: tuple[int, float]) -> Iterator[tuple[float, Picture]]:

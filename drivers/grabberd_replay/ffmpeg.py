@@ -43,6 +43,7 @@ _ENTRIES = (
 )
 _ORDERS = {"progressive": FieldOrder.PROGRESSIVE, "t": FieldOrder.TOP_FIRST, "b": FieldOrder.BOTTOM_FIRST}
 _BITS = 8
+_LOST_IN_NUT = "rgb555le"
 _LUMA_FIRST = ("yuv", "gray", "nv", "uyvy", "yuyv", "yvyu", "p0", "p2", "p4", "ya")
 """Beginnings of the names of pixel formats that have a luma of their own."""
 
@@ -221,6 +222,12 @@ class PipedDecoder:
         self.uncompressed = probe.header.codec == "rawvideo"
         self.bits = probe.bits if _BITS < probe.bits < STORED_BITS else None
         check_size(path, self.header)
+        if self.uncompressed and self.header.pixels == _LOST_IN_NUT:
+            raise DeviceRefused(
+                f"{path}: its uncompressed pictures are called {_LOST_IN_NUT}, as NUT calls all that it has no "
+                "name for (P010, P016, NV16, NV24): what they are cannot be known",
+                "record them again as gray10le, gray16le or nv12, or with FFV1",
+            )
         with closing(self.pictures()) as pictures:
             if next(pictures, None) is None:
                 raise PictureError(

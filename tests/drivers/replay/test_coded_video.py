@@ -128,6 +128,18 @@ def test_uncompressed_video_of_more_than_8_bits_is_read_as_stored(tmp_path, monk
     assert "apt-get install ffmpeg" in caught.value.hint
 
 
+@pytest.mark.parametrize("installed", [True, False])
+def test_pixel_formats_that_nut_has_no_name_for_are_refused(tmp_path, monkeypatch, installed):
+    options = ["-f", "rawvideo", "-pix_fmt", "p010le", "-s", "64x64", "-r", "25", "-i", "-", "-c:v", "rawvideo"]
+    path = tmp_path / "a.nut"
+    content = bytes(64 * 64 * 3 * 3)
+    subprocess.run(["ffmpeg", "-v", "error", *options, str(path)], input=content, check=True)
+    if not installed:
+        monkeypatch.setenv("PATH", "")
+    with pytest.raises(DeviceRefused, match="rgb555le|only converted"):
+        play(path, pictures="progressive")
+
+
 SAME = {
     "limited.mp4": ("-c:v", "libx264", "-qp", "0", "-pix_fmt", "yuv420p", "-color_range", "tv"),
     "full.mp4": ("-c:v", "libx264", "-qp", "0", "-pix_fmt", "yuv420p", "-color_range", "pc"),
