@@ -130,7 +130,20 @@ def test_uncompressed_video_of_more_than_8_bits_is_read_as_stored(tmp_path, monk
 
 @pytest.mark.parametrize("installed", [True, False])
 def test_pixel_formats_that_nut_has_no_name_for_are_refused(tmp_path, monkeypatch, installed):
-    options = ["-f", "rawvideo", "-pix_fmt", "p010le", "-s", "64x64", "-r", "25", "-i", "-", "-c:v", "rawvideo"]
+    options = [
+        "-f",
+        "rawvideo",
+        "-pix_fmt",
+        "p010le",
+        "-s",
+        "64x64",
+        "-r",
+        "25",
+        "-i",
+        "-",
+        "-c:v",
+        "rawvideo",
+    ]
     path = tmp_path / "a.nut"
     content = bytes(64 * 64 * 3 * 3)
     subprocess.run(["ffmpeg", "-v", "error", *options, str(path)], input=content, check=True)
