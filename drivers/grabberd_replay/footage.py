@@ -79,7 +79,7 @@ class Source(Protocol):
 
     @property
     def fault(self) -> str:
-        """What ended the pictures before their end; empty if nothing did."""
+        """Failure that ended the pictures before their end; empty if none did."""
         ...
 
     def pictures(self) -> Generator[Shown, None, None]:
@@ -92,7 +92,7 @@ class Source(Protocol):
 
 
 class Options(NamedTuple):
-    """What the user says of the pictures; None where nothing was said.
+    """Statements of the user about the pictures; None where there is none.
 
     Raises:
         ValueError: a value is none that the option can have.
@@ -135,7 +135,7 @@ def _is_rate(value: object) -> bool:
 
 
 class _Look(NamedTuple):
-    """What the first pictures show: samples of the first, their times, and whether each repeats another."""
+    """First look at the pictures: samples of the first, times, and whether each repeats another."""
 
     first: Samples
     times_s: list[float]
@@ -240,7 +240,7 @@ U = TypeVar("U")
 def _through(
     pictures: Iterable[T], take: Callable[[T], Iterator[U]], end: Callable[[], Iterator[U]]
 ) -> Iterator[U]:
-    """What comes out of a stage in which pictures may wait; it is emptied before a failure is passed on."""
+    """Pass pictures through a stage in which some wait; it is emptied before a failure is passed on."""
     try:
         for one in pictures:
             yield from take(one)

@@ -97,7 +97,7 @@ def _by_seconds(paths: Sequence[Path]) -> Names | None:
 
 
 def _timed(paths: Sequence[Path], times: Sequence[Fraction], what: str) -> Names | None:
-    """By times that differ and follow one another at a rate that a camera may have; None if they do not."""
+    """Names with times that differ, at a rate that a camera may have; None if they are no such times."""
     ordered = sorted(zip(times, paths, strict=True))
     steps = sorted(later - earlier for (earlier, _), (later, _) in pairwise(ordered))
     if not steps or steps[0] <= 0 or not _RATES_HZ[0] <= 1 / steps[len(steps) // 2] <= _RATES_HZ[1]:
@@ -108,7 +108,7 @@ def _timed(paths: Sequence[Path], times: Sequence[Fraction], what: str) -> Names
 
 
 def _by_numbers(directory: Path, paths: Sequence[Path]) -> Names | None:
-    """By the one number that differs from name to name; None if there is none such."""
+    """Names in which one number differs, as a count or times; None if there is no such number."""
     pieces = [re.split(r"(\d+)", path.stem) for path in paths]
     if len({tuple(one[::2]) for one in pieces}) != 1 or len(paths) < 2:
         return None
@@ -157,7 +157,7 @@ def _count(ordered: Sequence[tuple[int, Path]], remarks: list[str]) -> Names | N
 
 
 def _missing(ordered: Sequence[tuple[int, Path]], step: int) -> Iterator[str]:
-    """What is missing between pictures, each run of it in a few words."""
+    """Runs of missing pictures, each in a few words."""
     for (earlier, before), (later, _) in pairwise(ordered):
         if lacking := (later - earlier) // step - 1:
             what = "1 picture is" if lacking == 1 else f"{lacking} pictures are"
@@ -165,7 +165,7 @@ def _missing(ordered: Sequence[tuple[int, Path]], step: int) -> Iterator[str]:
 
 
 def _stamps(directory: Path, ordered: Sequence[tuple[int, Path]]) -> Names:
-    """By numbers that are times: in the unit that gives a camera's rate."""
+    """Names whose numbers are times, in the unit that gives a camera's rate."""
     paths = [path for _, path in ordered]
     for unit, name in zip(_UNITS_S[1:], ("ms", "us", "ns"), strict=True):
         if timed := _timed(paths, [value * unit for value, _ in ordered], f"times in {name}"):

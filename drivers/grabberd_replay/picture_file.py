@@ -47,7 +47,7 @@ LARGEST_BYTES = 64 << 20
 
 
 class Header(NamedTuple):
-    """What pictures of one recording have in common.
+    """Properties that all pictures of a recording share.
 
     Attributes:
         lines, columns: size of the picture.

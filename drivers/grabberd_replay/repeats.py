@@ -46,7 +46,7 @@ class RepeatMarks:
         yield from self._released({})
 
     def _released(self, after: dict[int, Field]) -> Iterator[Batch]:
-        """What waits; `after` has the fields that were the first to change again."""
+        """Pictures that wait; `after` has the fields that were the first to change again."""
         there_and_back: dict[int, bool] = {}
         while self._waiting:
             batch: list[GrabbedField] = []

@@ -86,9 +86,7 @@ class Pace(NamedTuple):
             return None
         # Where many pictures are missing, the lesser steps are of one period. Half of a period would fit as
         # well as the whole: the longest of those that fit is the one.
-        tried = [
-            _together(1 / float(step), times) for step in np.quantile(steps[steps > 0], (0.5, 0.25, 0.1))
-        ]
+        tried = [_in_step(1 / float(step), times) for step in np.quantile(steps[steps > 0], (0.5, 0.25, 0.1))]
         tried = [one for one in tried if len(times) > _LEAST_THERE * one[0] * times.max()] or tried[:1]
         best = max(abs(found) for _, found in tried)
         rate_hz, found = next(one for one in tried if abs(one[1]) > _AS_WELL * best)
@@ -103,7 +101,7 @@ class Pace(NamedTuple):
         return self.sigma <= max(_MOST_SIGMA, _TICK_S / 3 / self.period_s)
 
 
-def _together(rate_hz: float, times_s: NDArray[np.float64]) -> tuple[float, complex]:
+def _in_step(rate_hz: float, times_s: NDArray[np.float64]) -> tuple[float, complex]:
     """The rate near this one at which all times fall together, whatever is missing between them: no count can
     go wrong; and their mean on the unit circle, whose length tells how closely.
     """
@@ -112,9 +110,9 @@ def _together(rate_hz: float, times_s: NDArray[np.float64]) -> tuple[float, comp
     for width_hz, least in ((_SEARCHED * rate_hz, 0), (1 / (8 * span_s), 32)):
         reach = max(least, int(np.ceil(8 * width_hz * span_s)))
         tried_hz = rate_hz + width_hz * np.linspace(-1, 1, 2 * reach + 1)
-        together = np.exp(2j * np.pi * np.outer(tried_hz, times_s)).mean(axis=1)
-        best = int(np.abs(together).argmax())
-        rate_hz, found = float(tried_hz[best]), complex(together[best])
+        mean = np.exp(2j * np.pi * np.outer(tried_hz, times_s)).mean(axis=1)
+        best = int(np.abs(mean).argmax())
+        rate_hz, found = float(tried_hz[best]), complex(mean[best])
     return rate_hz, found
 
 

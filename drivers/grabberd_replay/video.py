@@ -36,6 +36,8 @@ class Container(NamedTuple):
     rated: bool = True
 
 
+_BARE = " without a container"
+
 CONTAINERS = (
     Container("AVI", re.compile(rb"RIFF....AVI ", re.DOTALL), counts=True),
     Container(
@@ -44,13 +46,13 @@ CONTAINERS = (
     Container("Matroska", re.compile(rb"\x1a\x45\xdf\xa3")),
     Container("YUV4MPEG", re.compile(rb"YUV4MPEG2 ")),
     Container("MPEG", re.compile(rb"\x00\x00\x01\xba|\x47.{187}\x47", re.DOTALL)),
-    Container("MPEG without a container", re.compile(rb"\x00\x00\x01\xb3"), timed=False),
-    Container("MJPEG without a container", re.compile(rb"\xff\xd8\xff"), timed=False, rated=False),
+    Container(f"MPEG{_BARE}", re.compile(rb"\x00\x00\x01\xb3"), timed=False),
+    Container(f"MJPEG{_BARE}", re.compile(rb"\xff\xd8\xff"), timed=False, rated=False),
     Container("DV", re.compile(rb"\x1f\x07\x00[\x3f\xbf]")),
     Container("NUT", re.compile(rb"nut/multimedia container")),
 )
 
-KINDS = ", ".join(container.name for container in CONTAINERS)
+KINDS = ", ".join(dict.fromkeys(one.name.removesuffix(_BARE) for one in CONTAINERS))
 
 # An MPEG transport stream has no magic number, but a sync byte in every packet of 188 bytes: it takes two.
 _HEAD_BYTES = 189
@@ -126,7 +128,7 @@ class VideoSource:
 
     @property
     def fault(self) -> str:
-        """Why there are no more pictures, in the decoder's words."""
+        """Failure that ended the pictures, in the decoder's words; empty if none did."""
         return self._decoder.fault
 
     def pictures(self) -> Generator[Shown, None, None]:

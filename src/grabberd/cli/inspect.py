@@ -194,7 +194,7 @@ class _Reading:
 
     @property
     def repetitions(self) -> str:
-        """Which pictures of a live device repeat another, in a sentence; empty if none does."""
+        """Sentence on the pictures that a live device repeats; empty if there are none."""
         from grabberd.core.chain.repeats import repetitions  # noqa: PLC0415
 
         return repetitions(self._repeats, self._rate_hz)

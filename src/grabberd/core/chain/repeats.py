@@ -30,7 +30,7 @@ _LATE = 32
 _FEWEST_BRIGHT, _LEAST_CONTRAST = 64, 20
 """Pixels that are brighter than a peak, so that hot ones are none; and its height, in grey levels."""
 _FIND = LocationSettings(method="centroid", min_diameter_px=2.0, max_diameter_px=200.0, line_jitter_px=0.0)
-_NEAR_PX, _TOGETHER = 6.0, 8
+_NEAR_PX, _NEIGHBOURS = 6.0, 8
 """Distance within which a target is found again; targets whose common movement counts, since the noise of
 each alone would hide it.
 """
@@ -103,8 +103,8 @@ def moved(before: Field, after: Field) -> bool:
         return True
     steps, places = (new[nearest] - old)[found], old[found]
     apart = np.linalg.norm(places[:, np.newaxis] - places, axis=2)
-    together = np.argsort(apart, axis=1)[:, :_TOGETHER]
-    return bool(np.sqrt((steps[together].mean(axis=1) ** 2).sum(axis=1).mean()) > _AT_REST_PX)
+    nearest_to_each = np.argsort(apart, axis=1)[:, :_NEIGHBOURS]
+    return bool(np.sqrt((steps[nearest_to_each].mean(axis=1) ** 2).sum(axis=1).mean()) > _AT_REST_PX)
 
 
 def _places(field: Field) -> NDArray[np.float64]:
@@ -114,7 +114,7 @@ def _places(field: Field) -> NDArray[np.float64]:
 
 
 def repetitions(repeats: Sequence[bool], rate_hz: float, what: str = "pictures") -> str:
-    """What repeats in the beginning of a recording or stream, as a sentence; empty if nothing does.
+    """Sentence on what repeats at the start of a recording or stream; empty if nothing does.
 
     Args:
         repeats: for each of its first pictures, whether it repeats another.
@@ -133,7 +133,7 @@ def repetitions(repeats: Sequence[bool], rate_hz: float, what: str = "pictures")
 
 
 def rhythm(repeats: Sequence[bool]) -> str:
-    """How the pictures that repeat the one before follow one another, in words; empty where nothing shows."""
+    """Order in which repeated pictures follow one another, in words; empty where there is none."""
     at = np.flatnonzero(repeats)
     tail = len(repeats) - 1 - max((k for k, one in enumerate(repeats) if not one), default=-1)
     if tail == len(at) > 1:

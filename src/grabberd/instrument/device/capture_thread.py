@@ -276,7 +276,7 @@ class CaptureThread(threading.Thread):
             self._nothing_came(asked_ns, now_ns)
 
     def _stood_still(self, info: StreamInfo, now_ns: int, fields: int) -> Standstill | None:
-        """What kept the program from taking these fields in time, if others may be lost by that."""
+        """Cause for which these fields were taken late, if others may be lost by that; else None."""
         standstill = self._scheduling.came(
             now_ns, self._timeout_s, fields, found_empty=self._grabber.found_empty
         )
