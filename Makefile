@@ -25,7 +25,7 @@ SITE_SOURCES = README.md CHANGELOG.md $(shell find docs src/grabberd/library -na
 OF_PACKAGE := test_deb.py test_first_day.py
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-affected test-browser test-installed browser mosquitto ffmpeg promtool screenshots test-vm test-wheel test-pythons sizes test-install test-deb test-vm-deb test-container wheel sdist deb check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups audit house walls docs site format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser test-installed browser mosquitto ffmpeg promtool screenshots test-vm test-wheel test-pythons sizes test-install test-deb test-vm-deb test-container wheel sdist deb check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups footage audit house walls docs site format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -195,6 +195,9 @@ fuzz: $(READY)  ## hostile files, requests and arrays against everything that re
 
 setups: $(READY)  ## every wrong set-up of a calibration, and what the user is told, into docs/reference/wrong-setups.md
 	$(ONE_THREAD) PYTHONPATH=tests $(BIN)/python -m proofs.setups --write docs/reference/wrong-setups.md
+
+footage: $(READY) ffmpeg  ## recordings in every container with every fault, and what comes of them, into docs/reference/footage.md
+	$(ONE_THREAD) PYTHONPATH=tests $(BIN)/python -m proofs.footage --write docs/reference/footage.md
 
 audit: $(READY)  ## the account of fields in a thousand (or SEEDS=…) runs and a daemon, both with everything going wrong, into docs/reference/audit.md
 	$(ONE_THREAD) PYTHONPATH=tests:tests/support $(BIN)/python -m tests.proofs.audit --seeds $(or $(SEEDS),1000) --real-time --write docs/reference/audit.md

@@ -224,8 +224,8 @@ class PipedDecoder:
         check_size(path, self.header)
         if self.uncompressed and self.header.pixels == _LOST_IN_NUT:
             raise DeviceRefused(
-                f"{path}: its uncompressed pictures are called {_LOST_IN_NUT}, as NUT calls all that it has no "
-                "name for (P010, P016, NV16, NV24): what they are cannot be known",
+                f"{path}: its uncompressed pictures are called {_LOST_IN_NUT}, as NUT calls all that it has "
+                "no name for (P010, P016, NV16, NV24): what they are cannot be known",
                 "record them again as gray10le, gray16le or nv12, or with FFV1",
             )
         with closing(self.pictures()) as pictures:

@@ -21,10 +21,14 @@ _DATE = re.compile(
     r"(?:[.,_s-]?(\d{1,9}))?(?!\d)"
 )
 _SECONDS = re.compile(r"(\d+)[.,](\d+)(?!.*\d)")
-_UNITS_S = (Fraction(1), Fraction(1, 10**3), Fraction(1, 10**6), Fraction(1, 10**9))
+_UNITS_S = {"s": Fraction(1), "ms": Fraction(1, 10**3), "us": Fraction(1, 10**6), "ns": Fraction(1, 10**9)}
 _SINCE_1970 = range(10**9, 4 * 10**9)
 """Seconds, of the years 2001 to 2096: numbers of that size in any unit are times, however they step."""
-_RATES_HZ = (1, 1000)
+_RATES_HZ = (1, 500)
+_HURRIED = 10
+"""One step in so many may be shorter than any camera's: pictures that were written after a delay."""
+_FEWEST_OF_SECOND = 3
+"""Digits of a fraction that tells pictures of one second apart; fewer are a count within it."""
 _MOSTLY = 0.5
 _FEWEST_DIGITS = 3
 """Of a counter that may have begun anew."""
@@ -76,16 +80,20 @@ def _check_kinds(directory: Path, paths: Sequence[Path]) -> None:
 
 def _by_dates(paths: Sequence[Path]) -> Names | None:
     times: list[Fraction] = []
+    finest = 0
     for path in paths:
         found = _DATE.search(path.stem)
         if found is None:
             return None
         *parts, fraction = found.groups()
+        finest = max(finest, len(fraction or ""))
         try:
             whole = datetime(*map(int, parts), tzinfo=UTC)  # type: ignore[misc, arg-type]
         except ValueError:
             return None
         times.append(int(whole.timestamp()) + Fraction(int(fraction or 0), 10 ** len(fraction or "")))
+    if finest < _FEWEST_OF_SECOND and len({int(time) for time in times}) == 1:
+        return None
     return _timed(paths, times, "dates")
 
 
@@ -100,7 +108,9 @@ def _timed(paths: Sequence[Path], times: Sequence[Fraction], what: str) -> Names
     """Names with times that differ, at a rate that a camera may have; None if they are no such times."""
     ordered = sorted(zip(times, paths, strict=True))
     steps = sorted(later - earlier for (earlier, _), (later, _) in pairwise(ordered))
-    if not steps or steps[0] <= 0 or not _RATES_HZ[0] <= 1 / steps[len(steps) // 2] <= _RATES_HZ[1]:
+    if not steps or steps[0] <= 0:
+        return None
+    if _RATES_HZ[0] * steps[len(steps) // 2] > 1 or _RATES_HZ[1] * steps[len(steps) // _HURRIED] < 1:
         return None
     first = ordered[0][0]
     since = [float(time - first) for time, _ in ordered]
@@ -144,9 +154,9 @@ def _count(ordered: Sequence[tuple[int, Path]], remarks: list[str]) -> Names | N
     steps = [later - earlier for (earlier, _), (later, _) in pairwise(ordered)]
     step = min(steps)
     is_count = steps.count(step) >= _MOSTLY * len(steps) and all(one % step == 0 for one in steps)
-    if not is_count or any(ordered[0][0] // _per_second(unit) in _SINCE_1970 for unit in _UNITS_S[1:]):
-        return None
     first = ordered[0][0]
+    if not is_count or any(int(first * unit) in _SINCE_1970 for unit in _UNITS_S.values()):
+        return None
     missing = list(_missing(ordered, step))
     if missing:
         more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
@@ -167,7 +177,9 @@ def _missing(ordered: Sequence[tuple[int, Path]], step: int) -> Iterator[str]:
 def _stamps(directory: Path, ordered: Sequence[tuple[int, Path]]) -> Names:
     """Names whose numbers are times, in the unit that gives a camera's rate."""
     paths = [path for _, path in ordered]
-    for unit, name in zip(_UNITS_S[1:], ("ms", "us", "ns"), strict=True):
+    for name, unit in _UNITS_S.items():
+        if unit == 1 and ordered[0][0] not in _SINCE_1970:
+            continue
         if timed := _timed(paths, [value * unit for value, _ in ordered], f"times in {name}"):
             return timed
     steps = [later - earlier for (earlier, _), (later, _) in pairwise(ordered)]
@@ -176,10 +188,6 @@ def _stamps(directory: Path, ordered: Sequence[tuple[int, Path]]) -> Names:
         "times in ms, us or ns",
         "name the pictures by the times at which they were taken, such as 12.340.png in seconds",
     )
-
-
-def _per_second(unit: Fraction) -> int:
-    return int(1 / unit)
 
 
 def _by_name(paths: Sequence[Path]) -> Names:

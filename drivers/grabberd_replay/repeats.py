@@ -30,6 +30,7 @@ class RepeatMarks:
         self._judge = RepeatJudge(of_any_parity=not self._by_parity)
         self._changed: dict[int, Field] = {}
         self._changed_ns: deque[int] = deque(maxlen=_FEWEST_CHANGED)
+        self._hides: dict[int, bool] = {}
         self._waiting: deque[list[tuple[GrabbedField, bool]]] = deque()
 
     def take(self, batch: Batch) -> Iterator[Batch]:
@@ -47,7 +48,8 @@ class RepeatMarks:
 
     def _released(self, after: dict[int, Field]) -> Iterator[Batch]:
         """Pictures that wait; `after` has the fields that were the first to change again."""
-        there_and_back: dict[int, bool] = {}
+        for key in after:
+            self._hides.pop(key, None)
         while self._waiting:
             batch: list[GrabbedField] = []
             for one, repeated in self._waiting.popleft():
@@ -55,11 +57,12 @@ class RepeatMarks:
                 if not repeated:
                     self._changed[key] = one.field
                     self._changed_ns.append(one.time_ns)
+                    self._hides.pop(key, None)
                     batch.append(one)
                     continue
-                if key not in there_and_back:
-                    there_and_back[key] = self._has_moved(key, after, one.time_ns)
-                batch.append(one._replace(damage=REPEATED) if there_and_back[key] else one)
+                if key not in self._hides:
+                    self._hides[key] = self._has_moved(key, after, one.time_ns)
+                batch.append(one._replace(damage=REPEATED) if self._hides[key] else one)
             yield batch
 
     def _has_moved(self, key: int, after: dict[int, Field], time_ns: int) -> bool:

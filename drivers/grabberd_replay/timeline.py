@@ -40,8 +40,8 @@ _TOO_MANY_OFF, _OF_LATE = 6, 12
 """Pictures off their time, among the latest, that are a change of the rate."""
 _MOST_PICTURES = 1 << 30
 _AS_WELL = 0.98
-_LEAST_THERE = 0.3
-"""Share of the pictures that is there at least: a short period fits any times."""
+_SPARSEST = 4.0
+"""Periods from one picture to the next, at which so many are missing that none can be known."""
 _SEARCHED = 0.1
 """Share by which the rate may differ from that of the middle step."""
 
@@ -85,14 +85,17 @@ class Pace(NamedTuple):
         if not (steps > 0).any():
             return None
         # Where many pictures are missing, the lesser steps are of one period. Half of a period would fit as
-        # well as the whole: the longest of those that fit is the one.
-        tried = [_in_step(1 / float(step), times) for step in np.quantile(steps[steps > 0], (0.5, 0.25, 0.1))]
-        tried = [one for one in tried if len(times) > _LEAST_THERE * one[0] * times.max()] or tried[:1]
+        # well as the whole: the longest of those that fit is the one. A small enough part fits anything.
+        usual_s, *lesser_s = np.quantile(steps[steps > 0], (0.5, 0.25, 0.1))
+        tried_s = [usual_s, *(step for step in lesser_s if step * _SPARSEST > usual_s)]
+        tried = [_in_step(1 / float(step), times) for step in tried_s]
         best = max(abs(found) for _, found in tried)
         rate_hz, found = next(one for one in tried if abs(one[1]) > _AS_WELL * best)
         sigma = float(np.sqrt(-2 * np.log(np.clip(abs(found), 1e-9, 1.0)))) / (2 * np.pi)
         period_s = _nominal_s(1 / rate_hz, _TICK_S / float(times.max()))
         late = -float(np.angle(found)) / (2 * np.pi)
+        # The angle leaves whole periods open: the second picture is at least one after the first.
+        late += max(0, 1 - round(float(times[1]) / period_s + late))
         return cls(period_s, max(sigma, _LEAST_SIGMA, _TICK_S / 3 / period_s), late)
 
     @property
@@ -207,9 +210,11 @@ class Timeline(Generic[T]):
         for step in {least, *(max(least, round(ahead) + beside) for beside in (-1, 0, 1))}:
             off = ahead - step
             yield self._step(path, step, off)
-            if abs(off) > _STEADY and step > least:  # a camera that started again
+            if step > least:  # a camera that started again
                 settled = self._step(path, step, 0.0)
-                yield settled._replace(cost=settled.cost + _NEW_PHASE + abs(off), phase_s=since_s)
+                waiting = (*path.waiting, (settled.number, since_s, off))
+                cost = settled.cost + _NEW_PHASE + abs(off)
+                yield settled._replace(cost=cost, phase_s=since_s, waiting=waiting)
 
     def _step(self, path: _Path, step: int, off: float) -> _Path:
         """The path after a picture so many steps on, which is off its time by so many periods."""
@@ -234,7 +239,7 @@ class Timeline(Generic[T]):
                 one._replace(waiting=one.waiting[1:]) for one in self._paths if one.waiting[0][0] == number
             ]
             damage = f"{UNCERTAIN} 1" if doubt else None
-            yield Numbered(number, time_s, self._pictures.popleft(), damage)
+            yield Numbered(number, time_s - self._first_s, self._pictures.popleft(), damage)
 
     def _is_off_again(self, off: float, time_s: float) -> bool:
         """True if more than a single one of the latest pictures is off its time."""

@@ -44,7 +44,7 @@ CONTAINERS = (
         "MP4 or QuickTime", re.compile(rb"....(ftyp|moov|mdat|wide|free|skip)", re.DOTALL), counts=True
     ),
     Container("Matroska", re.compile(rb"\x1a\x45\xdf\xa3")),
-    Container("YUV4MPEG", re.compile(rb"YUV4MPEG2 ")),
+    Container("YUV4MPEG", re.compile(rb"YUV4MPEG2 "), timed=False),
     Container("MPEG", re.compile(rb"\x00\x00\x01\xba|\x47.{187}\x47", re.DOTALL)),
     Container(f"MPEG{_BARE}", re.compile(rb"\x00\x00\x01\xb3"), timed=False),
     Container(f"MJPEG{_BARE}", re.compile(rb"\xff\xd8\xff"), timed=False, rated=False),

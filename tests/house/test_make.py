@@ -14,6 +14,7 @@ TARGETS = (
     "faults",
     "fuzz",
     "setups",
+    "footage",
     "audit",
     "profile",
 )

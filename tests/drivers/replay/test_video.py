@@ -45,7 +45,7 @@ def test_a_woven_video_without_loss_comes_back_bit_for_bit(tmp_path, write):
         np.testing.assert_array_equal(grabbed.field.luma, luma(n // 2)[n % 2 :: 2])
     assert (info.columns, info.field_rows, info.rate_hz) == (720, 288, 50.0)
     assert info.standard == "PAL"
-    assert all(one.startswith("Nothing tells which field") for one in info.remarks)
+    assert all(one.startswith(("Nothing tells which field", "YUV4MPEG has no times")) for one in info.remarks)
 
 
 def test_frames_of_25_a_second_are_fields_of_50_by_their_own_times(tmp_path):
@@ -117,6 +117,13 @@ def test_pictures_that_the_recorder_dropped_are_lost_fields(tmp_path):
     np.testing.assert_array_equal(played[4].field.luma, luma(3, 48, 64)[0::2])
 
 
+def test_a_container_that_has_a_rate_but_no_times_says_that_dropped_pictures_leave_no_trace(tmp_path):
+    info, played, _ = play(y4m(tmp_path / "clip.y4m"))
+    assert "YUV4MPEG has no times: its pictures are taken for consecutive ones." in info.remarks
+    assert info.rate_hz == 50.0
+    assert [one.time_ns for one in played] == [n * PERIOD_NS for n in range(6)]
+
+
 def test_ntsc_keeps_its_own_rate(tmp_path):
     info, played, _ = play(avi(tmp_path / "clip.avi", lines=480, rate=(30_000, 1001)))
     assert info.rate_hz == pytest.approx(59.94, abs=0.001)
@@ -129,7 +136,7 @@ def test_deinterlaced_video_is_said_to_be_too_fast_and_how_to_play_it(tmp_path):
     remarks = " ".join(ReplayGrabber(path).open().remarks)
     assert "100 fields a second" in remarks
     assert "'doubled'" in remarks
-    info, played, _ = play(path, pictures="doubled")
+    info, played, _ = play(path, pictures="doubled", first_parity="top")
     assert rows(played) == [(0, 0, 1), (1, 0, 1), (0, 0, 1)]
     assert info.rate_hz == 50.0
 

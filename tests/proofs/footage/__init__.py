@@ -1,0 +1,1 @@
+"""What people bring: recordings in every container with every fault, read right or refused."""
