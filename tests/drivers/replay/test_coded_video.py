@@ -149,7 +149,7 @@ def test_pixel_formats_that_nut_has_no_name_for_are_refused(tmp_path, monkeypatc
     subprocess.run(["ffmpeg", "-v", "error", *options, str(path)], input=content, check=True)
     if not installed:
         monkeypatch.setenv("PATH", "")
-    with pytest.raises(DeviceRefused, match="rgb555le|only converted"):
+    with pytest.raises(DeviceRefused, match=r"rgb555le|only converted"):
         play(path, pictures="progressive")
 
 
