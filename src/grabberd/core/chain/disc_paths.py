@@ -115,7 +115,7 @@ class Share(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class DiscMovement:
-    """What the paths of discs show.
+    """Finding of the paths of discs.
 
     Attributes:
         zigzag: Mean squared zigzag in units of the movement over two fields squared; `steady`: that of steady
@@ -170,7 +170,7 @@ class DiscPaths:
         self._tracks.restart()
 
     def movement(self) -> DiscMovement:
-        """What the paths show; fields added later are not among them."""
+        """Finding of the paths so far; fields added later are not among them."""
         self.interrupt()
         evidence = np.concatenate([np.zeros((0, 4, 3)), *self._evidence])
         shares = [Share.of(evidence[:, kind]) for kind in range(4)]

@@ -120,7 +120,7 @@ def _of_lines(samples: Sequence[Sample]) -> Layout | None:
 
 
 def first_original(samples: Sequence[Sample]) -> str:
-    """Of pictures whose interpolated lines alternate, the field that the first one was made of."""
+    """Field that the first picture was made of, where interpolated lines alternate."""
     made = _interpolated(samples[0].picture) or 0
     return ("bottom", "top")[made ^ (samples[0].number % 2)]
 

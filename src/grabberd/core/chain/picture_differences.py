@@ -92,7 +92,7 @@ class PictureDifferences:
         self._newest.clear()
 
     def finding(self) -> DifferenceFinding:
-        """What they show."""
+        """Finding of the differences."""
         differences = self._differences()
         if min(len(differences[TOP].near), len(differences[BOTTOM].near)) < _BLOCKS:
             return DifferenceFinding(Order.UNCLEAR, "too few fields follow one another without a gap")
