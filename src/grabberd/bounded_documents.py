@@ -10,15 +10,13 @@ that is a number or a truth value to it is an `OldWord`: where one is expected, 
 
 import codecs
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
 import yaml
-
-from grabberd.tables import Column, Table
 
 LARGEST_DOCUMENT = 16 << 20
 """Bytes of a document; an object model of 5000 targets has half a million."""
@@ -306,24 +304,3 @@ def _add(counts: list[int], parts: int, anchor: str | None, known: dict[str, int
         known[anchor] = parts
     if counts[-1] > MOST_PARTS:
         raise ValueError(f"it has more than {MOST_PARTS} parts, repeated ones included")
-
-
-def csv_records(text: str, columns: Sequence[str]) -> Iterator[tuple[int, dict[str, str]]]:
-    """The rows of a table by the columns' keys, with the numbers of their lines.
-
-    Args:
-        text: The text.
-        columns: Keys of the columns that have to be there.
-
-    Raises:
-        KeyError: At once: a column is missing; the message lists all that are.
-        ValueError: While they are read: see `Table`.
-    """
-    table = Table(text, [(Column.of(key).quantity,) for key in columns])
-    places = {key: table.place(key) for key in columns}
-    if missing := [key for key, place in places.items() if place is None]:
-        raise KeyError(", ".join(missing))
-    return (
-        (line, {key: row[place].strip() for key, place in places.items() if place is not None})
-        for line, row in table.rows()
-    )

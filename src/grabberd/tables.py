@@ -376,6 +376,25 @@ class Table:
                 yield line, row
 
 
+def keyed_cells(text: str, columns: Sequence[str], optional: Sequence[str] = (), *, hint: str) -> Cells:
+    """The columns of a table by their keys, such as `x_mm`.
+
+    Args:
+        text: The whole text.
+        columns: Keys of the columns that have to be there.
+        optional: Keys of those that are read where they are there.
+        hint: What to do where columns are missing.
+
+    Raises:
+        TableError: Columns are missing, all of which the message names; or see `Table`.
+    """
+    table = Table(text, [(Column.of(key).quantity,) for key in columns], optional)
+    places = {key: table.place(key) for key in (*columns, *optional)}
+    if missing := [key for key in columns if places[key] is None]:
+        raise TableError(f"it {table.missing(*missing)}", hint)
+    return table.cells({key: place for key, place in places.items() if place is not None})
+
+
 class _Fit:
     """Brings rows to the header's number of cells, where it is plain how.
 

@@ -11,7 +11,7 @@ from grabberd.bounded_documents import LARGEST_TABLE, read_text
 from grabberd.core.calibration import Mark
 from grabberd.core.reconstruction.accuracy import Truth
 from grabberd.errors import InputError
-from grabberd.tables import Cells, Column, Table, TableError
+from grabberd.tables import Cells, TableError, keyed_cells
 
 POSITION = ("x_mm", "y_mm", "z_mm")
 TRUTH_COLUMNS = ("target", *POSITION)
@@ -78,13 +78,7 @@ def read_identifications(path: Path) -> list[Mark]:
 
 def _cells(path: Path, columns: Sequence[str], hint: str, optional: Sequence[str] = ()) -> Cells:
     try:
-        table = Table(
-            read_text(path, LARGEST_TABLE), [(Column.of(name).quantity,) for name in columns], optional
-        )
-        places = {name: table.place(name) for name in (*columns, *optional)}
-        if missing := [name for name in columns if places[name] is None]:
-            raise InputError(f"{path} {table.missing(*missing)}", hint)
-        return table.cells({name: place for name, place in places.items() if place is not None})
+        return keyed_cells(read_text(path, LARGEST_TABLE), columns, optional, hint=hint)
     except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be read: {error}", getattr(error, "hint", hint)) from error
 
