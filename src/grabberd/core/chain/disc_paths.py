@@ -54,9 +54,6 @@ _SIGNIFICANT = 3.0
 _LEAST_CHANGE = 0.1
 """Share of the movement that differs from its mean, from which on an offset is told apart from it."""
 
-_ALL, _SMOOTH, _FROM_TOP, _FROM_BOTTOM = range(4)
-"""Kinds of evidence: zigzag of all movement, and of steady one; steps from either parity to the other."""
-
 
 class Share(NamedTuple):
     """A share of sums over blocks of time, judged by a jackknife: neighbouring fields share places.
@@ -124,7 +121,6 @@ class DiscMovement:
             likewise.
         offset_px: Lines by which discs lie lower in top fields than in bottom ones; None if unknown.
         fields: Fields with at least `LEAST_DISCS` discs.
-        moving: Those of them in which as many move.
         is_always_steady: True if discs move, but always alike: an offset between the parities looks the same.
     """
 
@@ -134,7 +130,6 @@ class DiscMovement:
     from_bottom: Share
     offset_px: float | None
     fields: int
-    moving: int
     is_always_steady: bool
 
 
@@ -173,23 +168,15 @@ class DiscPaths:
         """What the paths show; fields added later are not among them."""
         self.interrupt()
         evidence = np.concatenate([np.zeros((0, 4, 3)), *self._evidence])
-        shares = [Share.of(evidence[:, kind]) for kind in range(4)]
-        return DiscMovement(
-            zigzag=shares[_ALL],
-            steady=shares[_SMOOTH],
-            from_top=shares[_FROM_TOP],
-            from_bottom=shares[_FROM_BOTTOM],
-            offset_px=float(np.median(self._offsets)) if self._offsets else None,
-            fields=self._fields,
-            moving=int((evidence[:, _ALL, 2] > 0).sum()),
-            is_always_steady=self._steady_fields > len(evidence),
-        )
+        offset_px = float(np.median(self._offsets)) if self._offsets else None
+        zigzag, steady, from_top, from_bottom = (Share.of(evidence[:, kind]) for kind in range(4))
+        is_always_steady = self._steady_fields > len(evidence)
+        return DiscMovement(zigzag, steady, from_top, from_bottom, offset_px, self._fields, is_always_steady)
 
     def _evaluate(self) -> None:
         if len(self._block) <= 2 * _MARGIN:
             return
-        places, first_n = _matrix(self._block)
-        block = _Block.of(places, first_n)
+        block = _Block.of(*_matrix(self._block))
         offset = block.offset_px()
         if offset is None:
             self._steady_fields += int(block.moving.any(axis=1).sum())
@@ -261,7 +248,9 @@ class _Block(NamedTuple):
         return np.asarray((off - slope * across).mean(axis=0) * (0, 1))
 
     def evidence(self, offset_px: Array) -> Array:
-        """(fields with movement, 4, 3) sums of each kind: what is judged, its unit, and discs."""
+        """(fields with movement, 4, 3) sums: what is judged, its unit, and discs; of the zigzag of all
+        movement and of steady one, and of the steps from either parity to the other.
+        """
         places = self.places - self.sign * offset_px
         off = _off_middle(places)
         step = places[3:-1] - places[2:-2]
@@ -269,14 +258,15 @@ class _Block(NamedTuple):
         top = self.sign[_MARGIN:-_MARGIN, :, 0] > 0
         zigzag = _squared(off) - 3 * self.variance, _squared(self.across) - 4 * self.variance
         steps = (step * around).sum(axis=2) - 2 * self.variance, _squared(around) - 2 * self.variance
-        kinds = (
-            (self.moving, zigzag),
-            (self.steady, zigzag),
-            (self.moving & top, steps),
-            (self.moving & ~top, steps),
+        sums = np.array(
+            [
+                _sums(self.moving, *zigzag),
+                _sums(self.steady, *zigzag),
+                _sums(self.moving & top, *steps),
+                _sums(self.moving & ~top, *steps),
+            ]
         )
-        sums = np.array([_sums(chosen, *values) for chosen, values in kinds])
-        return np.asarray(sums.transpose(2, 0, 1)[sums[_ALL, 2] > 0])
+        return np.asarray(sums.transpose(2, 0, 1)[sums[0, 2] > 0])
 
 
 def _variance(places: Array) -> Array:
