@@ -59,14 +59,12 @@ class _GrowingFile:
             self._header = b"" if self._options.columns else head_of(head.decode("utf-8", "replace")).encode()
             self._go_to_last_line(self._file)
         except OSError as error:
-            self.close()
             raise _not_opened(path, error) from error
         self._missing_since_ns = None
         return Opened(path.name, {"path": str(path)})
 
     def receive(self, timeout_s: float) -> Received:
-        if self._file is None:
-            raise DeviceLost("the file is not open", "open it first")
+        assert self._file is not None
         if self._header:
             header, self._header = self._header, b""
             return Received(header)
@@ -105,10 +103,8 @@ class _GrowingFile:
                 return self._from_start(file, TRUNCATED)
             return self._look_for_another(file)
         except OSError as error:
-            raise StreamFailed(
-                f"{self._options.path} cannot be read: {error.strerror}",
-                "check the disk or the share it is on",
-            ) from error
+            hint = "check the disk or the share it is on"
+            raise StreamFailed(f"{self._options.path} cannot be read: {error.strerror}", hint) from error
 
     def _look_for_another(self, file: BufferedReader) -> Received:
         """Content of a new file of the same name, once the old one has been read."""
@@ -183,7 +179,6 @@ def _not_opened(path: Path, error: OSError) -> DeviceAbsent | DeviceRefused:
         hint = "let grabberd's user read it and enter its folders"
         return DeviceRefused(f"{path} may not be read: {error.strerror}", hint, Cause.NO_RIGHTS)
     if error.errno in (errno.ENOENT, errno.ENOTDIR):
-        return DeviceAbsent(
-            f"there is no file {path}", "start the program that writes it, or correct its path"
-        )
+        hint = "start the program that writes it, or correct its path"
+        return DeviceAbsent(f"there is no file {path}", hint)
     return DeviceRefused(f"{path} cannot be opened: {error.strerror}", "give the path of a file")

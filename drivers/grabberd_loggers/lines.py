@@ -84,7 +84,7 @@ IGNORED = "-"
 NOT_A_NUMBER, OTHER_CELLS, NO_TIME = "not a number", "another number of cells", "no time"
 
 _NAME = re.compile(r"^[^\W\d][\w .%/+-]*$")
-_ABSENT = frozenset(["", "-", "nan", "NaN", "NAN"])
+ABSENT = frozenset(["", "-", "nan", "NaN", "NAN"])
 
 
 class Line(NamedTuple):
@@ -164,7 +164,7 @@ class LineFormat:
         for column, cell in zip(self.columns, cells, strict=True):
             if column.name == IGNORED:
                 continue
-            value = math.nan if cell in _ABSENT else number_of(cell)
+            value = math.nan if cell in ABSENT else number_of(cell)
             if value is None:
                 return NOT_A_NUMBER
             if not column.is_time:

@@ -55,13 +55,9 @@ class MqttOptions(LineOptions):
     qos: int = Field(0, ge=0, le=2)
 
     @model_validator(mode="after")
-    def _named(self) -> Self:
+    def _complete(self) -> Self:
         if self.columns is None:
             raise ValueError("columns: missing; messages have no header")
-        return self
-
-    @model_validator(mode="after")
-    def _password_has_a_user(self) -> Self:
         if self.password_file is not None and self.user is None:
             raise ValueError("password_file requires user")
         return self
@@ -104,22 +100,16 @@ class _Topic:
         host, port = self._options.address
         self._messages.clear()
         self._refusal, self._is_subscribed = None, False
-        client = self._client = self._made()
+        self._client = self._made()
         try:
-            client.connect(host, port, keepalive=30)
+            self._client.connect(host, port, keepalive=30)
         except (OSError, ValueError) as error:
-            self.close()
             raise DeviceAbsent(f"the broker {host}:{port} cannot be reached: {error}", _CHECK) from error
-        try:
-            self._await_subscription(client)
-        except BaseException:
-            self.close()
-            raise
+        self._await_subscription(self._client)
         return Opened(self._options.topic, {"broker": f"{host}:{port}", "topic": self._options.topic})
 
     def receive(self, timeout_s: float) -> Received:
-        if self._client is None:
-            raise DeviceLost("the topic is not subscribed to", "open it first")
+        assert self._client is not None
         deadline_s = time.monotonic() + timeout_s
         while True:
             left_s = max(deadline_s - time.monotonic(), 0.0)
