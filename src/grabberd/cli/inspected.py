@@ -1,17 +1,28 @@
-"""Tell what an inspection found: in words, and as a configuration."""
+"""What an inspection of some source finds: in words, and as a configuration."""
 
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from grabberd.core.chain.inspection import Inspection, Interlacing, Split, Targets
+from grabberd.core.chain.inspection import Inspection, Interlacing, Split, Targets, inspect, inspect_fields
 from grabberd.core.chain.layout import Layout, LayoutKind
-from grabberd.core.field import FieldOrder, standard_rate_hz
+from grabberd.core.chain.repeats import RepeatJudge, repetitions
+from grabberd.core.field import Field, FieldOrder, standard_rate_hz
 from grabberd.core.reconstruction.field_order import Order
-from grabberd.errors import GrabberdError
-from grabberd.instrument.acquisition import StreamInfo
+from grabberd.errors import DeviceRefused, GrabberdError, InputError, StreamEnded, StreamFailed
+from grabberd.instrument.acquisition import GRABBERS, Grabber, StreamInfo
 
+MOST_FIELDS = 600
+"""Twelve closures of a liner before a PAL grabber, and as many pictures of a folder or a video."""
+MOST_PIXELS = 600 * 576 * 720
+"""Larger pictures are fewer, so that it takes no longer."""
+FEWEST_FIELDS = 120
+MOST_MISSING = 1000
+SILENCE_S = 2.0
+SLOWEST_HZ = 1.0
 FEWEST_PX = 3.0
 """Diameter of targets below which a place is uncertain whatever the method."""
 LEAST_CONTRAST = 40.0
@@ -88,37 +99,139 @@ class Inspected:
     played: str | None
     problems: tuple[str, ...]
 
-    @classmethod
-    def of(
-        cls,
-        found: Inspection,
-        info: StreamInfo,
-        driver: str,
-        options: dict[str, Any],
-        rate_hz: float | None,
-        problem: GrabberdError | None,
-        played: str | None,
-    ) -> "Inspected":
-        """Put together what was found and where."""
-        whole = driver == "replay" and info.field_order is FieldOrder.PROGRESSIVE
-        of_pictures = whole and "pictures" not in options
-        marked = _marked(info) if of_pictures else None
-        # Recorders forget to mark frames, and the replay driver knows it.
-        is_forgotten = marked is Interlacing.PROGRESSIVE and played == "frames"
-        if found.layout or found.interlacing in _SINGLE:
-            marked = None
-        own = list(_of_mark(found, marked, is_forgotten=is_forgotten))
-        if found.interlacing is Interlacing.UNKNOWN and marked and not is_forgotten:
-            found = replace(found, interlacing=marked)
-        rate_hz = _rate_hz(found, info.rate_hz or None, of_pictures and "rate_hz" not in options)
-        own += [*_problems(found, rate_hz, of_pictures), *info.remarks]
-        if found.targets and info.details.get("bits", "8") == "8":  # with fewer, grey values tell nothing
-            own += _of_light(found.targets)
-        if problem is not None:
-            own.append(f"{problem.message}: only what comes before it was looked at ({problem.hint})")
-        grey = ", ".join(info.details[key] for key in ("luma", "colours", "samples") if key in info.details)
-        options = {**options, **_chosen(info)}
-        return cls(found, driver, options, rate_hz, of_pictures, grey, played, tuple(own))
+
+def inspected(driver: str, options: dict[str, Any], rate_hz: float | None) -> Inspected:
+    """Inspect the first pictures of a source.
+
+    Args:
+        driver: Its driver.
+        options: Those of the driver.
+        rate_hz: Pictures a second, where nothing else tells.
+
+    Raises:
+        InputError: The options are invalid, or there are no pictures.
+        DeviceError: The source cannot be opened, or ends with an error before the first picture.
+    """
+    has_pictures = driver == "replay" and _has_pictures(Path(options.get("path", "")))
+    try:
+        reading = _opened(driver, options, rate_hz) if has_pictures else _Reading(driver, options)
+    except ValueError as error:
+        raise InputError(str(error), "name a folder, a video, a capture, or DRIVER:PATH") from error
+    with closing(reading.grabber):
+        fields = iter(reading)
+        first = next((one for one in fields if one is not None), None)
+        if first is None:
+            raise reading.problem or InputError(f"{reading.info.card} has no pictures", "name another source")
+        fields = chain([first], fields)
+        if has_pictures and "pictures" not in options:
+            found = inspect(None if one is None else one.luma for one in fields)
+        else:
+            found = inspect_fields(fields)
+    info = reading.info
+    whole = driver == "replay" and info.field_order is FieldOrder.PROGRESSIVE
+    of_pictures = whole and "pictures" not in options
+    played = _played(options) if driver == "replay" and found.interlacing is Interlacing.UNKNOWN else None
+    marked = _marked(info) if of_pictures else None
+    # Recorders forget to mark frames, and the replay driver knows it.
+    is_forgotten = marked is Interlacing.PROGRESSIVE and played == "frames"
+    if found.layout or found.interlacing in _SINGLE:
+        marked = None
+    problems = list(_of_mark(found, marked, is_forgotten=is_forgotten))
+    if found.interlacing is Interlacing.UNKNOWN and marked and not is_forgotten:
+        found = replace(found, interlacing=marked)
+    rate_hz = _rate_hz(found, info.rate_hz or None, of_pictures and "rate_hz" not in options)
+    problems += [*_problems(found, rate_hz, of_pictures), *reading.remarks]
+    if found.targets and info.details.get("bits", "8") == "8":  # with fewer, grey values tell nothing
+        problems += _of_light(found.targets)
+    if (end := reading.problem) is not None:
+        problems.append(f"{end.message}: only what comes before it was looked at ({end.hint})")
+    grey = ", ".join(info.details[key] for key in ("luma", "colours", "samples") if key in info.details)
+    options = {**options, **_chosen(info)}
+    return Inspected(found, driver, options, rate_hz, of_pictures, grey, played, tuple(problems))
+
+
+def _played(options: dict[str, Any]) -> str | None:
+    """The kind that the replay driver takes pictures for by their size; None if it asks."""
+    try:
+        with closing(GRABBERS.create("replay", {"rate_hz": 1.0, **options})) as grabber:
+            return grabber.open().details.get("pictures")
+    except GrabberdError:
+        return None
+
+
+def _has_pictures(path: Path) -> bool:
+    """True for what has pictures without a word on their lines: neither a capture nor an exported folder."""
+    return not path.name.endswith((".grab", ".grab.part")) and not (path / "fields.csv").exists()
+
+
+def _opened(driver: str, options: dict[str, Any], rate_hz: float | None) -> "_Reading":
+    """Whole pictures, since how their lines belong together is the question; nothing may tell their rate."""
+    whole = {"pictures": "progressive", **options}
+    fields = 2 if whole["pictures"] == "frames" else 1
+    try:
+        stated_hz = fields * rate_hz if rate_hz else options.get("rate_hz")
+        return _Reading(driver, {**whole, "rate_hz": stated_hz})
+    except DeviceRefused as error:
+        if "'rate_hz'" not in error.hint:
+            raise
+    reading = _Reading(driver, {**whole, "rate_hz": fields * SLOWEST_HZ})
+    reading.info = replace(reading.info, rate_hz=0.0)
+    return reading
+
+
+class _Reading:
+    """The first fields of a grabber, each valid until the next is taken, and None for each that is missing.
+
+    Attributes:
+        grabber: Where they come from.
+        info: The stream.
+        problem: With the last field: the error that ended them, if one did.
+    """
+
+    def __init__(self, driver: str, options: dict[str, Any]) -> None:
+        self.grabber: Grabber = GRABBERS.create(driver, options)
+        self.info = self.grabber.open()
+        self._rate_hz = self.info.rate_hz
+        self._judge = RepeatJudge(of_any_parity=self.info.field_order is FieldOrder.PROGRESSIVE)
+        self._repeats: list[bool] = []
+        self.problem: GrabberdError | None = None
+
+    def __iter__(self) -> Iterator[Field | None]:
+        size = self.info.columns * self.info.field_rows
+        left = max(FEWEST_FIELDS, min(MOST_FIELDS, MOST_PIXELS // size))
+        due_ns: int | None = None
+        while left > 0:
+            try:
+                with self.grabber.dequeue(SILENCE_S) as grabbed:
+                    if not grabbed:
+                        hint = "check the camera and its cable"
+                        self.problem = StreamFailed(f"no picture came for {SILENCE_S:g} s", hint)
+                        return
+                    for one in grabbed:
+                        missing = 0 if due_ns is None else round((one.time_ns - due_ns) * self._rate_hz / 1e9)
+                        yield from [None] * min(missing, MOST_MISSING)
+                        yield None if one.damage or self._is_repeated(one.field) else one.field
+                        due_ns = one.time_ns + round(1e9 / self._rate_hz)
+                        left -= 1
+            except StreamEnded:
+                return
+            except GrabberdError as error:
+                self.problem = error
+                return
+
+    def _is_repeated(self, field: Field) -> bool:
+        """True for a picture that a live device gives once more; a recording marks its own."""
+        if not self.info.live:
+            return False
+        self._repeats.append(self._judge.take(replace(field, luma=field.luma.copy())))
+        return self._repeats[-1]
+
+    @property
+    def remarks(self) -> Iterator[str]:
+        """What the stream says of itself, and which pictures of a live device repeat another."""
+        yield from self.info.remarks
+        if repeated := repetitions(self._repeats, self._rate_hz):
+            yield repeated
 
 
 def _chosen(info: StreamInfo) -> dict[str, Any]:
