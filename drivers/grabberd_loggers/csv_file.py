@@ -112,7 +112,10 @@ class _GrowingFile:
         try:
             now = path.stat()
         except FileNotFoundError:
-            self._wait_for_it()
+            now_ns = self._clock.now_ns()
+            since_ns = self._missing_since_ns = self._missing_since_ns or now_ns
+            if now_ns - since_ns > _GONE_NS:
+                raise DeviceLost(f"{path} is gone", "grabberd goes on once it is there again") from None
             return Received()
         self._missing_since_ns = None
         old = os.fstat(file.fileno())
@@ -126,12 +129,6 @@ class _GrowingFile:
         self._text = _Text()
         data = self._text.feed(file.read(_BYTES))
         return Received(data, ((reason, str(self._options.path)),), starts_anew=True)
-
-    def _wait_for_it(self) -> None:
-        now_ns = self._clock.now_ns()
-        since_ns = self._missing_since_ns = self._missing_since_ns or now_ns
-        if now_ns - since_ns > _GONE_NS:
-            raise DeviceLost(f"{self._options.path} is gone", "grabberd goes on once it is there again")
 
 
 class _Text:

@@ -62,11 +62,6 @@ class MqttOptions(LineOptions):
             raise ValueError("password_file requires user")
         return self
 
-    @property
-    def address(self) -> tuple[str, int]:
-        """Host and port of the broker."""
-        return self.host, self.port or (8883 if self.tls else 1883)
-
 
 def line_of(payload: bytes, columns: Sequence[Column]) -> str:
     """The line of text that a message means; what is neither a JSON object nor a list is a line already.
@@ -97,16 +92,18 @@ class _Topic:
         self._is_subscribed = False
 
     def open(self) -> Opened:
-        host, port = self._options.address
+        options = self._options
+        host, port = options.host, options.port or (8883 if options.tls else 1883)
+        broker = f"{host}:{port}"
         self._messages.clear()
         self._refusal, self._is_subscribed = None, False
         self._client = self._made()
         try:
             self._client.connect(host, port, keepalive=30)
         except (OSError, ValueError) as error:
-            raise DeviceAbsent(f"the broker {host}:{port} cannot be reached: {error}", _CHECK) from error
+            raise DeviceAbsent(f"the broker {broker} cannot be reached: {error}", _CHECK) from error
         self._await_subscription(self._client)
-        return Opened(self._options.topic, {"broker": f"{host}:{port}", "topic": self._options.topic})
+        return Opened(options.topic, {"broker": broker, "topic": options.topic})
 
     def receive(self, timeout_s: float) -> Received:
         assert self._client is not None

@@ -90,19 +90,14 @@ def _numbers(path: Path, cells: Cells, names: Iterable[str]) -> dict[str, list[f
         raise InputError(f"{path} cannot be read: {error}", error.hint) from error
     for name in WHOLE:
         for line, value in zip(cells.lines, numbers.get(name, ()), strict=False):
-            if not _is_whole(value):
-                raise InputError(
-                    f"{path}, line {line}: {name} {value:g} is not a whole number", "fix this line"
-                )
-    for line, visible in zip(cells.lines, numbers.get("visible", ()), strict=False):
-        if visible not in (0, 1):
-            raise InputError(f"{path}, line {line}: visible {visible:g} is neither 1 nor 0", "fix this line")
+            if value != int(value) or abs(value) >= 1 << 31:
+                why = f"{name} {value:g} is not a whole number"
+            elif name == "visible" and value not in (0, 1):
+                why = f"visible {value:g} is neither 1 nor 0"
+            else:
+                continue
+            raise InputError(f"{path}, line {line}: {why}", "fix this line")
     return numbers
-
-
-def _is_whole(value: float) -> bool:
-    """True for a whole number that arrays of int32 hold."""
-    return value == int(value) and abs(value) < 1 << 31
 
 
 def _check_unique(columns: dict[str, list[float]], path: Path) -> None:

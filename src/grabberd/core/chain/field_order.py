@@ -53,7 +53,9 @@ class OrderCheck:
             return FieldOrderFinding(Order.UNCLEAR, evidence, count)
         if movement.fields < _OF_DISCS * count:
             return self._differences.finding()
-        return _by_paths(movement, count)
+        order = _order(movement)
+        ratios = _squared(movement.from_top), _squared(movement.from_bottom)
+        return FieldOrderFinding(order, _evidence(order, movement, ratios), count, *ratios)
 
 
 def check(fields: Iterable[Field | None]) -> FieldOrderFinding:
@@ -65,12 +67,6 @@ def check(fields: Iterable[Field | None]) -> FieldOrderFinding:
     for field in fields:
         order.add(field)
     return order.finding()
-
-
-def _by_paths(movement: DiscMovement, count: int) -> FieldOrderFinding:
-    order = _order(movement)
-    ratios = _squared(movement.from_top), _squared(movement.from_bottom)
-    return FieldOrderFinding(order, _evidence(order, movement, ratios), count, *ratios)
 
 
 def _order(movement: DiscMovement) -> Order:

@@ -108,7 +108,7 @@ class PictureDifferences:
         if _variation(np.concatenate([one.two_steps for one in differences])) < _CLEAR_OF_NOISE:
             order, evidence = _without_variation(np.concatenate([one.growth for one in differences]))
             return FieldOrderFinding(order, evidence, count)
-        top, bottom = map(_Estimate.of, differences)
+        top, bottom = map(_Estimate, differences)
         ratios = top.power, bottom.power
         contrast = Ratio(4 * abs(top.whole - bottom.whole), 4 * _jackknife(top.without - bottom.without))
         order = _order(contrast, min(ratios))
@@ -165,19 +165,18 @@ def _difference(picture: Picture, earlier: Picture) -> Array:
     return np.array([rows[bands == band].mean() for band in (0, 1)])
 
 
-class _Estimate(NamedTuple):
-    """Share of a step in the movement over two steps: from all fields, and without each block in turn."""
+class _Estimate:
+    """Share of a step in the movement over two steps: from all fields, and without each block in turn.
 
-    whole: float
-    without: Array
+    It is estimated from each half of the bands with the movement in the other half.
+    """
 
-    @classmethod
-    def of(cls, differences: _Differences) -> "_Estimate":
-        """Estimate from each half of the bands with the movement in the other half."""
+    def __init__(self, differences: _Differences) -> None:
         near, two_steps = (one - one.mean(axis=0) for one in (differences.near, differences.two_steps))
         elsewhere = two_steps[:, ::-1]
         share, variation = (_blocks((one * elsewhere).sum(axis=1)) for one in (near, two_steps))
-        return cls(float(share.sum() / variation.sum()), _without_each(share) / _without_each(variation))
+        self.whole = float(share.sum() / variation.sum())
+        self.without = _without_each(share) / _without_each(variation)
 
     @property
     def power(self) -> Ratio:
