@@ -7,6 +7,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from grabberd.config import RigConfig
 from grabberd.core.chain.inspection import Inspection, Interlacing, Split, Targets, inspect, inspect_fields
 from grabberd.core.chain.layout import Layout, LayoutKind
 from grabberd.core.chain.repeats import RepeatJudge, repetitions
@@ -260,12 +261,11 @@ def _of_mark(found: Inspection, marked: Interlacing | None, *, is_forgotten: boo
         )
     else:
         still = found.order is None or found.order.order is Order.NO_MOVEMENT
-        why = (
-            "Nothing moves, so the line structure cannot be seen"
-            if still
-            else "The line structure is not clear"
+        unseen, unclear = (
+            "Nothing moves, so the line structure cannot be seen",
+            "The line structure is not clear",
         )
-        yield f"{why}; the video is marked as {marked}."
+        yield f"{unseen if still else unclear}; the video is marked as {marked}."
 
 
 def _rate_hz(found: Inspection, told_hz: float | None, per_picture: bool) -> float | None:
@@ -411,6 +411,7 @@ def configuration(seen: Inspected) -> str:
     options += [f"      {line}" for line in _picture_options(seen)] if seen.of_pictures else []
     options += [f"      {line}" for line in _rate_options(seen)]
     size = f"{found.targets.diameter_px:.1f} px" if found.targets else "of unknown size"
+    nominal = ((key, one) for key, one in RigConfig.model_fields.items() if isinstance(one.default, float))
     return "\n".join(
         [
             f"# By grabberd inspect, for pictures of {found.columns} x {found.lines} pixels; targets {size}.",
@@ -427,13 +428,7 @@ def configuration(seen: Inspected) -> str:
             f"        right: {{first_column: {column}, end_column: {found.columns}}}",
             "      # Measure these on your rig, to ten per cent; a calibration determines them exactly.",
             "      # These are the values of the reference rig.",
-            "      distance_mm: 240        # from the lens, along the mirrors' path, to the object",
-            "      base_mm: 128            # between the two virtual cameras",
-            "      convergence_deg: 30     # between their axes",
-            "      focal_length_mm: 8",
-            "      pixel_x_mm: 0.0086      # width of the sensor divided by the number of columns",
-            "      pixel_y_mm: 0.0083      # its height divided by the number of lines",
-            "      exposure_ms: 1",
+            *(f"      {key}: {one.default:g}".ljust(30) + f"# {one.description}" for key, one in nominal),
             "    # calibration: rig.calibration.json    # once there is one: grabberd calibrate",
             "    # object: object.yaml                  # what to measure: docs/reference/object-files.md",
             "",
@@ -453,11 +448,8 @@ def _picture_options(seen: Inspected) -> Iterator[str]:
     if pictures == "frames":
         yield f"field_order: {found.interlacing}"
     if found.interlacing in _SINGLE:
-        yield (
-            f"first_parity: {found.first_parity}"
-            if found.first_parity
-            else ("first_parity: top   # or bottom: the pictures do not show which")
-        )
+        unknown = "top   # or bottom: the pictures do not show which"
+        yield f"first_parity: {found.first_parity or unknown}"
         if found.order is not None and found.order.order is Order.REVERSED:
             yield "# The fields change places in time: separate them again in the other order."
 
@@ -465,13 +457,8 @@ def _picture_options(seen: Inspected) -> Iterator[str]:
 def _rate_options(seen: Inspected) -> Iterator[str]:
     if seen.rate_hz is None:
         yield "# rate_hz: 60            # required: how many pictures a second?"
-    elif (
-        "rate_hz" in seen.options
-        or seen.found.interlacing in _SINGLE
-        or (
-            seen.driver == "replay"
-            and (seen.of_pictures or "pictures" in seen.options)
-            and Path(seen.options["path"]).is_dir()
-        )
-    ):
+        return
+    of_folder = seen.driver == "replay" and Path(seen.options["path"]).is_dir()
+    is_folder_of_pictures = of_folder and (seen.of_pictures or "pictures" in seen.options)
+    if "rate_hz" in seen.options or seen.found.interlacing in _SINGLE or is_folder_of_pictures:
         yield f"rate_hz: {seen.rate_hz:.6g}"
