@@ -1,7 +1,6 @@
 """A CSV file that another program appends to: lines are read as they are written."""
 
 import codecs
-import errno
 import os
 from io import BufferedReader
 from pathlib import Path
@@ -58,8 +57,15 @@ class _GrowingFile:
             head = self._text.feed(self._file.read(_BYTES))
             self._header = b"" if self._options.columns else head_of(head.decode("utf-8", "replace")).encode()
             self._go_to_last_line(self._file)
+        except PermissionError as error:
+            hint = "let grabberd's user read it and enter its folders"
+            raise DeviceRefused(f"{path} may not be read: {error.strerror}", hint, Cause.NO_RIGHTS) from error
+        except (FileNotFoundError, NotADirectoryError) as error:
+            hint = "start the program that writes it, or correct its path"
+            raise DeviceAbsent(f"there is no file {path}", hint) from error
         except OSError as error:
-            raise _not_opened(path, error) from error
+            why = f"{path} cannot be opened: {error.strerror}"
+            raise DeviceRefused(why, "give the path of a file") from error
         self._missing_since_ns = None
         return Opened(path.name, {"path": str(path)})
 
@@ -169,13 +175,3 @@ class CsvLogger(LineLogger):
 
     options_class = CsvOptions
     source_class = _GrowingFile
-
-
-def _not_opened(path: Path, error: OSError) -> DeviceAbsent | DeviceRefused:
-    if error.errno in (errno.EACCES, errno.EPERM):
-        hint = "let grabberd's user read it and enter its folders"
-        return DeviceRefused(f"{path} may not be read: {error.strerror}", hint, Cause.NO_RIGHTS)
-    if error.errno in (errno.ENOENT, errno.ENOTDIR):
-        hint = "start the program that writes it, or correct its path"
-        return DeviceAbsent(f"there is no file {path}", hint)
-    return DeviceRefused(f"{path} cannot be opened: {error.strerror}", "give the path of a file")

@@ -12,7 +12,7 @@ from typing import Any
 
 from grabberd.bounded_documents import DEEPEST
 from grabberd.tables import Column, number_of
-from grabberd_loggers.lines import ABSENT, IGNORED, OTHER_CELLS
+from grabberd_loggers.lines import ABSENT, IGNORED, OTHER_CELLS, printable
 
 NOT_JSON, OTHER_KEYS = "a message is not valid JSON", "a message has other keys than the columns"
 _SHOWN = 300
@@ -24,9 +24,8 @@ class Unusable(ValueError):
     """A message without a reading: `reason` is the same each time, `example` says what this one has."""
 
     def __init__(self, reason: str, example: str) -> None:
-        printable = "".join(char if char.isprintable() else "\ufffd" for char in example)
-        super().__init__(reason, printable)
-        self.reason, self.example = reason, printable
+        self.reason, self.example = reason, printable(example)
+        super().__init__(reason, self.example)
 
 
 def cells_of(text: str, columns: Sequence[Column]) -> list[str]:

@@ -96,7 +96,7 @@ class LineLogger:
         """
         if self._lines is not None:
             raise DeviceRefused(f"the {self._source.driver} logger is open already", "close it first")
-        self._buffer.clear()
+        self._buffer = LineBuffer()
         options = self._options
         try:
             opened = self._source.open()
@@ -127,7 +127,7 @@ class LineLogger:
     def _take(self, lines: LineReadings, received: Received) -> Readings:
         now_ns = self._clock.now_ns()
         if received.starts_anew:
-            self._buffer.clear()
+            self._buffer = LineBuffer()
         texts, overlong = self._buffer.feed(received.data)
         readings = lines.take(texts, now_ns)
         noticed = [*received.anomalies, *[(OVERLONG, "")] * overlong]

@@ -83,8 +83,7 @@ class _Topic:
 
     def __init__(self, options: MqttOptions, _clock: Clock) -> None:
         self._options = options
-        line_format = options.line_format
-        self._columns = () if line_format is None else line_format.columns
+        self._columns = tuple(map(Column.of, options.columns or ()))
         self._client: paho.Client | None = None
         self._messages: deque[paho.MQTTMessage] = deque(maxlen=_WAITING)
         self._dropped = 0
@@ -196,10 +195,8 @@ class _Topic:
     def _loop(self, client: paho.Client, timeout_s: float) -> None:
         result = client.loop(max(timeout_s, 0.001))
         if result != paho.MQTT_ERR_SUCCESS:
-            raise DeviceLost(
-                f"the connection to the broker is lost: {paho.error_string(result)}",
-                "grabberd connects again by itself; check network and broker if it does not",
-            )
+            hint = "grabberd connects again by itself; check network and broker if it does not"
+            raise DeviceLost(f"the connection to the broker is lost: {paho.error_string(result)}", hint)
 
 
 class MqttLogger(LineLogger):

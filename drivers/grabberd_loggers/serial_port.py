@@ -223,17 +223,20 @@ _KINDS = {
 }
 
 
+_RIGHTS = {
+    errno.EPERM: "under systemd, install the drop-in loggers.conf, which lets the daemon use serial ports",
+    errno.EACCES: "add grabberd's user to the group that owns it, usually dialout, and log in again",
+}
+
+
 def _not_opened(port: Path, error: OSError) -> DeviceAbsent | DeviceRefused:
     if error.errno in (errno.EBUSY, errno.EWOULDBLOCK):
         return DeviceRefused(f"another program has {port}", "end it", Cause.DEVICE_BUSY)
     if error.errno == errno.ENOTTY:
         return DeviceRefused(f"{port} is a device, but not a serial port", _NAME_ONE)
-    if error.errno == errno.EPERM:
-        hint = "under systemd, install the drop-in loggers.conf, which lets the daemon use serial ports"
-        return DeviceRefused(f"{port} may not be opened: {error.strerror}", hint, Cause.NO_RIGHTS)
-    if error.errno == errno.EACCES:
-        hint = "add grabberd's user to the group that owns it, usually dialout, and log in again"
-        return DeviceRefused(f"{port} may not be opened: {error.strerror}", hint, Cause.NO_RIGHTS)
+    if error.errno in _RIGHTS:
+        why = f"{port} may not be opened: {error.strerror}"
+        return DeviceRefused(why, _RIGHTS[error.errno], Cause.NO_RIGHTS)
     if error.errno in (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.EIO, errno.ENOTDIR):
         return DeviceAbsent(f"there is no {port}", PLUG)
     return DeviceRefused(f"{port} cannot be opened: {error.strerror}", _NAME_ONE)
