@@ -207,9 +207,7 @@ class _Block:
 
     def __init__(self, places: Array, first_n: int) -> None:
         self._places = places
-        self._sign = np.where((np.arange(len(places)) + first_n) % 2 == 0, 1.0, -1.0)[
-            :, np.newaxis, np.newaxis
-        ]
+        self._sign = np.where((np.arange(len(places)) + first_n) % 2 == 0, 1.0, -1.0).reshape(-1, 1, 1)
         self._variance = _variance(places)
         before, after = places[2:-2] - places[:-4], places[4:] - places[2:-2]
         self.across = places[3:-1] - places[1:-3]

@@ -2,7 +2,7 @@
 missing. Only what the pictures themselves prove is said.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
@@ -136,13 +136,8 @@ def _share(one: float, other: float) -> float:
     return min(one, other) / max(one, other) if max(one, other) > 0 else 1.0
 
 
-_HALVES: dict[str, Callable[[Picture], Picture]] = {
-    "upper": lambda one: one[_MARGIN : len(one) // 2 - _MARGIN, _MARGIN:-_MARGIN],
-    "lower": lambda one: one[len(one) // 2 + _MARGIN : -_MARGIN, _MARGIN:-_MARGIN],
-    "left": lambda one: one[_MARGIN:-_MARGIN, _MARGIN : one.shape[1] // 2 - _MARGIN],
-    "right": lambda one: one[_MARGIN:-_MARGIN, one.shape[1] // 2 + _MARGIN : -_MARGIN],
-}
-_OTHER = {"upper": "lower", "lower": "upper", "left": "right", "right": "left"}
+_HALVES = {"upper": (0, 0), "lower": (0, 1), "left": (1, 0), "right": (1, 1)}
+"""Axis along which each half of a picture is cut off, and its place there."""
 
 
 def _half_missing(samples: Sequence[Sample]) -> Layout | None:
@@ -151,10 +146,11 @@ def _half_missing(samples: Sequence[Sample]) -> Layout | None:
     An object may well be in the upper half alone, and few bits show no noise: then the halves differ in how
     black they are.
     """
-    for name, half in _HALVES.items():
-        is_view = name in ("left", "right")
-        both = [(half(one.field.luma), _HALVES[_OTHER[name]](one.field.luma)) for one in samples]
-        if all(_is_filled_in(one, other) and (is_view or _is_blacker(one, other)) for one, other in both):
+    for name, (axis, place) in _HALVES.items():
+        cut = [np.split(one.field.luma, [one.field.luma.shape[axis] // 2], axis) for one in samples]
+        inner = [[half[_MARGIN:-_MARGIN, _MARGIN:-_MARGIN] for half in halves] for halves in cut]
+        both = [(halves[place], halves[1 - place]) for halves in inner]
+        if all(_is_filled_in(one, other) and (axis or _is_blacker(one, other)) for one, other in both):
             return Layout(LayoutKind.HALF_MISSING, name)
     return None
 
