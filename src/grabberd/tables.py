@@ -159,7 +159,7 @@ def table_rows(lines: Iterable[str], separator: str, first_line: int = 1) -> Ite
 
 
 def with_units(
-    columns: Sequence[Column], cells: Sequence[str], sought: Callable[[Column], bool] = lambda _: True
+    columns: Sequence[Column], cells: Sequence[str], sought: Callable[[Column], bool]
 ) -> tuple[Column, ...] | None:
     """Columns with the units that the line below a header states; None if it is no line of units.
 
@@ -229,9 +229,8 @@ class Cells:
             if value is None:
                 raise TableError(f"line {line}: {name} is {cell!r}, not a number")
             if self.separator == "," and cell[0] == "0" and len(cell) > 1 and cell.isdigit():
-                raise TableError(
-                    f"line {line}: {name} is {cell!r}: decimal commas between commas?", _SEMICOLONS
-                )
+                why = f"line {line}: {name} is {cell!r}: decimal commas between commas?"
+                raise TableError(why, _SEMICOLONS)
             numbers.append(value)
         return numbers
 
@@ -475,9 +474,8 @@ def _find_header(text: str, sought: Sequence[Sequence[str]]) -> _Header:
             separators = (stated["separator"],)
             if separators[0] in SEPARATORS:
                 continue
-            raise TableError(
-                f"line 1 names the separator {separators[0]!r}", "use semicolons, commas or tabs"
-            )
+            why = f"line 1 names the separator {separators[0]!r}"
+            raise TableError(why, "use semicolons, commas or tabs")
         for header in _possible_headers(text, end, number, line, separators):
             quantities = {column.quantity for column in header.columns}
             rank = sum(not quantities.isdisjoint(one) for one in sought), _has_rows(text, header)

@@ -42,10 +42,8 @@ def inspect(
     document = {**asdict(seen.found), "rate_hz": seen.rate_hz, "problems": list(seen.problems)}
     print_result(document, words(seen, None if layout else out), as_json=json)
     if out is not None and layout is not None:
-        raise InputError(
-            f"{out} was not written: no configuration fits pictures whose layout is {layout.kind}",
-            "convert them as the note says, and inspect the result",
-        )
+        why = f"{out} was not written: no configuration fits pictures whose layout is {layout.kind}"
+        raise InputError(why, "convert them as the note says, and inspect the result")
 
 
 def _driver_of(source: str) -> tuple[str, dict[str, Any]]:

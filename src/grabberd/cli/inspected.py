@@ -128,6 +128,11 @@ def inspected(driver: str, options: dict[str, Any], rate_hz: float | None) -> In
             found = inspect(None if one is None else one.luma for one in fields)
         else:
             found = inspect_fields(fields)
+    return _judged(found, reading, driver, options)
+
+
+def _judged(found: Inspection, reading: "_Reading", driver: str, options: dict[str, Any]) -> Inspected:
+    """What was found, beside what the source says of itself."""
     info = reading.info
     whole = driver == "replay" and info.field_order is FieldOrder.PROGRESSIVE
     of_pictures = whole and "pictures" not in options

@@ -312,10 +312,8 @@ def _of_covariance(lines: Lines, covariance: Array) -> Sequence[float]:
         why = "the covariance has a negative variance in some direction"
         raise lines.refusal(why, "correct its nine numbers")
     if np.abs(covariance - np.diag(np.diag(covariance))).max() > rounding:
-        raise lines.refusal(
-            "the coordinates are correlated, and the adjustment takes a standard deviation for each",
-            "give three standard deviations in place of the covariance",
-        )
+        why = "the coordinates are correlated, and the adjustment takes a standard deviation for each"
+        raise lines.refusal(why, "give three standard deviations in place of the covariance")
     deviations: list[float] = np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()
     return deviations
 
@@ -326,7 +324,6 @@ def _check_sigmas(lines: Lines, points: Sequence[ControlPoint], numbers: Sequenc
     for lines.number, point in zip(numbers, points, strict=True):
         largest_mm = max(point.sigma_mm)
         if extent_mm < largest_mm and len(points) > 1:
-            raise lines.refusal(
-                f"a standard deviation of {largest_mm:g} mm, and all points lie within {extent_mm:g} mm",
-                "give positions and standard deviations in one unit: m, or the one in the header",
-            )
+            why = f"a standard deviation of {largest_mm:g} mm, and all points lie within {extent_mm:g} mm"
+            hint = "give positions and standard deviations in one unit: m, or the one in the header"
+            raise lines.refusal(why, hint)

@@ -295,10 +295,8 @@ def _network(
     for number, point in control.items():
         at = np.flatnonzero(ids == number)
         if not len(at):
-            raise InputError(
-                f"control point {number} is on no image of the bundle project",
-                "check that list of control points and project belong together",
-            )
+            why = f"control point {number} is on no image of the bundle project"
+            raise InputError(why, "check that list of control points and project belong together")
         xyz_mm[at], sigma_mm[at] = point.xyz_mm, point.sigma_mm
     return Network(
         views=views,
