@@ -1,4 +1,4 @@
-"""What an inspection of some source finds: in words, and as a configuration."""
+"""Inspection of a source of pictures: what it finds, in words and as a configuration."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -132,7 +132,7 @@ def inspected(driver: str, options: dict[str, Any], rate_hz: float | None) -> In
 
 
 def _judged(found: Inspection, reading: "_Reading", driver: str, options: dict[str, Any]) -> Inspected:
-    """What was found, beside what the source says of itself."""
+    """The findings beside what the source says of itself."""
     info = reading.info
     whole = driver == "replay" and info.field_order is FieldOrder.PROGRESSIVE
     of_pictures = whole and "pictures" not in options
@@ -234,7 +234,7 @@ class _Reading:
 
     @property
     def remarks(self) -> Iterator[str]:
-        """What the stream says of itself, and which pictures of a live device repeat another."""
+        """Remarks of the stream on itself, and which pictures of a live device repeat another."""
         yield from self.info.remarks
         if repeated := repetitions(self._repeats, self._rate_hz):
             yield repeated

@@ -109,7 +109,7 @@ class Share:
 
 @dataclass(frozen=True, slots=True)
 class DiscMovement:
-    """What the paths of discs show.
+    """Movement that the paths of discs show.
 
     Attributes:
         zigzag: Mean squared zigzag in units of the movement over two fields squared; `steady`: that of steady
@@ -162,7 +162,7 @@ class DiscPaths:
         self._tracks.restart()
 
     def movement(self) -> DiscMovement:
-        """What the paths show; fields added later are not among them."""
+        """Movement that the paths show; fields added later are not among them."""
         self.interrupt()
         evidence = np.concatenate([np.zeros((0, 4, 3)), *self._evidence])
         offset_px = float(np.median(self._offsets)) if self._offsets else None

@@ -45,7 +45,7 @@ class OrderCheck:
         self._differences.add(field)
 
     def finding(self) -> FieldOrderFinding:
-        """What the fields show; a verdict only if it is significant (3 σ)."""
+        """Finding of the fields so far; a verdict only if it is significant (3 σ)."""
         count, movement = self._fields, self._paths.movement()
         self.offset_px = movement.offset_px
         if self._following + 1 < _LEAST_FIELDS:

@@ -100,7 +100,7 @@ class PictureDifferences:
         self._newest.clear()
 
     def finding(self) -> FieldOrderFinding:
-        """What they show."""
+        """Finding of the differences so far."""
         differences, count = self._differences(), len(self._parities)
         if min(len(one.near) for one in differences) < _BLOCKS:
             evidence = "too few fields follow one another without a gap"
