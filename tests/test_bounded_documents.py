@@ -12,7 +12,6 @@ import yaml
 from grabberd.archive.input_files import read_identifications, read_truth
 from grabberd.bounded_documents import (
     as_written,
-    csv_records,
     decoded,
     parse_yaml,
     read_bounded,
@@ -200,15 +199,6 @@ def test_a_text_says_by_its_byte_order_mark_how_it_is_encoded(tmp_path, encoding
 def test_a_text_that_does_not_say_so_is_refused(content, message):
     with pytest.raises(ValueError, match=message):
         decoded(content)
-
-
-def test_records_are_rows_by_the_keys_of_their_columns():
-    records = csv_records("a, b\n1,\n\n1,2, ,\n1,2,3\n", ("b",))
-    assert [next(records), next(records)] == [(2, {"b": ""}), (4, {"b": "2"})]
-    with pytest.raises(ValueError, match="line 5 has 3 cells, the header 2: decimal commas"):
-        next(records)
-    with pytest.raises(KeyError, match="c, d"):
-        csv_records("a, b\n", ("c", "b", "d"))
 
 
 @pytest.mark.parametrize("text", [LAUGHS, MERGES, DEEP, "1" * 5000, "a: !!timestamp 2026-99-99", "\udcff"])

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grabberd.bounded_documents import decoded
-from grabberd.tables import MOST_ROWS, Column, Table, TableError
+from grabberd.tables import MOST_ROWS, Column, Table, TableError, keyed_cells
 
 ROWS = 60
 KPA = [42 + (k % 7) / 8 for k in range(ROWS)]
@@ -211,6 +211,16 @@ def test_what_cannot_be_read_is_refused_for_its_own_reason(text, reason, advice)
 )
 def test_a_missing_column_is_told_beside_those_that_are_there(text, says):
     assert Table(text, TIME_AND_VACUUM).missing("x") == says
+
+
+def test_columns_are_read_by_their_keys_with_the_lines_of_their_rows():
+    cells = keyed_cells("a, b_px\n1,\n\n1,2, ,\n", ("b_px",), ("c",), hint="")
+    assert (list(cells.lines), cells.columns) == ([2, 4], {"b_px": ["", "2"]})
+    with pytest.raises(TableError, match="line 3 has 3 cells, the header 2: decimal commas"):
+        keyed_cells("a, b\n1,2\n1,2,3\n", ("b",), hint="")
+    with pytest.raises(TableError, match="it has no column c, d: line 1 names a, b") as refused:
+        keyed_cells("a, b\n", ("c", "b", "d"), hint="name them")
+    assert refused.value.hint == "name them"
 
 
 def test_rows_that_count_are_names_only_where_that_cannot_be_mistaken():

@@ -1,7 +1,6 @@
 """A CSV file that another program appends to: lines are read as they are written."""
 
 import codecs
-import errno
 import os
 from io import BufferedReader
 from pathlib import Path
@@ -58,15 +57,20 @@ class _GrowingFile:
             head = self._text.feed(self._file.read(_BYTES))
             self._header = b"" if self._options.columns else head_of(head.decode("utf-8", "replace")).encode()
             self._go_to_last_line(self._file)
+        except PermissionError as error:
+            hint = "let grabberd's user read it and enter its folders"
+            raise DeviceRefused(f"{path} may not be read: {error.strerror}", hint, Cause.NO_RIGHTS) from error
+        except (FileNotFoundError, NotADirectoryError) as error:
+            hint = "start the program that writes it, or correct its path"
+            raise DeviceAbsent(f"there is no file {path}", hint) from error
         except OSError as error:
-            self.close()
-            raise _not_opened(path, error) from error
+            why = f"{path} cannot be opened: {error.strerror}"
+            raise DeviceRefused(why, "give the path of a file") from error
         self._missing_since_ns = None
         return Opened(path.name, {"path": str(path)})
 
     def receive(self, timeout_s: float) -> Received:
-        if self._file is None:
-            raise DeviceLost("the file is not open", "open it first")
+        assert self._file is not None
         if self._header:
             header, self._header = self._header, b""
             return Received(header)
@@ -105,10 +109,8 @@ class _GrowingFile:
                 return self._from_start(file, TRUNCATED)
             return self._look_for_another(file)
         except OSError as error:
-            raise StreamFailed(
-                f"{self._options.path} cannot be read: {error.strerror}",
-                "check the disk or the share it is on",
-            ) from error
+            hint = "check the disk or the share it is on"
+            raise StreamFailed(f"{self._options.path} cannot be read: {error.strerror}", hint) from error
 
     def _look_for_another(self, file: BufferedReader) -> Received:
         """Content of a new file of the same name, once the old one has been read."""
@@ -116,7 +118,10 @@ class _GrowingFile:
         try:
             now = path.stat()
         except FileNotFoundError:
-            self._wait_for_it()
+            now_ns = self._clock.now_ns()
+            since_ns = self._missing_since_ns = self._missing_since_ns or now_ns
+            if now_ns - since_ns > _GONE_NS:
+                raise DeviceLost(f"{path} is gone", "grabberd goes on once it is there again") from None
             return Received()
         self._missing_since_ns = None
         old = os.fstat(file.fileno())
@@ -130,12 +135,6 @@ class _GrowingFile:
         self._text = _Text()
         data = self._text.feed(file.read(_BYTES))
         return Received(data, ((reason, str(self._options.path)),), starts_anew=True)
-
-    def _wait_for_it(self) -> None:
-        now_ns = self._clock.now_ns()
-        since_ns = self._missing_since_ns = self._missing_since_ns or now_ns
-        if now_ns - since_ns > _GONE_NS:
-            raise DeviceLost(f"{self._options.path} is gone", "grabberd goes on once it is there again")
 
 
 class _Text:
@@ -176,14 +175,3 @@ class CsvLogger(LineLogger):
 
     options_class = CsvOptions
     source_class = _GrowingFile
-
-
-def _not_opened(path: Path, error: OSError) -> DeviceAbsent | DeviceRefused:
-    if error.errno in (errno.EACCES, errno.EPERM):
-        hint = "let grabberd's user read it and enter its folders"
-        return DeviceRefused(f"{path} may not be read: {error.strerror}", hint, Cause.NO_RIGHTS)
-    if error.errno in (errno.ENOENT, errno.ENOTDIR):
-        return DeviceAbsent(
-            f"there is no file {path}", "start the program that writes it, or correct its path"
-        )
-    return DeviceRefused(f"{path} cannot be opened: {error.strerror}", "give the path of a file")

@@ -11,8 +11,8 @@ from datetime import UTC, datetime
 from typing import Any
 
 from grabberd.bounded_documents import DEEPEST
-from grabberd.tables import Column
-from grabberd_loggers.lines import IGNORED, OTHER_CELLS
+from grabberd.tables import Column, number_of
+from grabberd_loggers.lines import ABSENT, IGNORED, OTHER_CELLS, printable
 
 NOT_JSON, OTHER_KEYS = "a message is not valid JSON", "a message has other keys than the columns"
 _SHOWN = 300
@@ -24,10 +24,8 @@ class Unusable(ValueError):
     """A message without a reading: `reason` is the same each time, `example` says what this one has."""
 
     def __init__(self, reason: str, example: str) -> None:
-        printable = "".join(char if char.isprintable() else "\ufffd" for char in example)
-        super().__init__(reason, printable)
-        self.reason = reason
-        self.example = printable
+        self.reason, self.example = reason, printable(example)
+        super().__init__(reason, self.example)
 
 
 def cells_of(text: str, columns: Sequence[Column]) -> list[str]:
@@ -102,17 +100,9 @@ def _cell(column: Column, value: Any) -> str:
         words = value.strip().replace(",", ".")
         if column.is_time and column.unit in (None, "s"):
             words = _seconds(value.strip()) or words
-        if _is_number(words) or words in ("", IGNORED):
+        if number_of(words) is not None or words in ABSENT:
             return words or IGNORED
     return _SEPARATES.sub("_", f"{column.name}={value if isinstance(value, str) else json.dumps(value)}")
-
-
-def _is_number(words: str) -> bool:
-    try:
-        float(words)
-    except ValueError:
-        return False
-    return True
 
 
 def _seconds(text: str) -> str | None:

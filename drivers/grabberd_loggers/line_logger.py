@@ -11,6 +11,10 @@ from grabberd_loggers.options import LineOptions, read_options
 HEADER_S = 5.0
 """Time in which a logger must send its header: those that restart when they are opened need two seconds."""
 OVERLONG = "a line without an end"
+_BY_ARRIVAL = (
+    "The lines carry no time and no rate is given: readings are dated by their arrival, which may be some "
+    "10 ms late. A time column, or rate_hz in the options, is better."
+)
 _SIGMA_NS = {Dating.OWN_CLOCK: 1_000_000, Dating.ARRIVAL: 10_000_000}
 
 
@@ -19,12 +23,11 @@ class Opened(NamedTuple):
 
     Attributes:
         model: Its own name.
-        details, remarks: As in `LoggerInfo`.
+        details: As in `LoggerInfo`.
     """
 
     model: str
     details: dict[str, str]
-    remarks: tuple[str, ...] = ()
 
 
 class Received(NamedTuple):
@@ -50,15 +53,15 @@ class Source(Protocol):
     def __init__(self, options: Any, clock: Clock) -> None: ...
 
     def open(self) -> Opened:
-        """Open it; raises as `Logger.open`."""
+        """Open it; raises as `Logger.open`, and is closed then."""
         ...
 
     def receive(self, timeout_s: float) -> Received:
-        """Wait for bytes up to `timeout_s`; raises as `Logger.read`."""
+        """Wait for bytes up to `timeout_s`, while it is open; raises as `Logger.read`."""
         ...
 
     def close(self) -> None:
-        """Close it; safe to call twice."""
+        """Close it; safe to call twice, and half open."""
         ...
 
 
@@ -93,11 +96,11 @@ class LineLogger:
         """
         if self._lines is not None:
             raise DeviceRefused(f"the {self._source.driver} logger is open already", "close it first")
-        opened = self._source.open()
-        self._buffer.clear()
+        self._buffer = LineBuffer()
         options = self._options
-        self._lines = LineReadings(options.line_format, options.rate_hz, self._source.begins_anywhere)
         try:
+            opened = self._source.open()
+            self._lines = LineReadings(options.line_format, options.rate_hz, self._source.begins_anywhere)
             self._await_header(self._lines)
             return self._info(opened, self._lines)
         except BaseException:
@@ -124,7 +127,7 @@ class LineLogger:
     def _take(self, lines: LineReadings, received: Received) -> Readings:
         now_ns = self._clock.now_ns()
         if received.starts_anew:
-            self._buffer.clear()
+            self._buffer = LineBuffer()
         texts, overlong = self._buffer.feed(received.data)
         readings = lines.take(texts, now_ns)
         noticed = [*received.anomalies, *[(OVERLONG, "")] * overlong]
@@ -163,12 +166,6 @@ class LineLogger:
         assert lines.format is not None
         channels = lines.format.channels
         dating = lines.dating
-        remarks = list(opened.remarks)
-        if dating is Dating.ARRIVAL:
-            remarks.append(
-                "The lines carry no time and no rate is given: readings are dated by their arrival, which "
-                "may be some 10 ms late. A time column, or rate_hz in the options, is better."
-            )
         return LoggerInfo(
             driver=self._source.driver,
             model=opened.model,
@@ -178,5 +175,5 @@ class LineLogger:
             dating=dating,
             time_sigma_ns=_SIGMA_NS[dating],
             details=opened.details,
-            remarks=tuple(remarks),
+            remarks=(_BY_ARRIVAL,) if dating is Dating.ARRIVAL else (),
         )

@@ -55,10 +55,6 @@ class LineBuffer:
         self._rest = b""
         self._is_overlong = False
 
-    def clear(self) -> None:
-        """Forget the piece of a line that has come so far."""
-        self._rest, self._is_overlong = b"", False
-
     def push_back(self, data: bytes) -> None:
         """Put bytes before what has come since the last complete line."""
         self._rest = data + self._rest
@@ -84,7 +80,7 @@ IGNORED = "-"
 NOT_A_NUMBER, OTHER_CELLS, NO_TIME = "not a number", "another number of cells", "no time"
 
 _NAME = re.compile(r"^[^\W\d][\w .%/+-]*$")
-_ABSENT = frozenset(["", "-", "nan", "NaN", "NAN"])
+ABSENT = frozenset(["", "-", "nan", "NaN", "NAN"])
 
 
 class Line(NamedTuple):
@@ -164,7 +160,7 @@ class LineFormat:
         for column, cell in zip(self.columns, cells, strict=True):
             if column.name == IGNORED:
                 continue
-            value = math.nan if cell in _ABSENT else number_of(cell)
+            value = math.nan if cell in ABSENT else number_of(cell)
             if value is None:
                 return NOT_A_NUMBER
             if not column.is_time:
@@ -356,10 +352,8 @@ class LineReadings:
         elif announced.columns == self.format.columns:
             anomalies.append(Anomaly(arrival_ns, HEADER_AGAIN, _shown(text)))
         else:
-            raise StreamFailed(
-                f"the logger announces other columns than before: {_shown(text)!r}",
-                "check units and columns in the configuration against what the logger sends now",
-            )
+            hint = "check units and columns in the configuration against what the logger sends now"
+            raise StreamFailed(f"the logger announces other columns than before: {_shown(text)!r}", hint)
         return True
 
     def _own_ns(self, line: Line) -> int:
@@ -400,7 +394,11 @@ _BEFORE_TIME = "\"'# ;,|\t"
 _ADVICE = "write it like 'time_ms,p1 [kPa],p2 [kPa]', or name the columns in the options"
 
 
+def printable(text: str) -> str:
+    """A text whose other characters are replaced."""
+    return "".join(char if char.isprintable() else "\ufffd" for char in text)
+
+
 def _shown(text: str) -> str:
     """Printable part of a line, cut to a length that can be shown."""
-    printable = "".join(char if char.isprintable() else "\ufffd" for char in text)
-    return printable if len(printable) <= _SHOWN else printable[: _SHOWN - 1] + "…"
+    return printable(text) if len(text) <= _SHOWN else printable(text[: _SHOWN - 1]) + "…"

@@ -55,21 +55,12 @@ class MqttOptions(LineOptions):
     qos: int = Field(0, ge=0, le=2)
 
     @model_validator(mode="after")
-    def _named(self) -> Self:
+    def _complete(self) -> Self:
         if self.columns is None:
             raise ValueError("columns: missing; messages have no header")
-        return self
-
-    @model_validator(mode="after")
-    def _password_has_a_user(self) -> Self:
         if self.password_file is not None and self.user is None:
             raise ValueError("password_file requires user")
         return self
-
-    @property
-    def address(self) -> tuple[str, int]:
-        """Host and port of the broker."""
-        return self.host, self.port or (8883 if self.tls else 1883)
 
 
 def line_of(payload: bytes, columns: Sequence[Column]) -> str:
@@ -92,8 +83,7 @@ class _Topic:
 
     def __init__(self, options: MqttOptions, _clock: Clock) -> None:
         self._options = options
-        line_format = options.line_format
-        self._columns = () if line_format is None else line_format.columns
+        self._columns = tuple(map(Column.of, options.columns or ()))
         self._client: paho.Client | None = None
         self._messages: deque[paho.MQTTMessage] = deque(maxlen=_WAITING)
         self._dropped = 0
@@ -101,25 +91,21 @@ class _Topic:
         self._is_subscribed = False
 
     def open(self) -> Opened:
-        host, port = self._options.address
+        options = self._options
+        host, port = options.host, options.port or (8883 if options.tls else 1883)
+        broker = f"{host}:{port}"
         self._messages.clear()
         self._refusal, self._is_subscribed = None, False
-        client = self._client = self._made()
+        self._client = self._made()
         try:
-            client.connect(host, port, keepalive=30)
+            self._client.connect(host, port, keepalive=30)
         except (OSError, ValueError) as error:
-            self.close()
-            raise DeviceAbsent(f"the broker {host}:{port} cannot be reached: {error}", _CHECK) from error
-        try:
-            self._await_subscription(client)
-        except BaseException:
-            self.close()
-            raise
-        return Opened(self._options.topic, {"broker": f"{host}:{port}", "topic": self._options.topic})
+            raise DeviceAbsent(f"the broker {broker} cannot be reached: {error}", _CHECK) from error
+        self._await_subscription(self._client)
+        return Opened(options.topic, {"broker": broker, "topic": options.topic})
 
     def receive(self, timeout_s: float) -> Received:
-        if self._client is None:
-            raise DeviceLost("the topic is not subscribed to", "open it first")
+        assert self._client is not None
         deadline_s = time.monotonic() + timeout_s
         while True:
             left_s = max(deadline_s - time.monotonic(), 0.0)
@@ -209,10 +195,8 @@ class _Topic:
     def _loop(self, client: paho.Client, timeout_s: float) -> None:
         result = client.loop(max(timeout_s, 0.001))
         if result != paho.MQTT_ERR_SUCCESS:
-            raise DeviceLost(
-                f"the connection to the broker is lost: {paho.error_string(result)}",
-                "grabberd connects again by itself; check network and broker if it does not",
-            )
+            hint = "grabberd connects again by itself; check network and broker if it does not"
+            raise DeviceLost(f"the connection to the broker is lost: {paho.error_string(result)}", hint)
 
 
 class MqttLogger(LineLogger):

@@ -12,36 +12,63 @@ import struct
 import termios
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 from pydantic import Field
 
 from grabberd.clock import Clock
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_loggers.line_logger import LineLogger, Opened, Received
-from grabberd_loggers.options import LineOptions
+from grabberd_loggers.options import LineOptions, Options
 
 _BYTES = 65_536
-Bits = Literal[7, 8]
-Parity = Literal["none", "even", "odd"]
-StopBits = Literal[1, 2]
+_SIZE = {7: termios.CS7, 8: termios.CS8}
+_PARITY = {"none": 0, "even": termios.PARENB, "odd": termios.PARENB | termios.PARODD}
+_STOP = {1: 0, 2: termios.CSTOPB}
+_SPEED_SHARE = 0.02
+"""Difference of two speeds at which the middle of a character's last bit is still that bit."""
 
 
-class SerialOptions(LineOptions):
-    """All options.
+class PortSettings(Options):
+    """Speed of a port, and the bits of its characters.
+
+    Attributes:
+        baud: its speed.
+        bits: bits of a character; `parity`: its parity bit; `stop_bits`: those at its end.
+    """
+
+    baud: int = Field(9600, ge=50, lt=1 << 32)
+    bits: Literal[7, 8] = 8
+    parity: Literal["none", "even", "odd"] = "none"
+    stop_bits: Literal[1, 2] = 1
+
+    @property
+    def control(self) -> int:
+        """Size, parity and stop bits, as termios has them."""
+        return _SIZE[self.bits] | _PARITY[self.parity] | _STOP[self.stop_bits]
+
+    def refused(self, baud: int, control: int) -> str:
+        """Names what a port does otherwise, by the speed and control bits that it has; empty for nothing."""
+        other = control ^ self.control
+        refused = [
+            (other & termios.CSIZE, f"{self.bits} data bits"),
+            (other & _PARITY["odd"], "no parity" if self.parity == "none" else f"{self.parity} parity"),
+            (other & termios.CSTOPB, f"{self.stop_bits} stop bit" + "s" * (self.stop_bits > 1)),
+            (abs(baud - self.baud) > _SPEED_SHARE * self.baud, f"{self.baud} baud (it gives {baud})"),
+        ]
+        return " and ".join(words for is_other, words in refused if is_other)
+
+
+class SerialOptions(PortSettings, LineOptions):
+    """All options, those of the port among them.
 
     Attributes:
         port: the port, preferably a link in /dev/serial/by-id, which stays the same.
-        baud: its speed.
-        bits: bits of a character; `parity`: its parity bit; `stop_bits`: those at its end.
         start: text that is sent once it is open, for loggers that wait to be asked.
     """
 
     port: Path
     baud: int = Field(115_200, ge=50, lt=1 << 32)
-    bits: Bits = 8
-    parity: Parity = "none"
-    stop_bits: StopBits = 1
     start: str = ""
 
 
@@ -58,26 +85,22 @@ class _Port:
     def open(self) -> Opened:
         options = self._options
         port = options.port
-        settings = PortSettings(options.baud, options.bits, options.parity, options.stop_bits)
-        self._file = open_port(port, settings)
+        self._file = open_port(port, options)
         try:
             os.write(self._file, options.start.encode())
         except OSError as error:
-            self.close()
             raise StreamFailed(f"{port} does not take the text to start: {error.strerror}", PLUG) from error
         details = {"port": str(port), "device": str(port.resolve()), "baud": str(options.baud)}
         return Opened(port.name, details)
 
     def receive(self, timeout_s: float) -> Received:
-        file = self._file
-        if file is None:
-            raise DeviceLost("the serial port is not open", "open it first")
+        assert self._file is not None
         poll = select.poll()
-        poll.register(file, select.POLLIN)
+        poll.register(self._file, select.POLLIN)
         if not poll.poll(timeout_s * 1000):
             return Received()
         try:
-            data = os.read(file, _BYTES)
+            data = os.read(self._file, _BYTES)
         except BlockingIOError:
             return Received()
         except OSError as error:
@@ -104,38 +127,6 @@ class SerialLogger(LineLogger):
 GONE = frozenset([errno.EIO, errno.ENXIO, errno.ENODEV, errno.EBADF])
 """Errors of a port that is no longer there."""
 PLUG = "plug it in; 'grabberd devices' lists the serial ports"
-
-
-_SIZE = {7: termios.CS7, 8: termios.CS8}
-_PARITY = {"none": 0, "even": termios.PARENB, "odd": termios.PARENB | termios.PARODD}
-_STOP = {1: 0, 2: termios.CSTOPB}
-_SPEED_SHARE = 0.02
-"""Difference of two speeds at which the middle of a character's last bit is still that bit."""
-
-
-class PortSettings(NamedTuple):
-    """Speed of a port, and the bits of its characters."""
-
-    baud: int = 9600
-    bits: Bits = 8
-    parity: Parity = "none"
-    stop_bits: StopBits = 1
-
-    @property
-    def control(self) -> int:
-        """Size, parity and stop bits, as termios has them."""
-        return _SIZE[self.bits] | _PARITY[self.parity] | _STOP[self.stop_bits]
-
-    def refused(self, baud: int, control: int) -> str:
-        """Names what a port does otherwise, by the speed and control bits that it has; empty for nothing."""
-        other = control ^ self.control
-        refused = [
-            (other & termios.CSIZE, f"{self.bits} data bits"),
-            (other & _PARITY["odd"], "no parity" if self.parity == "none" else f"{self.parity} parity"),
-            (other & termios.CSTOPB, f"{self.stop_bits} stop bit" + "s" * (self.stop_bits > 1)),
-            (abs(baud - self.baud) > _SPEED_SHARE * self.baud, f"{self.baud} baud (it gives {baud})"),
-        ]
-        return " and ".join(words for is_other, words in refused if is_other)
 
 
 def open_port(port: Path, settings: PortSettings) -> int:
@@ -186,29 +177,31 @@ def _set_up(file: int, settings: PortSettings) -> None:
     characters = list(termios.tcgetattr(file)[6])
     characters[termios.VMIN], characters[termios.VTIME] = 0, 0
     control = settings.control | termios.CREAD | termios.CLOCAL
-    named = getattr(termios, f"B{settings.baud}", None)
-    speed = termios.B9600 if named is None else named
+    is_named = hasattr(termios, f"B{settings.baud}")
+    speed = getattr(termios, f"B{settings.baud}", termios.B9600)
     raw: list[Any] = [0, 0, control, 0, speed, speed, characters]
     # What is refused is an error, or silently not done: the settings are read back in either case.
     with suppress(termios.error):
         termios.tcsetattr(file, termios.TCSANOW, raw)
-    if named is None:
+    if not is_named:
         with suppress(OSError):
-            words = list(_TERMIOS2.unpack(fcntl.ioctl(file, _TCGETS2, bytes(_TERMIOS2.size))))
+            words = _modes(file)
             words[2] = words[2] & ~_CBAUD | _BOTHER
             words[-2:] = settings.baud, settings.baud
             fcntl.ioctl(file, _TCSETS2, _TERMIOS2.pack(*words))
 
 
+def _modes(file: int) -> list[Any]:
+    return list(_TERMIOS2.unpack(fcntl.ioctl(file, _TCGETS2, bytes(_TERMIOS2.size))))
+
+
 def _speed(file: int) -> int:
     """Speed that the port has, which may be another than it was asked for."""
     try:
-        return int(_TERMIOS2.unpack(fcntl.ioctl(file, _TCGETS2, bytes(_TERMIOS2.size)))[-1])
+        return int(_modes(file)[-1])
     except OSError:  # of the architectures that have no such structure, and named speeds alone
-        speed = termios.tcgetattr(file)[5]
-        names = filter(_NAMED.fullmatch, dir(termios))
-        named = {getattr(termios, name): int(name[1:]) for name in names}
-        return named[speed]
+        named = {getattr(termios, name): int(name[1:]) for name in filter(_NAMED.fullmatch, dir(termios))}
+        return named[termios.tcgetattr(file)[5]]
 
 
 def _claim(file: int) -> None:
@@ -230,17 +223,20 @@ _KINDS = {
 }
 
 
+_RIGHTS = {
+    errno.EPERM: "under systemd, install the drop-in loggers.conf, which lets the daemon use serial ports",
+    errno.EACCES: "add grabberd's user to the group that owns it, usually dialout, and log in again",
+}
+
+
 def _not_opened(port: Path, error: OSError) -> DeviceAbsent | DeviceRefused:
     if error.errno in (errno.EBUSY, errno.EWOULDBLOCK):
         return DeviceRefused(f"another program has {port}", "end it", Cause.DEVICE_BUSY)
     if error.errno == errno.ENOTTY:
         return DeviceRefused(f"{port} is a device, but not a serial port", _NAME_ONE)
-    if error.errno == errno.EPERM:
-        hint = "under systemd, install the drop-in loggers.conf, which lets the daemon use serial ports"
-        return DeviceRefused(f"{port} may not be opened: {error.strerror}", hint, Cause.NO_RIGHTS)
-    if error.errno == errno.EACCES:
-        hint = "add grabberd's user to the group that owns it, usually dialout, and log in again"
-        return DeviceRefused(f"{port} may not be opened: {error.strerror}", hint, Cause.NO_RIGHTS)
+    if error.errno in _RIGHTS:
+        why = f"{port} may not be opened: {error.strerror}"
+        return DeviceRefused(why, _RIGHTS[error.errno], Cause.NO_RIGHTS)
     if error.errno in (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.EIO, errno.ENOTDIR):
         return DeviceAbsent(f"there is no {port}", PLUG)
     return DeviceRefused(f"{port} cannot be opened: {error.strerror}", _NAME_ONE)

@@ -8,16 +8,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.bounded_documents import LARGEST_TABLE, csv_records, read_text
+from grabberd.bounded_documents import LARGEST_TABLE, read_text
 from grabberd.core.field import LARGEST_SIDE_PX, NTSC_HZ, PAL_HZ, PROGRESSIVE, Field, FieldOrder
 from grabberd.core.ledger import Outcome
 from grabberd.errors import DeviceRefused
 from grabberd.instrument.acquisition import GrabbedField
+from grabberd.tables import keyed_cells
 from grabberd_replay.picture_file import read_picture
 from grabberd_replay.recording import Batch, Format, Pictures, Recording
 from grabberd_replay.samples import Levels
 
 MANIFEST = "fields.csv"
+_HINT = "export the capture again"
 _CLOCK_OFF = 5e-4
 """Departure of a camera's clock from its nominal rate."""
 _NUMBERS = range(-(1 << 62), 1 << 62)
@@ -129,18 +131,18 @@ def read_manifest(path: Path) -> list[Row]:
     Raises:
         DeviceRefused: there are no rows, or one is malformed; the message names its line.
     """
-    hint = "export the capture again"
     try:
-        records = csv_records(read_text(path, LARGEST_TABLE), Row._fields)
-        rows = [_row(path, line, values) for line, values in records]
-    except KeyError as error:
-        raise DeviceRefused(f"{path} has no column {error.args[0]}", hint) from None
+        cells = keyed_cells(read_text(path, LARGEST_TABLE), Row._fields, hint=_HINT)
     except (OSError, ValueError) as error:
-        raise DeviceRefused(f"{path} cannot be read: {error}", hint) from error
+        raise DeviceRefused(f"{path} cannot be read: {error}", _HINT) from error
+    records = (
+        dict(zip(cells.columns, row, strict=True)) for row in zip(*cells.columns.values(), strict=True)
+    )
+    rows = [_row(path, line, values) for line, values in zip(cells.lines, records, strict=True)]
     if not rows:
-        raise DeviceRefused(f"{path} lists no fields", hint)
+        raise DeviceRefused(f"{path} lists no fields", _HINT)
     if any(later.n <= earlier.n for earlier, later in pairwise(rows)):
-        raise DeviceRefused(f"{path}: the numbers n do not ascend", hint)
+        raise DeviceRefused(f"{path}: the numbers n do not ascend", _HINT)
     return rows
 
 
@@ -154,10 +156,8 @@ def _row(path: Path, line: int, values: Mapping[str, str]) -> Row:
             file=_file(values["file"]),
         )
     except ValueError as error:
-        raise DeviceRefused(
-            f"{path}, line {line} cannot be understood: {type(error).__name__} {error}",
-            "export the capture again",
-        ) from error
+        why = f"{type(error).__name__} {error}"
+        raise DeviceRefused(f"{path}, line {line} cannot be understood: {why}", _HINT) from error
 
 
 def _whole(values: Mapping[str, str], name: str) -> int:

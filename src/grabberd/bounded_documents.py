@@ -10,15 +10,13 @@ that is a number or a truth value to it is an `OldWord`: where one is expected, 
 
 import codecs
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
 import yaml
-
-from grabberd.tables import Column, Table
 
 LARGEST_DOCUMENT = 16 << 20
 """Bytes of a document; an object model of 5000 targets has half a million."""
@@ -76,9 +74,8 @@ def decoded(content: bytes) -> str:
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, len(mark) + error.start) + 1
         wrong = content[len(mark) + error.start]
-        raise ValueError(
-            f"line {line} has the byte 0x{wrong:02X}, which is not {encoding.upper()}: {_SAVE}"
-        ) from error
+        why = f"line {line} has the byte 0x{wrong:02X}, which is not {encoding.upper()}"
+        raise ValueError(f"{why}: {_SAVE}") from error
     if "\0" in text[:2]:
         raise ValueError(f"it has zero characters, as UTF-16 has without its byte order mark: {_SAVE}")
     return text
@@ -206,7 +203,7 @@ def parse_yaml(text: str, *, fast: bool = False) -> Any:
         raise ValueError(f"it has more than {LARGEST_DOCUMENT} characters")
     try:
         # Of events alone: they come one by one, whatever they stand for.
-        _check_parts(_with_distinct_keys(yaml.parse(text, Loader=loader)))
+        _check_parts(yaml.parse(text, Loader=loader))
         return yaml.load(text, Loader=loader)  # noqa: S506 - both are safe
     except (yaml.YAMLError, RecursionError, OverflowError, TypeError, AttributeError) as error:
         # The last two are what PyYAML raises for tags that do not suit their values.
@@ -245,85 +242,49 @@ def _check_parts(events: Iterator[Any]) -> None:
 
     Raises:
         ValueError: There are too many, it is too deep, or a part contains itself.
+        YAMLError: A key is given twice, of which plain YAML silently keeps the last.
     """
-    counts: list[int] = [0]
-    anchors: list[str | None] = []
+    within = [_Collection(None, 0)]
     known: dict[str, int] = {}
     for event in events:
+        if isinstance(event, yaml.NodeEvent):
+            within[-1].see(event)
         if isinstance(event, yaml.CollectionStartEvent):
-            counts.append(1)
-            anchors.append(event.anchor)
+            within.append(_Collection(event, len(within)))
         elif isinstance(event, yaml.CollectionEndEvent):
-            _add(counts, counts.pop(), anchors.pop(), known)
+            done = within.pop()
+            within[-1].add(done.parts, done.start.anchor, known)
         elif isinstance(event, yaml.ScalarEvent):
-            _add(counts, 1, event.anchor, known)
+            within[-1].add(1, event.anchor, known)
         elif isinstance(event, yaml.AliasEvent):
             if event.anchor not in known:
                 raise ValueError(f"the part {event.anchor!r} contains itself, or is not there")
-            _add(counts, known[event.anchor], None, known)
-        if len(counts) > DEEPEST:
+            within[-1].add(known[event.anchor], None, known)
+
+
+class _Collection:
+    """A mapping or list that has begun, or the document: its parts so far, and a mapping's keys."""
+
+    def __init__(self, start: Any, depth: int) -> None:
+        if depth >= DEEPEST:
             raise ValueError(f"it is nested in more than {DEEPEST} levels")
-
-
-def _with_distinct_keys(events: Iterator[Any]) -> Iterator[Any]:
-    """The same events.
-
-    Raises:
-        YAMLError: A key is given twice, of which plain YAML silently keeps the last.
-    """
-    mappings: list[_Keys | None] = [None]
-    for event in events:
-        if isinstance(event, yaml.NodeEvent) and (mapping := mappings[-1]) is not None:
-            mapping.see(event)
-        if isinstance(event, yaml.CollectionStartEvent):
-            mappings.append(_Keys(event) if isinstance(event, yaml.MappingStartEvent) else None)
-        elif isinstance(event, yaml.CollectionEndEvent):
-            mappings.pop()
-        yield event
-
-
-class _Keys:
-    """The keys of a mapping so far."""
-
-    def __init__(self, begin: Any) -> None:
-        self._begin = begin
-        self._seen: set[str] = set()
-        self._is_key = True
+        self.start, self.parts = start, min(depth, 1)
+        self._keys: set[str] = set()
+        self._is_mapping = self._is_key = isinstance(start, yaml.MappingStartEvent)
 
     def see(self, event: Any) -> None:
-        """Takes note of a key or a value, which take turns."""
+        """Takes note of what it holds; the keys and values of a mapping take turns."""
         if self._is_key and isinstance(event, yaml.ScalarEvent):
-            if event.value in self._seen:
+            if event.value in self._keys:
                 words = f"the key {event.value!r} is given twice"
-                raise yaml.constructor.ConstructorError(None, None, words, self._begin.start_mark)
-            self._seen.add(event.value)
-        self._is_key = not self._is_key
+                raise yaml.constructor.ConstructorError(None, None, words, self.start.start_mark)
+            self._keys.add(event.value)
+        self._is_key = self._is_mapping and not self._is_key
 
-
-def _add(counts: list[int], parts: int, anchor: str | None, known: dict[str, int]) -> None:
-    counts[-1] += parts
-    if anchor is not None:
-        known[anchor] = parts
-    if counts[-1] > MOST_PARTS:
-        raise ValueError(f"it has more than {MOST_PARTS} parts, repeated ones included")
-
-
-def csv_records(text: str, columns: Sequence[str]) -> Iterator[tuple[int, dict[str, str]]]:
-    """The rows of a table by the columns' keys, with the numbers of their lines.
-
-    Args:
-        text: The text.
-        columns: Keys of the columns that have to be there.
-
-    Raises:
-        KeyError: At once: a column is missing; the message lists all that are.
-        ValueError: While they are read: see `Table`.
-    """
-    table = Table(text, [(Column.of(key).quantity,) for key in columns])
-    places = {key: table.place(key) for key in columns}
-    if missing := [key for key, place in places.items() if place is None]:
-        raise KeyError(", ".join(missing))
-    return (
-        (line, {key: row[place].strip() for key, place in places.items() if place is not None})
-        for line, row in table.rows()
-    )
+    def add(self, parts: int, anchor: str | None, known: dict[str, int]) -> None:
+        """Counts what it holds, for repetitions by the anchor too."""
+        self.parts += parts
+        if anchor is not None:
+            known[anchor] = parts
+        if self.parts > MOST_PARTS:
+            raise ValueError(f"it has more than {MOST_PARTS} parts, repeated ones included")

@@ -103,12 +103,9 @@ def separator_of(line: str) -> str:
 
 
 def cells_of(line: str, separator: str, *, is_strict: bool = True) -> list[str]:
-    """The cells of a single line, without blanks round them.
+    """The cells of a single line, without blanks round them; a run of blanks separates once.
 
-    Args:
-        line: The line.
-        separator: One of `SEPARATORS`; a run of blanks separates once.
-        is_strict: True to refuse quotes that enclose a part of a cell.
+    Unless `is_strict`, quotes may enclose a part of a cell.
 
     Raises:
         TableError: Its quotes are wrong.
@@ -141,10 +138,7 @@ def number_of(cell: str) -> float | None:
 def table_rows(lines: Iterable[str], separator: str, first_line: int = 1) -> Iterator[tuple[int, list[str]]]:
     """The rows of a table that have any content, with the numbers of their last lines; of any size.
 
-    Args:
-        lines: Lines, with their ends or without.
-        separator: Separator of their cells.
-        first_line: Number of the first line.
+    Lines have their ends or not; `first_line` is the number of the first.
 
     Raises:
         TableError: While they are read: a line is not CSV.
@@ -159,7 +153,7 @@ def table_rows(lines: Iterable[str], separator: str, first_line: int = 1) -> Ite
 
 
 def with_units(
-    columns: Sequence[Column], cells: Sequence[str], sought: Callable[[Column], bool] = lambda _: True
+    columns: Sequence[Column], cells: Sequence[str], sought: Callable[[Column], bool]
 ) -> tuple[Column, ...] | None:
     """Columns with the units that the line below a header states; None if it is no line of units.
 
@@ -219,7 +213,7 @@ class Cells:
             TableError: A cell is not a number, or could be two; the message names its line and column.
         """
         texts = {key: self.columns[key] for key in keys}
-        _check_decimal_sign({key: cells for key, cells in texts.items() if key not in whole})
+        _check_decimal_sign([cell for key, cells in texts.items() if key not in whole for cell in cells])
         return {key: self._numbers(key, cells) for key, cells in texts.items()}
 
     def _numbers(self, key: str, cells: list[str]) -> list[float]:
@@ -229,36 +223,28 @@ class Cells:
             if value is None:
                 raise TableError(f"line {line}: {name} is {cell!r}, not a number")
             if self.separator == "," and cell[0] == "0" and len(cell) > 1 and cell.isdigit():
-                raise TableError(
-                    f"line {line}: {name} is {cell!r}: decimal commas between commas?", _SEMICOLONS
-                )
+                why = f"line {line}: {name} is {cell!r}: decimal commas between commas?"
+                raise TableError(why, _SEMICOLONS)
             numbers.append(value)
         return numbers
 
 
-def _check_decimal_sign(texts: Mapping[str, list[str]]) -> None:
-    """Checks that all columns together have one decimal sign.
+def _check_decimal_sign(cells: Sequence[str]) -> None:
+    """Checks that all numbers together have one decimal sign.
 
     Raises:
         TableError: It cannot be told from one for thousands.
     """
-    point, comma = (
-        next((cell for cells in texts.values() for cell in cells if sign in cell), None) for sign in ".,"
-    )
-    if point and comma:
-        raise TableError(f"it has both {comma!r} and {point!r}", _ONE_SIGN)
-    if comma and _is_ambiguous(texts):
-        raise TableError(f"it has {comma!r}, which may be a decimal number or over a thousand", _ONE_SIGN)
-
-
-def _is_ambiguous(texts: Mapping[str, list[str]]) -> bool:
-    """True if `1,000` may be a thousand, as beside `42`: no other number shows what a comma means."""
-    # A fixed number of decimals stands in every cell; without signs for thousands, there are four digits.
-    cells = [cell for column in texts.values() for cell in column]
-    with_sign = [cell for cell in cells if "," in cell]
-    if len(with_sign) == len(cells) or not all(map(_LIKE_THOUSANDS.fullmatch, with_sign)):
-        return False
-    return not any(map(_OVER_999.fullmatch, cells))
+    point = next((cell for cell in cells if "." in cell), None)
+    commas = [cell for cell in cells if "," in cell]
+    if point and commas:
+        raise TableError(f"it has both {commas[0]!r} and {point!r}", _ONE_SIGN)
+    # `1,000` may be a thousand where no other number shows what a comma means, as beside `42`: decimals have
+    # a fixed number and stand in every cell, and without signs for thousands there are four digits.
+    is_like_thousands = 0 < len(commas) < len(cells) and all(map(_LIKE_THOUSANDS.fullmatch, commas))
+    if is_like_thousands and not any(map(_OVER_999.fullmatch, cells)):
+        why = f"it has {commas[0]!r}, which may be a decimal number or over a thousand"
+        raise TableError(why, _ONE_SIGN)
 
 
 class Table:
@@ -376,6 +362,19 @@ class Table:
                 yield line, row
 
 
+def keyed_cells(text: str, columns: Sequence[str], optional: Sequence[str] = (), *, hint: str) -> Cells:
+    """The columns of a table by their keys, such as `x_mm`; `optional` are read where they are there.
+
+    Raises:
+        TableError: Columns are missing, all of which the message names, with this hint; or see `Table`.
+    """
+    table = Table(text, [(Column.of(key).quantity,) for key in columns], optional)
+    places = {key: table.place(key) for key in (*columns, *optional)}
+    if missing := [key for key in columns if places[key] is None]:
+        raise TableError(f"it {table.missing(*missing)}", hint)
+    return table.cells({key: place for key, place in places.items() if place is not None})
+
+
 class _Fit:
     """Brings rows to the header's number of cells, where it is plain how.
 
@@ -456,9 +455,8 @@ def _find_header(text: str, sought: Sequence[Sequence[str]]) -> _Header:
             separators = (stated["separator"],)
             if separators[0] in SEPARATORS:
                 continue
-            raise TableError(
-                f"line 1 names the separator {separators[0]!r}", "use semicolons, commas or tabs"
-            )
+            why = f"line 1 names the separator {separators[0]!r}"
+            raise TableError(why, "use semicolons, commas or tabs")
         for header in _possible_headers(text, end, number, line, separators):
             quantities = {column.quantity for column in header.columns}
             rank = sum(not quantities.isdisjoint(one) for one in sought), _has_rows(text, header)

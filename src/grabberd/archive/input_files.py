@@ -11,7 +11,7 @@ from grabberd.bounded_documents import LARGEST_TABLE, read_text
 from grabberd.core.calibration import Mark
 from grabberd.core.reconstruction.accuracy import Truth
 from grabberd.errors import InputError
-from grabberd.tables import Cells, Column, Table, TableError
+from grabberd.tables import Cells, TableError, keyed_cells
 
 POSITION = ("x_mm", "y_mm", "z_mm")
 TRUTH_COLUMNS = ("target", *POSITION)
@@ -78,13 +78,7 @@ def read_identifications(path: Path) -> list[Mark]:
 
 def _cells(path: Path, columns: Sequence[str], hint: str, optional: Sequence[str] = ()) -> Cells:
     try:
-        table = Table(
-            read_text(path, LARGEST_TABLE), [(Column.of(name).quantity,) for name in columns], optional
-        )
-        places = {name: table.place(name) for name in (*columns, *optional)}
-        if missing := [name for name in columns if places[name] is None]:
-            raise InputError(f"{path} {table.missing(*missing)}", hint)
-        return table.cells({name: place for name, place in places.items() if place is not None})
+        return keyed_cells(read_text(path, LARGEST_TABLE), columns, optional, hint=hint)
     except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be read: {error}", getattr(error, "hint", hint)) from error
 
@@ -96,19 +90,14 @@ def _numbers(path: Path, cells: Cells, names: Iterable[str]) -> dict[str, list[f
         raise InputError(f"{path} cannot be read: {error}", error.hint) from error
     for name in WHOLE:
         for line, value in zip(cells.lines, numbers.get(name, ()), strict=False):
-            if not _is_whole(value):
-                raise InputError(
-                    f"{path}, line {line}: {name} {value:g} is not a whole number", "fix this line"
-                )
-    for line, visible in zip(cells.lines, numbers.get("visible", ()), strict=False):
-        if visible not in (0, 1):
-            raise InputError(f"{path}, line {line}: visible {visible:g} is neither 1 nor 0", "fix this line")
+            if value != int(value) or abs(value) >= 1 << 31:
+                why = f"{name} {value:g} is not a whole number"
+            elif name == "visible" and value not in (0, 1):
+                why = f"visible {value:g} is neither 1 nor 0"
+            else:
+                continue
+            raise InputError(f"{path}, line {line}: {why}", "fix this line")
     return numbers
-
-
-def _is_whole(value: float) -> bool:
-    """True for a whole number that arrays of int32 hold."""
-    return value == int(value) and abs(value) < 1 << 31
 
 
 def _check_unique(columns: dict[str, list[float]], path: Path) -> None:

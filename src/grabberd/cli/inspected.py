@@ -1,17 +1,29 @@
-"""Tell what an inspection found: in words, and as a configuration."""
+"""Inspection of a source of pictures: what it finds, in words and as a configuration."""
 
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from grabberd.core.chain.inspection import Inspection, Interlacing, Split, Targets
+from grabberd.config import RigConfig
+from grabberd.core.chain.inspection import Inspection, Interlacing, Split, Targets, inspect, inspect_fields
 from grabberd.core.chain.layout import Layout, LayoutKind
-from grabberd.core.field import FieldOrder, standard_rate_hz
+from grabberd.core.chain.repeats import RepeatJudge, repetitions
+from grabberd.core.field import Field, FieldOrder, standard_rate_hz
 from grabberd.core.reconstruction.field_order import Order
-from grabberd.errors import GrabberdError
-from grabberd.instrument.acquisition import StreamInfo
+from grabberd.errors import DeviceRefused, GrabberdError, InputError, StreamEnded, StreamFailed
+from grabberd.instrument.acquisition import GRABBERS, Grabber, StreamInfo
 
+MOST_FIELDS = 600
+"""Twelve closures of a liner before a PAL grabber, and as many pictures of a folder or a video."""
+MOST_PIXELS = 600 * 576 * 720
+"""Larger pictures are fewer, so that it takes no longer."""
+FEWEST_FIELDS = 120
+MOST_MISSING = 1000
+SILENCE_S = 2.0
+SLOWEST_HZ = 1.0
 FEWEST_PX = 3.0
 """Diameter of targets below which a place is uncertain whatever the method."""
 LEAST_CONTRAST = 40.0
@@ -88,37 +100,144 @@ class Inspected:
     played: str | None
     problems: tuple[str, ...]
 
-    @classmethod
-    def of(
-        cls,
-        found: Inspection,
-        info: StreamInfo,
-        driver: str,
-        options: dict[str, Any],
-        rate_hz: float | None,
-        problem: GrabberdError | None,
-        played: str | None,
-    ) -> "Inspected":
-        """Put together what was found and where."""
-        whole = driver == "replay" and info.field_order is FieldOrder.PROGRESSIVE
-        of_pictures = whole and "pictures" not in options
-        marked = _marked(info) if of_pictures else None
-        # Recorders forget to mark frames, and the replay driver knows it.
-        is_forgotten = marked is Interlacing.PROGRESSIVE and played == "frames"
-        if found.layout or found.interlacing in _SINGLE:
-            marked = None
-        own = list(_of_mark(found, marked, is_forgotten=is_forgotten))
-        if found.interlacing is Interlacing.UNKNOWN and marked and not is_forgotten:
-            found = replace(found, interlacing=marked)
-        rate_hz = _rate_hz(found, info.rate_hz or None, of_pictures and "rate_hz" not in options)
-        own += [*_problems(found, rate_hz, of_pictures), *info.remarks]
-        if found.targets and info.details.get("bits", "8") == "8":  # with fewer, grey values tell nothing
-            own += _of_light(found.targets)
-        if problem is not None:
-            own.append(f"{problem.message}: only what comes before it was looked at ({problem.hint})")
-        grey = ", ".join(info.details[key] for key in ("luma", "colours", "samples") if key in info.details)
-        options = {**options, **_chosen(info)}
-        return cls(found, driver, options, rate_hz, of_pictures, grey, played, tuple(own))
+
+def inspected(driver: str, options: dict[str, Any], rate_hz: float | None) -> Inspected:
+    """Inspect the first pictures of a source.
+
+    Args:
+        driver: Its driver.
+        options: Those of the driver.
+        rate_hz: Pictures a second, where nothing else tells.
+
+    Raises:
+        InputError: The options are invalid, or there are no pictures.
+        DeviceError: The source cannot be opened, or ends with an error before the first picture.
+    """
+    has_pictures = driver == "replay" and _has_pictures(Path(options.get("path", "")))
+    try:
+        reading = _opened(driver, options, rate_hz) if has_pictures else _Reading(driver, options)
+    except ValueError as error:
+        raise InputError(str(error), "name a folder, a video, a capture, or DRIVER:PATH") from error
+    with closing(reading.grabber):
+        fields = iter(reading)
+        first = next((one for one in fields if one is not None), None)
+        if first is None:
+            raise reading.problem or InputError(f"{reading.info.card} has no pictures", "name another source")
+        fields = chain([first], fields)
+        if has_pictures and "pictures" not in options:
+            found = inspect(None if one is None else one.luma for one in fields)
+        else:
+            found = inspect_fields(fields)
+    return _judged(found, reading, driver, options)
+
+
+def _judged(found: Inspection, reading: "_Reading", driver: str, options: dict[str, Any]) -> Inspected:
+    """The findings beside what the source says of itself."""
+    info = reading.info
+    whole = driver == "replay" and info.field_order is FieldOrder.PROGRESSIVE
+    of_pictures = whole and "pictures" not in options
+    played = _played(options) if driver == "replay" and found.interlacing is Interlacing.UNKNOWN else None
+    marked = _marked(info) if of_pictures else None
+    # Recorders forget to mark frames, and the replay driver knows it.
+    is_forgotten = marked is Interlacing.PROGRESSIVE and played == "frames"
+    if found.layout or found.interlacing in _SINGLE:
+        marked = None
+    problems = list(_of_mark(found, marked, is_forgotten=is_forgotten))
+    if found.interlacing is Interlacing.UNKNOWN and marked and not is_forgotten:
+        found = replace(found, interlacing=marked)
+    rate_hz = _rate_hz(found, info.rate_hz or None, of_pictures and "rate_hz" not in options)
+    problems += [*_problems(found, rate_hz, of_pictures), *reading.remarks]
+    if found.targets and info.details.get("bits", "8") == "8":  # with fewer, grey values tell nothing
+        problems += _of_light(found.targets)
+    if (end := reading.problem) is not None:
+        problems.append(f"{end.message}: only what comes before it was looked at ({end.hint})")
+    grey = ", ".join(info.details[key] for key in ("luma", "colours", "samples") if key in info.details)
+    options = {**options, **_chosen(info)}
+    return Inspected(found, driver, options, rate_hz, of_pictures, grey, played, tuple(problems))
+
+
+def _played(options: dict[str, Any]) -> str | None:
+    """The kind that the replay driver takes pictures for by their size; None if it asks."""
+    try:
+        with closing(GRABBERS.create("replay", {"rate_hz": 1.0, **options})) as grabber:
+            return grabber.open().details.get("pictures")
+    except GrabberdError:
+        return None
+
+
+def _has_pictures(path: Path) -> bool:
+    """True for what has pictures without a word on their lines: neither a capture nor an exported folder."""
+    return not path.name.endswith((".grab", ".grab.part")) and not (path / "fields.csv").exists()
+
+
+def _opened(driver: str, options: dict[str, Any], rate_hz: float | None) -> "_Reading":
+    """Whole pictures, since how their lines belong together is the question; nothing may tell their rate."""
+    whole = {"pictures": "progressive", **options}
+    fields = 2 if whole["pictures"] == "frames" else 1
+    try:
+        stated_hz = fields * rate_hz if rate_hz else options.get("rate_hz")
+        return _Reading(driver, {**whole, "rate_hz": stated_hz})
+    except DeviceRefused as error:
+        if "'rate_hz'" not in error.hint:
+            raise
+    reading = _Reading(driver, {**whole, "rate_hz": fields * SLOWEST_HZ})
+    reading.info = replace(reading.info, rate_hz=0.0)
+    return reading
+
+
+class _Reading:
+    """The first fields of a grabber, each valid until the next is taken, and None for each that is missing.
+
+    Attributes:
+        grabber: Where they come from.
+        info: The stream.
+        problem: With the last field: the error that ended them, if one did.
+    """
+
+    def __init__(self, driver: str, options: dict[str, Any]) -> None:
+        self.grabber: Grabber = GRABBERS.create(driver, options)
+        self.info = self.grabber.open()
+        self._rate_hz = self.info.rate_hz
+        self._judge = RepeatJudge(of_any_parity=self.info.field_order is FieldOrder.PROGRESSIVE)
+        self._repeats: list[bool] = []
+        self.problem: GrabberdError | None = None
+
+    def __iter__(self) -> Iterator[Field | None]:
+        size = self.info.columns * self.info.field_rows
+        left = max(FEWEST_FIELDS, min(MOST_FIELDS, MOST_PIXELS // size))
+        due_ns: int | None = None
+        while left > 0:
+            try:
+                with self.grabber.dequeue(SILENCE_S) as grabbed:
+                    if not grabbed:
+                        hint = "check the camera and its cable"
+                        self.problem = StreamFailed(f"no picture came for {SILENCE_S:g} s", hint)
+                        return
+                    for one in grabbed:
+                        missing = 0 if due_ns is None else round((one.time_ns - due_ns) * self._rate_hz / 1e9)
+                        yield from [None] * min(missing, MOST_MISSING)
+                        yield None if one.damage or self._is_repeated(one.field) else one.field
+                        due_ns = one.time_ns + round(1e9 / self._rate_hz)
+                        left -= 1
+            except StreamEnded:
+                return
+            except GrabberdError as error:
+                self.problem = error
+                return
+
+    def _is_repeated(self, field: Field) -> bool:
+        """True for a picture that a live device gives once more; a recording marks its own."""
+        if not self.info.live:
+            return False
+        self._repeats.append(self._judge.take(replace(field, luma=field.luma.copy())))
+        return self._repeats[-1]
+
+    @property
+    def remarks(self) -> Iterator[str]:
+        """Remarks of the stream on itself, and which pictures of a live device repeat another."""
+        yield from self.info.remarks
+        if repeated := repetitions(self._repeats, self._rate_hz):
+            yield repeated
 
 
 def _chosen(info: StreamInfo) -> dict[str, Any]:
@@ -147,12 +266,11 @@ def _of_mark(found: Inspection, marked: Interlacing | None, *, is_forgotten: boo
         )
     else:
         still = found.order is None or found.order.order is Order.NO_MOVEMENT
-        why = (
-            "Nothing moves, so the line structure cannot be seen"
-            if still
-            else "The line structure is not clear"
+        unseen, unclear = (
+            "Nothing moves, so the line structure cannot be seen",
+            "The line structure is not clear",
         )
-        yield f"{why}; the video is marked as {marked}."
+        yield f"{unseen if still else unclear}; the video is marked as {marked}."
 
 
 def _rate_hz(found: Inspection, told_hz: float | None, per_picture: bool) -> float | None:
@@ -298,6 +416,7 @@ def configuration(seen: Inspected) -> str:
     options += [f"      {line}" for line in _picture_options(seen)] if seen.of_pictures else []
     options += [f"      {line}" for line in _rate_options(seen)]
     size = f"{found.targets.diameter_px:.1f} px" if found.targets else "of unknown size"
+    nominal = ((key, one) for key, one in RigConfig.model_fields.items() if isinstance(one.default, float))
     return "\n".join(
         [
             f"# By grabberd inspect, for pictures of {found.columns} x {found.lines} pixels; targets {size}.",
@@ -314,13 +433,7 @@ def configuration(seen: Inspected) -> str:
             f"        right: {{first_column: {column}, end_column: {found.columns}}}",
             "      # Measure these on your rig, to ten per cent; a calibration determines them exactly.",
             "      # These are the values of the reference rig.",
-            "      distance_mm: 240        # from the lens, along the mirrors' path, to the object",
-            "      base_mm: 128            # between the two virtual cameras",
-            "      convergence_deg: 30     # between their axes",
-            "      focal_length_mm: 8",
-            "      pixel_x_mm: 0.0086      # width of the sensor divided by the number of columns",
-            "      pixel_y_mm: 0.0083      # its height divided by the number of lines",
-            "      exposure_ms: 1",
+            *(f"      {key}: {one.default:g}".ljust(30) + f"# {one.description}" for key, one in nominal),
             "    # calibration: rig.calibration.json    # once there is one: grabberd calibrate",
             "    # object: object.yaml                  # what to measure: docs/reference/object-files.md",
             "",
@@ -340,11 +453,8 @@ def _picture_options(seen: Inspected) -> Iterator[str]:
     if pictures == "frames":
         yield f"field_order: {found.interlacing}"
     if found.interlacing in _SINGLE:
-        yield (
-            f"first_parity: {found.first_parity}"
-            if found.first_parity
-            else ("first_parity: top   # or bottom: the pictures do not show which")
-        )
+        unknown = "top   # or bottom: the pictures do not show which"
+        yield f"first_parity: {found.first_parity or unknown}"
         if found.order is not None and found.order.order is Order.REVERSED:
             yield "# The fields change places in time: separate them again in the other order."
 
@@ -352,13 +462,8 @@ def _picture_options(seen: Inspected) -> Iterator[str]:
 def _rate_options(seen: Inspected) -> Iterator[str]:
     if seen.rate_hz is None:
         yield "# rate_hz: 60            # required: how many pictures a second?"
-    elif (
-        "rate_hz" in seen.options
-        or seen.found.interlacing in _SINGLE
-        or (
-            seen.driver == "replay"
-            and (seen.of_pictures or "pictures" in seen.options)
-            and Path(seen.options["path"]).is_dir()
-        )
-    ):
+        return
+    of_folder = seen.driver == "replay" and Path(seen.options["path"]).is_dir()
+    is_folder_of_pictures = of_folder and (seen.of_pictures or "pictures" in seen.options)
+    if "rate_hz" in seen.options or seen.found.interlacing in _SINGLE or is_folder_of_pictures:
         yield f"rate_hz: {seen.rate_hz:.6g}"

@@ -73,7 +73,7 @@ def test_numbers_may_be_texts_and_nothing_is_no_reading(value: str, number: floa
         ("Infinity", "inf"),
         ("{}", "p1={}"),
         ('"not available; 3"', "p1=not_available__3"),
-        ('"1_0"', "1_0"),
+        ('"1_0"', "p1=1_0"),
         ("9" * 400, "9" * 400),
     ],
 )

@@ -134,7 +134,7 @@ def test_a_port_that_refuses_a_setting_is_told_by_name(port: Port, options: dict
 
 
 def test_settings_are_compared_with_what_the_port_has_set() -> None:
-    settings = PortSettings(250_000, 8, "none", 2)
+    settings = PortSettings(baud=250_000, stop_bits=2)
     assert not settings.refused(250_000, settings.control | termios.CREAD | termios.CLOCAL)
     assert not settings.refused(249_600, settings.control)  # the nearest that its clock gives
     assert settings.refused(9600, settings.control) == "250000 baud (it gives 9600)"

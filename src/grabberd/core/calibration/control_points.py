@@ -8,7 +8,6 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,9 +101,8 @@ class Lines:
             InputError: One is negative.
         """
         if negative := [value for value in values if value < 0]:
-            raise self.refusal(
-                f"the standard deviation {negative[0]:g} is negative", "give 0 for a held point"
-            )
+            why = f"the standard deviation {negative[0]:g} is negative"
+            raise self.refusal(why, "give 0 for a held point")
         return values
 
     def rest(self) -> Iterator[str]:
@@ -125,6 +123,12 @@ class Lines:
         """Read lines of numbers up to an empty line or the end."""
         while self.number < len(self._lines) and (line := self.next()):
             yield self.as_numbers(line.split(), least)
+
+    def by_id(self, what: str, least: int) -> Iterator[tuple[int, list[float]]]:
+        """Read the same, each line by its first number, an id that `new` takes, and the others."""
+        seen: dict[int, int] = {}
+        for number, *others in self.block(least):
+            yield self.new(number, what, seen), others
 
 
 def _is_number(word: str) -> bool:
@@ -184,13 +188,6 @@ _WRITE = (
 _CELLS = "give none (held), one, two (XY and Z) or three standard deviations, or a covariance of nine numbers"
 
 
-class _Header(NamedTuple):
-    """Columns of a list, in their order, and the length that its unit stands for."""
-
-    columns: tuple[str, ...]
-    unit_mm: float
-
-
 def read_control_points(text: str) -> dict[int, ControlPoint]:
     """Read control points as DBAT keeps them, by id.
 
@@ -202,16 +199,16 @@ def read_control_points(text: str) -> dict[int, ControlPoint]:
         InputError: A line is something else, can be read in two ways, gives an id again or what is no
             standard deviation, or states no position in the unit of the list; the message says which.
     """
-    header = _header(Lines(text, _WHAT))
+    named, unit_mm = _header(Lines(text, _WHAT))
     lines = Lines(text, _WHAT)
     rows = [(lines.number, [cell.strip() for cell in line.split(",")]) for line in lines.rest()]
     if not rows:
         raise InputError(f"{_WHAT} holds no points", "give a line for each: id, name, X, Y, Z")
-    columns = _columns(lines, rows, header)
+    columns = _columns(lines, rows, named)
     seen: dict[int, int] = {}
     points = []
     for lines.number, cells in rows:
-        points.append(_point(lines, cells, columns, header.unit_mm))
+        points.append(_point(lines, cells, columns, unit_mm))
         lines.new(lines.as_numbers([cells[columns.index("id")]], 1)[0], "control point", seen)
     _check_sigmas(lines, points, list(seen.values()))
     return dict(zip(seen, points, strict=True))
@@ -220,9 +217,10 @@ def read_control_points(text: str) -> dict[int, ControlPoint]:
 _WHAT = "the list of control points"
 
 
-def _header(lines: Lines) -> _Header:
-    """The columns that a comment names, none if no comment does."""
-    header, unit, foreign = _Header((), _MM["m"]), "", None
+def _header(lines: Lines) -> tuple[tuple[str, ...], float]:
+    """The columns that a comment names, none if no comment does, and the list's unit in mm."""
+    columns: tuple[str, ...] = ()
+    unit, foreign = "", None
     for text in lines.comments():
         units = set(_UNIT.findall(text))
         words = [word.strip().lower() for word in _UNIT.sub("", text).split("," if "," in text else None)]
@@ -230,16 +228,15 @@ def _header(lines: Lines) -> _Header:
             if other := _OTHER_UNIT.search(text):
                 foreign = foreign or lines.refusal(f"this says {other[0]}, and no header says so", _WRITE)
             continue
-        if header.columns:
+        if columns:
             raise lines.refusal("this is a second header", "keep the one that is right")
         if len(units) > 1 or not units <= _MM.keys():
             stated = ", ".join(sorted(units))
             raise lines.refusal(f"the header states the units {stated}", f"state one of {', '.join(_MM)}")
-        unit = "".join(units)
-        header = _Header(_named(lines, words), _MM[unit or "m"])
+        columns, unit = _named(lines, words), "".join(units)
     if foreign and not unit:
         raise foreign
-    return header
+    return columns, _MM[unit or "m"]
 
 
 def _named(lines: Lines, words: Sequence[str]) -> tuple[str, ...]:
@@ -262,16 +259,15 @@ def _named(lines: Lines, words: Sequence[str]) -> tuple[str, ...]:
     return tuple(columns)
 
 
-def _columns(lines: Lines, rows: Sequence[tuple[int, list[str]]], header: _Header) -> tuple[str, ...]:
+def _columns(lines: Lines, rows: Sequence[tuple[int, list[str]]], stated: tuple[str, ...]) -> tuple[str, ...]:
     """The columns of the rows: with the names that a header leaves out, or found by the second cells."""
     plain, named = ("id", *_PLACE), ("id", "name", *_PLACE)
     texts = [len(cells) > 1 and not _is_number(cells[1]) for _, cells in rows]
-    if header.columns:
-        # DBAT's own list of its calibration sheet has names, and a header without.
-        is_nameless = header.columns == plain and all(texts)
-        return named if is_nameless else header.columns
-    if all(texts):
+    # DBAT's own list of its calibration sheet has names, and a header without.
+    if all(texts) and stated in ((), plain):
         return named
+    if stated:
+        return stated
     counts = {len(cells) for _, cells in rows}
     fits = [columns for columns in (plain, named) if counts <= {len(columns) + more for more in _COUNTS}]
     if len(fits) < 2:
@@ -313,14 +309,11 @@ def _of_covariance(lines: Lines, covariance: Array) -> Sequence[float]:
     if np.abs(covariance - covariance.T).max() > rounding:
         raise lines.refusal("the covariance is not symmetric", "give its nine numbers row by row")
     if np.linalg.eigvalsh(covariance).min() < -rounding:
-        raise lines.refusal(
-            "the covariance has a negative variance in some direction", "correct its nine numbers"
-        )
+        why = "the covariance has a negative variance in some direction"
+        raise lines.refusal(why, "correct its nine numbers")
     if np.abs(covariance - np.diag(np.diag(covariance))).max() > rounding:
-        raise lines.refusal(
-            "the coordinates are correlated, and the adjustment takes a standard deviation for each",
-            "give three standard deviations in place of the covariance",
-        )
+        why = "the coordinates are correlated, and the adjustment takes a standard deviation for each"
+        raise lines.refusal(why, "give three standard deviations in place of the covariance")
     deviations: list[float] = np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()
     return deviations
 
@@ -331,7 +324,6 @@ def _check_sigmas(lines: Lines, points: Sequence[ControlPoint], numbers: Sequenc
     for lines.number, point in zip(numbers, points, strict=True):
         largest_mm = max(point.sigma_mm)
         if extent_mm < largest_mm and len(points) > 1:
-            raise lines.refusal(
-                f"a standard deviation of {largest_mm:g} mm, and all points lie within {extent_mm:g} mm",
-                "give positions and standard deviations in one unit: m, or the one in the header",
-            )
+            why = f"a standard deviation of {largest_mm:g} mm, and all points lie within {extent_mm:g} mm"
+            hint = "give positions and standard deviations in one unit: m, or the one in the header"
+            raise lines.refusal(why, hint)

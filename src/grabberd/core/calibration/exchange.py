@@ -144,15 +144,13 @@ def read_targets(text: str) -> tuple[NDArray[np.int32], Array]:
     """
     lines = Lines(text, "the file of targets")
     count = lines.whole(lines.numbers(1)[0], "the number of targets")
-    seen, assigned, rows = dict[int, int](), dict[int, int](), []
-    for number, x, y, _pixels, _width, _height, _sum, point, *_ in lines.block(_TARGET_COLUMNS):
-        lines.new(number, "target", seen)
+    assigned, rows = dict[int, int](), []
+    for _, (x, y, _pixels, _width, _height, _sum, point, *_) in lines.by_id("target", _TARGET_COLUMNS):
         at = lines.new(point, "calibration point", assigned) if point >= 0 else lines.whole(point, "point")
         rows.append((at, x, y))
     if len(rows) != count:
-        raise InputError(
-            f"the file of targets holds {len(rows)} lines and states {count}", "check that it is complete"
-        )
+        why = f"the file of targets holds {len(rows)} lines and states {count}"
+        raise InputError(why, "check that it is complete")
     found = np.array(rows, np.float64).reshape(-1, 3)
     return found[:, 0].astype(np.int32), pixels_from_corner(found[:, 1:])
 
@@ -216,7 +214,7 @@ def read_photomodeler(
         view = _view(name, sensor, f_mm or camera_mm[0], middle_px, center_mm, axes)
         views.append(replace(view, polynomial=polynomial))
     stated = _stated(lines, control)
-    objects = _objects(lines)
+    objects = {one: [_MM * x, _MM * y, _MM * z] for one, (x, y, z, *_) in lines.by_id("object point", 4)}
     marks = _marks(lines, len(views))
     _check_unit(control, objects)
     return _network(tuple(views), objects, marks, sigma_px, {**stated, **control})
@@ -232,31 +230,18 @@ def _positive(lines: Lines, value: float) -> float:
 def _check_place(lines: Lines, number: str, place: int) -> None:
     """Check that the images are numbered from 0 in their order, as the image points count them."""
     if number != str(place):
-        raise lines.refusal(
-            f"expected image {place}, found {number[:20]!r}", "export all images, in their order"
-        )
+        why = f"expected image {place}, found {number[:20]!r}"
+        raise lines.refusal(why, "export all images, in their order")
 
 
 def _stated(lines: Lines, control: Mapping[int, ControlPoint]) -> dict[int, ControlPoint]:
     """The control points of the project that no given ones replace; of these it need not know any σ."""
-    seen: dict[int, int] = {}
     points = {}
-    for number, x, y, z, *sigmas in (values[:7] for values in lines.block(7)):
-        one = lines.new(number, "control point", seen)
+    for one, (x, y, z, *others) in lines.by_id("control point", 7):
         if one not in control:
-            sx, sy, sz = (_MM * sigma for sigma in lines.sigma(sigmas))
+            sx, sy, sz = (_MM * sigma for sigma in lines.sigma(others[:3]))
             points[one] = ControlPoint((_MM * x, _MM * y, _MM * z), (sx, sy, sz))
     return points
-
-
-def _objects(lines: Lines) -> dict[int, list[float]]:
-    """The positions in mm of the object points."""
-    seen: dict[int, int] = {}
-    places = []
-    for number, x, y, z, *_ in lines.block(4):
-        lines.new(number, "object point", seen)
-        places.append([_MM * x, _MM * y, _MM * z])
-    return dict(zip(seen, places, strict=True))
 
 
 def _marks(lines: Lines, images: int) -> Array:
@@ -269,9 +254,8 @@ def _marks(lines: Lines, images: int) -> Array:
             raise lines.refusal(f"there is no image {image}", "check that the export is complete")
         if (image, point) in seen:
             before = seen[image, point]
-            raise lines.refusal(
-                f"image {image} shows object point {point} in line {before} already", "keep one"
-            )
+            why = f"image {image} shows object point {point} in line {before} already"
+            raise lines.refusal(why, "keep one")
         seen[image, point] = lines.number
         marks.append(values[:4])
     return np.array(marks).reshape(-1, 4)
@@ -286,11 +270,8 @@ def _check_unit(control: Mapping[int, ControlPoint], objects: Mapping[int, Seque
     both = sorted(control.keys() & objects.keys())
     if len(both) < 2:
         return
-    extents = (
-        np.ptp([control[one].xyz_mm for one in both], axis=0),
-        np.ptp([objects[one] for one in both], axis=0),
-    )
-    listed, own = (float(np.linalg.norm(one)) for one in extents)
+    places = [control[one].xyz_mm for one in both], [objects[one] for one in both]
+    listed, own = (float(np.linalg.norm(np.ptp(one, axis=0))) for one in places)
     for times in _UNITS_APART:
         if abs(listed - times * own) < _UNIT_SHARE * listed:
             raise InputError(
@@ -314,10 +295,8 @@ def _network(
     for number, point in control.items():
         at = np.flatnonzero(ids == number)
         if not len(at):
-            raise InputError(
-                f"control point {number} is on no image of the bundle project",
-                "check that list of control points and project belong together",
-            )
+            why = f"control point {number} is on no image of the bundle project"
+            raise InputError(why, "check that list of control points and project belong together")
         xyz_mm[at], sigma_mm[at] = point.xyz_mm, point.sigma_mm
     return Network(
         views=views,

@@ -16,7 +16,6 @@ of the wrong name, is constant; it is measured where nothing moves, else by its 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,40 +53,35 @@ _SIGNIFICANT = 3.0
 _LEAST_CHANGE = 0.1
 """Share of the movement that differs from its mean, from which on an offset is told apart from it."""
 
-_ALL, _SMOOTH, _FROM_TOP, _FROM_BOTTOM = range(4)
-"""Kinds of evidence: zigzag of all movement, and of steady one; steps from either parity to the other."""
 
-
-class Share(NamedTuple):
+class Share:
     """A share of sums over blocks of time, judged by a jackknife: neighbouring fields share places.
 
+    Args:
+        evidence: (fields, 3) sums: what is judged, its unit, and discs.
+
     Attributes:
-        sums: (blocks, 2) what is judged, and its unit.
         fields: Number of fields that it was determined from; fewer than `LEAST_FIELDS` say nothing.
     """
 
-    sums: Array
-    fields: int
-
-    @classmethod
-    def of(cls, evidence: Array) -> "Share":
-        """The share by (fields, 3) sums: what is judged, its unit, and discs."""
+    def __init__(self, evidence: Array) -> None:
         evidence = evidence[evidence[:, 2] > 0]
         size = np.maximum(evidence[:, :2].max(axis=1), 0) / evidence[:, 2]
         weight = 1 / (1 + size / (2 * _ENOUGH_PX) ** 2)
         weighted = evidence[:, :2] * weight[:, np.newaxis]
-        return cls(np.array([one.sum(axis=0) for one in np.array_split(weighted, _BLOCKS)]), len(evidence))
+        self._sums = np.array([one.sum(axis=0) for one in np.array_split(weighted, _BLOCKS)])
+        self.fields = len(evidence)
 
     @property
     def value(self) -> float:
         """The share; NaN if nothing is known."""
-        judged, unit = self.sums.sum(axis=0)
+        judged, unit = self._sums.sum(axis=0)
         return float(judged / unit) if self.fields >= LEAST_FIELDS and unit > 0 else np.nan
 
     @property
     def sigma(self) -> float:
         """Standard deviation of the share."""
-        return self._sigma(self.value) / float(self.sums[:, 1].sum())
+        return self._sigma(self.value) / float(self._sums[:, 1].sum())
 
     def is_below(self, limit: float) -> bool:
         """True if the share is significantly below a limit."""
@@ -101,7 +95,7 @@ class Share(NamedTuple):
         """Distance of the share from a limit, in σ: of the share, or of what exceeds the limit where that is
         known better, as where a few blocks have nearly all movement.
         """
-        judged, unit = self.sums.sum(axis=0)
+        judged, unit = self._sums.sum(axis=0)
         if not np.isfinite(self.value):
             return 0.0
         sigma = min(self._sigma(self.value), self._sigma(limit))
@@ -109,13 +103,13 @@ class Share(NamedTuple):
 
     def _sigma(self, share: float) -> float:
         """Standard deviation of what is judged less a share of the unit: few blocks leave a ratio none."""
-        left = self.sums[:, 0] - share * self.sums[:, 1]
+        left = self._sums[:, 0] - share * self._sums[:, 1]
         return float(np.sqrt((_BLOCKS - 1) * np.var(left.sum() - left)))
 
 
 @dataclass(frozen=True, slots=True)
 class DiscMovement:
-    """Finding of the paths of discs.
+    """Movement that the paths of discs show.
 
     Attributes:
         zigzag: Mean squared zigzag in units of the movement over two fields squared; `steady`: that of steady
@@ -124,7 +118,6 @@ class DiscMovement:
             likewise.
         offset_px: Lines by which discs lie lower in top fields than in bottom ones; None if unknown.
         fields: Fields with at least `LEAST_DISCS` discs.
-        moving: Those of them in which as many move.
         is_always_steady: True if discs move, but always alike: an offset between the parities looks the same.
     """
 
@@ -134,7 +127,6 @@ class DiscMovement:
     from_bottom: Share
     offset_px: float | None
     fields: int
-    moving: int
     is_always_steady: bool
 
 
@@ -170,26 +162,18 @@ class DiscPaths:
         self._tracks.restart()
 
     def movement(self) -> DiscMovement:
-        """Finding of the paths so far; fields added later are not among them."""
+        """Movement that the paths show; fields added later are not among them."""
         self.interrupt()
         evidence = np.concatenate([np.zeros((0, 4, 3)), *self._evidence])
-        shares = [Share.of(evidence[:, kind]) for kind in range(4)]
-        return DiscMovement(
-            zigzag=shares[_ALL],
-            steady=shares[_SMOOTH],
-            from_top=shares[_FROM_TOP],
-            from_bottom=shares[_FROM_BOTTOM],
-            offset_px=float(np.median(self._offsets)) if self._offsets else None,
-            fields=self._fields,
-            moving=int((evidence[:, _ALL, 2] > 0).sum()),
-            is_always_steady=self._steady_fields > len(evidence),
-        )
+        offset_px = float(np.median(self._offsets)) if self._offsets else None
+        zigzag, steady, from_top, from_bottom = (Share(evidence[:, kind]) for kind in range(4))
+        is_always_steady = self._steady_fields > len(evidence)
+        return DiscMovement(zigzag, steady, from_top, from_bottom, offset_px, self._fields, is_always_steady)
 
     def _evaluate(self) -> None:
         if len(self._block) <= 2 * _MARGIN:
             return
-        places, first_n = _matrix(self._block)
-        block = _Block.of(places, first_n)
+        block = _Block(*_matrix(self._block))
         offset = block.offset_px()
         if offset is None:
             self._steady_fields += int(block.moving.any(axis=1).sum())
@@ -209,41 +193,34 @@ def _matrix(block: Sequence[tuple[int, Ids, Array]]) -> tuple[Array, int]:
     return places, first
 
 
-class _Block(NamedTuple):
-    """Movement of F fields, each with its neighbours, and T discs.
+class _Block:
+    """Movement of F fields, each with its neighbours, and T discs; NaN compares as no movement.
+
+    Args:
+        places: (F + 2 margins, T, 2), top fields first by an even number.
+        first_n: Number of the first field.
 
     Attributes:
-        places: (F + 2 margins, T, 2), top fields first by an even number.
-        sign: (F + 2 margins, 1, 1) 1 for top fields, -1 for bottom ones.
-        variance: (T,) of a disc's place in one coordinate, square pixels.
-        across: (F, T, 2) movement over two fields; `moving`: (F, T) True where it, or that of a neighbouring
-            field, is clear of its noise.
-        steady: (F, T) True where it is like those of both neighbouring fields.
+        across: (F, T, 2) movement over two fields.
+        moving: (F, T) True where it, or that of a neighbouring field, is clear of its noise.
     """
 
-    places: Array
-    sign: Array
-    variance: Array
-    across: Array
-    moving: Mask
-    steady: Mask
-
-    @classmethod
-    def of(cls, places: Array, first_n: int) -> "_Block":
-        """The movement in a block of places; NaN compares as no movement."""
-        variance = _variance(places)
+    def __init__(self, places: Array, first_n: int) -> None:
+        self._places = places
+        self._sign = np.where((np.arange(len(places)) + first_n) % 2 == 0, 1.0, -1.0).reshape(-1, 1, 1)
+        self._variance = _variance(places)
         before, after = places[2:-2] - places[:-4], places[4:] - places[2:-2]
-        across = places[3:-1] - places[1:-3]
-        clear = np.maximum((2 * _LEAST_PX) ** 2, _CLEAR_OF_NOISE**2 * 4 * variance)
-        moves = [_squared(one) > clear for one in (before, across, after)]
-        change = _STEADY**2 * _squared(across) + 72 * variance
-        steady = moves[1] & (_squared(before - across) < change) & (_squared(after - across) < change)
-        sign = np.where((np.arange(len(places)) + first_n) % 2 == 0, 1.0, -1.0)[:, np.newaxis, np.newaxis]
-        return cls(places, sign, variance, across, moves[0] | moves[1] | moves[2], steady)
+        self.across = places[3:-1] - places[1:-3]
+        clear = np.maximum((2 * _LEAST_PX) ** 2, _CLEAR_OF_NOISE**2 * 4 * self._variance)
+        moves = [_squared(one) > clear for one in (before, self.across, after)]
+        self.moving = moves[0] | moves[1] | moves[2]
+        change = _STEADY**2 * _squared(self.across) + 72 * self._variance
+        is_steady = [_squared(one - self.across) < change for one in (before, after)]
+        self._steady = moves[1] & is_steady[0] & is_steady[1]
 
     def offset_px(self) -> Array | None:
         """(2,) half of the constant offset between the parities; None if movement hides it."""
-        off = _off_middle(self.places) * self.sign[_MARGIN:-_MARGIN] / 2
+        off = _off_middle(self._places) * self._sign[_MARGIN:-_MARGIN] / 2
         seen = np.isfinite(off[..., 0])
         rest = off[seen & ~self.moving]
         is_shown = len(rest) >= _LEAST_AT_REST
@@ -261,22 +238,25 @@ class _Block(NamedTuple):
         return np.asarray((off - slope * across).mean(axis=0) * (0, 1))
 
     def evidence(self, offset_px: Array) -> Array:
-        """(fields with movement, 4, 3) sums of each kind: what is judged, its unit, and discs."""
-        places = self.places - self.sign * offset_px
+        """(fields with movement, 4, 3) sums: what is judged, its unit, and discs; of the zigzag of all
+        movement and of steady one, and of the steps from either parity to the other.
+        """
+        places = self._places - self._sign * offset_px
         off = _off_middle(places)
         step = places[3:-1] - places[2:-2]
         around = (self.across + (places[4:] - places[2:-2])) / 2
-        top = self.sign[_MARGIN:-_MARGIN, :, 0] > 0
-        zigzag = _squared(off) - 3 * self.variance, _squared(self.across) - 4 * self.variance
-        steps = (step * around).sum(axis=2) - 2 * self.variance, _squared(around) - 2 * self.variance
-        kinds = (
-            (self.moving, zigzag),
-            (self.steady, zigzag),
-            (self.moving & top, steps),
-            (self.moving & ~top, steps),
+        top = self._sign[_MARGIN:-_MARGIN, :, 0] > 0
+        zigzag = _squared(off) - 3 * self._variance, _squared(self.across) - 4 * self._variance
+        steps = (step * around).sum(axis=2) - 2 * self._variance, _squared(around) - 2 * self._variance
+        sums = np.array(
+            [
+                _sums(self.moving, *zigzag),
+                _sums(self._steady, *zigzag),
+                _sums(self.moving & top, *steps),
+                _sums(self.moving & ~top, *steps),
+            ]
         )
-        sums = np.array([_sums(chosen, *values) for chosen, values in kinds])
-        return np.asarray(sums.transpose(2, 0, 1)[sums[_ALL, 2] > 0])
+        return np.asarray(sums.transpose(2, 0, 1)[sums[0, 2] > 0])
 
 
 def _variance(places: Array) -> Array:

@@ -74,18 +74,17 @@ class DiscFinder:
     """Finder of the discs in a sequence of fields, whose light may change slowly."""
 
     def __init__(self) -> None:
-        self.level: int | None = None
-        """The level of the last field; None if no discs have been seen yet."""
+        self._level: int | None = None
         self._fields = 0
 
     def find(self, field: Field) -> Blobs | None:
         """The discs that are seen whole, of whatever shape; None if there is nothing of the kind."""
-        if self._fields % _LEVEL_HOLDS == 0 or self.level is None:
-            self.level = disc_level(field) or self.level
+        if self._fields % _LEVEL_HOLDS == 0 or self._level is None:
+            self._level = disc_level(field) or self._level
         self._fields += 1
-        if self.level is None:
+        if self._level is None:
             return None
-        blobs = measure(quantise(field, 8, self.level), None, _LOCATE)
+        blobs = measure(quantise(field, 8, self._level), None, _LOCATE)
         return alike(blobs.select(~blobs.at_border)) if 0 < len(blobs) <= _MOST else None
 
 

@@ -4,10 +4,9 @@ Where discs are seen, their paths tell; elsewhere, as before a moved hand, the d
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from grabberd.core.chain.disc_paths import LEAST_FIELDS, DiscMovement, DiscPaths, Share
-from grabberd.core.chain.picture_differences import PictureDifferences, Ratio
+from grabberd.core.chain.picture_differences import FieldOrderFinding, PictureDifferences, Ratio
 from grabberd.core.field import Field
 from grabberd.core.reconstruction.field_order import Order
 
@@ -19,24 +18,6 @@ _NO_ZIGZAG, _STEADY_NO_ZIGZAG = 0.18, 0.15
 _LIKE_ONE_INSTANT = (0.17, 0.33)
 _BACK_AND_FORTH = 0.45
 """Zigzag that no movement in the right order has."""
-
-
-@dataclass(frozen=True, slots=True)
-class FieldOrderFinding:
-    """Result of a field order check.
-
-    Attributes:
-        order: verdict; `evidence`: the reason as a sentence.
-        fields: number of fields examined.
-        top_to_bottom: squared movement from a top field to the bottom field after it, in units of one field
-            step squared; `bottom_to_top` likewise. None if too little moves.
-    """
-
-    order: Order
-    evidence: str
-    fields: int
-    top_to_bottom: Ratio | None = None
-    bottom_to_top: Ratio | None = None
 
 
 class OrderCheck:
@@ -64,18 +45,17 @@ class OrderCheck:
         self._differences.add(field)
 
     def finding(self) -> FieldOrderFinding:
-        """Finding so far; a verdict only if it is significant (3 σ)."""
+        """Finding of the fields so far; a verdict only if it is significant (3 σ)."""
         count, movement = self._fields, self._paths.movement()
         self.offset_px = movement.offset_px
         if self._following + 1 < _LEAST_FIELDS:
             evidence = f"{count} fields, too few of alternating parity: {_LEAST_FIELDS} are needed"
             return FieldOrderFinding(Order.UNCLEAR, evidence, count)
         if movement.fields < _OF_DISCS * count:
-            found = self._differences.finding()
-            return FieldOrderFinding(
-                found.order, found.evidence, count, found.top_to_bottom, found.bottom_to_top
-            )
-        return _by_paths(movement, count)
+            return self._differences.finding()
+        order = _order(movement)
+        ratios = _squared(movement.from_top), _squared(movement.from_bottom)
+        return FieldOrderFinding(order, _evidence(order, movement, ratios), count, *ratios)
 
 
 def check(fields: Iterable[Field | None]) -> FieldOrderFinding:
@@ -89,14 +69,8 @@ def check(fields: Iterable[Field | None]) -> FieldOrderFinding:
     return order.finding()
 
 
-def _by_paths(movement: DiscMovement, count: int) -> FieldOrderFinding:
-    order = _order(movement)
-    ratios = _squared(movement.from_top), _squared(movement.from_bottom)
-    return FieldOrderFinding(order, _evidence(order, movement, ratios), count, *ratios)
-
-
 def _order(movement: DiscMovement) -> Order:
-    if movement.moving < LEAST_FIELDS and not movement.is_always_steady:
+    if movement.zigzag.fields < LEAST_FIELDS and not movement.is_always_steady:
         return Order.NO_MOVEMENT
     zigzag, steady = movement.zigzag, movement.steady
     if zigzag.is_above(_BACK_AND_FORTH):
@@ -126,8 +100,8 @@ _MEANING = {
 
 def _evidence(order: Order, movement: DiscMovement, ratios: tuple[Ratio | None, Ratio | None]) -> str:
     if order is Order.NO_MOVEMENT:
-        seldom = f"discs move in only {movement.moving} of {movement.fields} fields"
-        still = seldom if movement.moving else "no disc moves clearly from one field to the next"
+        seldom = f"discs move in only {movement.zigzag.fields} of {movement.fields} fields"
+        still = seldom if movement.zigzag.fields else "no disc moves clearly from one field to the next"
         return f"too little movement: {still}"
     if order is Order.UNCLEAR:
         return _why_unclear(movement)

@@ -10,22 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.chain.discs import FIND, alike, background, diameters, disc_level, peak
-from grabberd.core.chain.field_order import FieldOrderFinding, OrderCheck
-from grabberd.core.chain.layout import (
-    FLAT,
-    Layout,
-    LayoutKind,
-    Picture,
-    Sample,
-    first_original,
-    flatness,
-    recognise,
-)
+from grabberd.core.chain.field_order import OrderCheck
+from grabberd.core.chain.layout import Layout, LayoutKind, Picture, Sample, recognise
+from grabberd.core.chain.picture_differences import FieldOrderFinding
 from grabberd.core.field import BOTTOM, PROGRESSIVE, TOP, Field, quantise, split_frame
 from grabberd.core.measurement import Blobs, measure
 from grabberd.core.reconstruction.field_order import Order
 
-MOST_BLOBS_AT = 12
+_MOST_PAIRS = 12
 """Pairs of pictures in which targets are looked for, evenly among all."""
 _MIDDLE = (0.3, 0.7)
 """Shares of the width between which the views meet."""
@@ -127,27 +119,17 @@ class _Samples:
     """A few pairs of successive fields, evenly among all that have come."""
 
     def __init__(self) -> None:
-        self._kept: list[tuple[int, Field]] = []
+        self.kept: list[Sample] = []
         self._every = 2
 
     def add(self, number: int, field: Field) -> None:
         """Keep a copy of the field, if it is its turn."""
         if number % self._every > 1:
             return
-        self._kept.append((number, replace(field, luma=field.luma.copy())))
-        if len(self._kept) > 2 * MOST_BLOBS_AT:
+        self.kept.append(Sample(number, replace(field, luma=field.luma.copy())))
+        if len(self.kept) > 2 * _MOST_PAIRS:
             self._every *= 2
-            self._kept = [(n, one) for n, one in self._kept if n % self._every < 2]
-
-    @property
-    def fields(self) -> list[Field]:
-        """The fields that were kept."""
-        return [field for _, field in self._kept]
-
-    @property
-    def pictures(self) -> list[Sample]:
-        """Their pictures."""
-        return [Sample(number, field.luma) for number, field in self._kept]
+            self.kept = [one for one in self.kept if one.number % self._every < 2]
 
 
 def inspect(pictures: Iterable[Picture | None]) -> Inspection:
@@ -170,48 +152,38 @@ def inspect(pictures: Iterable[Picture | None]) -> Inspection:
             frames.add(field)
         if columns >= _WIDE * lines:
             singles.add(Field.intact(picture, (TOP, BOTTOM)[number % 2]))
-    kept = samples.pictures
-    flat, layout = flatness(kept) > FLAT, recognise(kept)
+    layout, is_flat = recognise(samples.kept)
     # Whatever half of a picture a field is in, nothing but its discs shows it: they are half as high.
-    if layout is None and columns >= _WIDE * lines and (flat or lines in _FIELD_LINES):
-        return _of_singles(kept, singles, flat=flat)
+    if layout is None and columns >= _WIDE * lines and (is_flat or lines in _FIELD_LINES):
+        return _of_singles(samples.kept, singles, is_flat=is_flat)
     order = frames.finding() if lines % 2 == 0 else None
     told = order.order if order else Order.SAME_INSTANT  # an odd number of lines is that of no frame
-    interlacing = _BY_ORDER.get(told, Interlacing.UNKNOWN)
-    first = None
-    if layout is not None:
+    interlacing, first = _BY_ORDER.get(told, Interlacing.UNKNOWN), None
+    if layout is not None and layout.kind is LayoutKind.DOUBLED:
+        interlacing, first, layout, order = Interlacing.DOUBLED, layout.part, None, None
+    elif layout is not None:
         interlacing = Interlacing.UNKNOWN
-        if layout == Layout(LayoutKind.INTERPOLATED, "both"):
-            interlacing, layout, first = Interlacing.DOUBLED, None, first_original(kept)
-            order = None
     # A field alone is sharp whatever moves; of progressive pictures every line counts.
     whole = interlacing in (Interlacing.PROGRESSIVE, Interlacing.DOUBLED)
-    fields = [
-        Field.progressive(one.picture) if whole else Field.intact(one.picture[::2], TOP) for one in kept
-    ]
-    targets, split = _targets_and_split(fields)
-    return Inspection(
-        columns, lines, interlacing, order, targets, split, first, layout, flat and layout is None
-    )
+    fields = [one.field if whole else Field.intact(one.field.luma[::2], TOP) for one in samples.kept]
+    looks = _targets_and_split(fields)
+    return Inspection(columns, lines, interlacing, order, *looks, first, layout, is_flat and layout is None)
 
 
-def _of_singles(kept: Sequence[Sample], singles: OrderCheck, *, flat: bool) -> Inspection:
+def _of_singles(kept: Sequence[Sample], singles: OrderCheck, *, is_flat: bool) -> Inspection:
     """Inspection of pictures that may be single fields, by what was found with the top one first."""
-    lines, columns = kept[0].picture.shape
-    order, first = singles.finding(), None
-    fields = [Field.intact(one.picture, (TOP, BOTTOM)[one.number % 2]) for one in kept]
-    if singles.offset_px is not None:
-        # With the parities exchanged, each field lies two lines wrong against the other one.
-        if abs(singles.offset_px) < _SURE_PX:
-            first = "top"
-        elif abs(singles.offset_px + 2) < 2 * _SURE_PX:
-            first = "bottom"
-        elif abs(singles.offset_px + 1) < _SURE_PX:
-            whole = [Field.progressive(one.picture) for one in kept]
-            targets, split = _targets_and_split(whole)
-            return Inspection(columns, lines, Interlacing.PROGRESSIVE, None, targets, split, is_flat=flat)
-    targets, split = _targets_and_split(fields)
-    return Inspection(columns, 2 * lines, Interlacing.FIELDS, order, targets, split, first)
+    lines, columns = kept[0].field.luma.shape
+    order, off_px = singles.finding(), singles.offset_px
+    if off_px is not None and abs(off_px + 1) < _SURE_PX:
+        looks = _targets_and_split([one.field for one in kept])
+        return Inspection(columns, lines, Interlacing.PROGRESSIVE, None, *looks, is_flat=is_flat)
+    first = None
+    if off_px is not None and abs(off_px) < _SURE_PX:
+        first = "top"
+    elif off_px is not None and abs(off_px + 2) < 2 * _SURE_PX:
+        first = "bottom"  # with the parities exchanged, each field lies two lines wrong against the other one
+    looks = _targets_and_split([Field.intact(one.field.luma, (TOP, BOTTOM)[one.number % 2]) for one in kept])
+    return Inspection(columns, 2 * lines, Interlacing.FIELDS, order, *looks, first)
 
 
 def inspect_fields(fields: Iterable[Field | None]) -> Inspection:
@@ -227,14 +199,11 @@ def inspect_fields(fields: Iterable[Field | None]) -> Inspection:
             order.add(field)
         if field is not None:
             samples.add(number, field)
-    first = samples.fields[0]
-    if first.parity == PROGRESSIVE:
-        found, interlacing = None, Interlacing.PROGRESSIVE
-    else:
-        found = order.finding()
-        interlacing = _BY_ORDER.get(found.order, Interlacing.UNKNOWN)
-    targets, split = _targets_and_split(samples.fields)
-    return Inspection(first.columns, first.rows * first.y_step, interlacing, found, targets, split)
+    first = samples.kept[0].field
+    found = None if first.parity == PROGRESSIVE else order.finding()
+    interlacing = _BY_ORDER.get(found.order if found else Order.SAME_INSTANT, Interlacing.UNKNOWN)
+    looks = _targets_and_split([one.field for one in samples.kept])
+    return Inspection(first.columns, first.rows * first.y_step, interlacing, found, *looks)
 
 
 def _targets_and_split(fields: Sequence[Field]) -> tuple[Targets | None, Split | None]:
@@ -277,15 +246,12 @@ def _split(found: Sequence[Blobs], columns: int) -> Split:
     gaps = _gaps(np.cumsum(seen)[:columns] == 0)
     near = [gap for gap in gaps if _MIDDLE[0] * columns <= (gap[0] + gap[1]) / 2 <= _MIDDLE[1] * columns]
     near = [gap for gap in near if _LEAST_SHARE <= (x < gap[0]).mean() <= 1 - _LEAST_SHARE]
-    if not near:
-        return _at(columns // 2, x, sure=False)
-    widest = max(near, key=lambda gap: gap[1] - gap[0])
-    inner = [end - first for first, end in gaps if first > 0 and end < columns and (first, end) != widest]
-    sure = widest[1] - widest[0] > _CLEAR * max(inner, default=0)
-    return _at(round(sum(widest) / 2), x, sure=sure) if sure else _at(columns // 2, x, sure=False)
-
-
-def _at(column: int, x: NDArray[np.float64], *, sure: bool) -> Split:
+    column, sure = columns // 2, False
+    if near:
+        widest = max(near, key=lambda gap: gap[1] - gap[0])
+        inner = [end - first for first, end in gaps if first > 0 and end < columns and (first, end) != widest]
+        sure = widest[1] - widest[0] > _CLEAR * max(inner, default=0)
+        column = round(sum(widest) / 2) if sure else column
     left = float((x < column).mean())
     return Split(column, sure, left, 1 - left)
 

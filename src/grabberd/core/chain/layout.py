@@ -2,7 +2,7 @@
 missing. Only what the pictures themselves prove is said.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
@@ -27,6 +27,7 @@ class LayoutKind(StrEnum):
     TWICE_BESIDE = "same_picture_beside"
     LINES_TWICE = "lines_twice"
     INTERPOLATED = "lines_interpolated"
+    DOUBLED = "lines_interpolated_alternately"
     FIELD_MISSING = "field_missing"
     HALF_MISSING = "half_missing"
 
@@ -38,8 +39,8 @@ class Layout:
     Attributes:
         kind: What it is.
         part: Of fields, which one is in the upper or left half, `top` or `bottom`; the field whose lines are
-            missing or interpolated, `both` if they alternate from picture to picture; the half that is
-            missing: `upper`, `lower`, `left` or `right`. Empty if that cannot be told.
+            missing or interpolated; of doubled fields, the one that the first picture was made of; the half
+            that is missing: `upper`, `lower`, `left` or `right`. Empty if that cannot be told.
     """
 
     kind: LayoutKind
@@ -47,14 +48,15 @@ class Layout:
 
 
 class Sample(NamedTuple):
-    """A picture and its number in the recording."""
+    """A picture, as a progressive field unless its parity is known, and its number in the recording."""
 
     number: int
-    picture: Picture
+    field: Field
 
 
-FLAT = 1.35
+_FLAT = 1.35
 """Width over height from which on discs are not round: half of their lines are elsewhere."""
+_PARITIES = ("top", "bottom")
 _LEAST_DISCS = 6
 _MATCHED = 0.75
 """Share of the discs that two fields of one frame have in common, while the object moves."""
@@ -78,63 +80,47 @@ _ALL = 0.9
 """Share of the pictures in which something is so."""
 
 
-def flatness(samples: Sequence[Sample]) -> float:
-    """Width of the discs over their height, in pixels of the pictures; NaN without discs."""
-    found = _discs(samples)
-    ratios = [blobs.width_px / np.maximum(blobs.height_px, 1.0) for blobs in found if len(blobs)]
-    return float(np.median(np.concatenate(ratios))) if ratios else np.nan
-
-
-def recognise(samples: Sequence[Sample]) -> Layout | None:
-    """The layout of pictures of one size, if it is a known one that they prove."""
-    found = _discs(samples)
-    for one in (_of_lines(samples), _half_missing(samples), _of_halves(found, samples)):
-        if one is not None:
-            return one
-    return None
-
-
-def _discs(samples: Sequence[Sample]) -> list[Blobs]:
+def recognise(samples: Sequence[Sample]) -> tuple[Layout | None, bool]:
+    """The layout of pictures of one size, if they prove a known one; and True if discs are far from round."""
     finder = DiscFinder()
-    found = [finder.find(Field.progressive(one.picture)) for one in samples]
-    return [blobs for blobs in found if blobs is not None]
+    found = [blobs for one in samples if (blobs := finder.find(one.field)) is not None]
+    ratios = [blobs.width_px / np.maximum(blobs.height_px, 1.0) for blobs in found if len(blobs)]
+    is_flat = bool(ratios) and bool(np.median(np.concatenate(ratios)) > _FLAT)
+    layout = _of_lines(samples) or _half_missing(samples) or _of_halves(found, samples, is_flat=is_flat)
+    return layout, is_flat
 
 
 def _of_lines(samples: Sequence[Sample]) -> Layout | None:
     """Layouts that alternate from line to line."""
-    lit = [one for one in samples if _rows_lit(one.picture).sum() >= _LEAST_DISCS]
+    rows_lit = [_rows_lit(one.field) for one in samples]
+    lit = [(one, rows) for one, rows in zip(samples, rows_lit, strict=True) if rows.sum() >= _LEAST_DISCS]
     if not lit:
         return None
-    for parity, name in enumerate(("top", "bottom")):
-        if all(not _rows_lit(one.picture)[parity::2].any() for one in lit):
+    for parity, name in enumerate(_PARITIES):
+        if not any(rows[parity::2].any() for _, rows in lit):
             return Layout(LayoutKind.FIELD_MISSING, name)
-    if all(_share(_twice(one.picture)) < _COPIED for one in lit):
+    pictures = [one.field.luma for one, _ in lit]
+    if all(_twice(picture) < _COPIED for picture in pictures):
         return Layout(LayoutKind.LINES_TWICE)
-    made = [_interpolated(one.picture) for one in lit]
-    if None in made:
+    made = [one for picture in pictures if (one := _interpolated(picture)) is not None]
+    if len(made) < len(pictures):
         return None
-    alternate = {(parity or 0) ^ (one.number % 2) for parity, one in zip(made, lit, strict=True)}
-    if len(set(made)) == 1 and len({one.number % 2 for one in lit}) == 2:
-        return Layout(LayoutKind.INTERPOLATED, ("top", "bottom")[made[0] or 0])
-    return Layout(LayoutKind.INTERPOLATED, "both") if len(alternate) == 1 else None
+    numbers = [one.number % 2 for one, _ in lit]
+    if len(set(made)) == 1 and len(set(numbers)) == 2:
+        return Layout(LayoutKind.INTERPOLATED, _PARITIES[made[0]])
+    first = {one ^ number for one, number in zip(made, numbers, strict=True)}
+    return Layout(LayoutKind.DOUBLED, _PARITIES[1 - first.pop()]) if len(first) == 1 else None
 
 
-def first_original(samples: Sequence[Sample]) -> str:
-    """Field that the first picture was made of, where interpolated lines alternate."""
-    made = _interpolated(samples[0].picture) or 0
-    return ("bottom", "top")[made ^ (samples[0].number % 2)]
+def _rows_lit(field: Field) -> NDArray[np.bool_]:
+    level = disc_level(field)
+    return np.zeros(field.rows, bool) if level is None else np.asarray((field.luma > level).any(axis=1))
 
 
-def _rows_lit(picture: Picture) -> NDArray[np.bool_]:
-    level = disc_level(Field.progressive(picture))
-    return np.zeros(len(picture), bool) if level is None else np.asarray((picture > level).any(axis=1))
-
-
-def _twice(picture: Picture) -> tuple[float, float]:
-    """Mean squared differences of the lines 0 and 1, 2 and 3 …, and of those between; the less first."""
+def _twice(picture: Picture) -> float:
+    """Mean squared difference of the lines 0 and 1, 2 and 3 …, over that of those between, or the inverse."""
     steps = np.square(np.diff(picture.astype(np.int32), axis=0)).mean(axis=1)
-    one, other = float(steps[0::2].mean()), float(steps[1::2].mean())
-    return min(one, other), max(one, other)
+    return _share(float(steps[0::2].mean()), float(steps[1::2].mean()))
 
 
 def _interpolated(picture: Picture) -> int | None:
@@ -142,20 +128,16 @@ def _interpolated(picture: Picture) -> int | None:
     luma = picture.astype(np.float32)
     left = np.square(luma[1:-1] - (luma[:-2] + luma[2:]) / 2).mean(axis=1)
     odd, even = float(left[0::2].mean()), float(left[1::2].mean())
-    return None if _share((min(odd, even), max(odd, even))) >= _COPIED else int(odd < even)
+    return None if _share(odd, even) >= _COPIED else int(odd < even)
 
 
-def _share(values: tuple[float, float]) -> float:
-    return values[0] / values[1] if values[1] > 0 else 1.0
+def _share(one: float, other: float) -> float:
+    """The lesser over the greater."""
+    return min(one, other) / max(one, other) if max(one, other) > 0 else 1.0
 
 
-_HALVES: dict[str, Callable[[Picture], Picture]] = {
-    "upper": lambda one: one[_MARGIN : len(one) // 2 - _MARGIN, _MARGIN:-_MARGIN],
-    "lower": lambda one: one[len(one) // 2 + _MARGIN : -_MARGIN, _MARGIN:-_MARGIN],
-    "left": lambda one: one[_MARGIN:-_MARGIN, _MARGIN : one.shape[1] // 2 - _MARGIN],
-    "right": lambda one: one[_MARGIN:-_MARGIN, one.shape[1] // 2 + _MARGIN : -_MARGIN],
-}
-_OTHER = {"upper": "lower", "lower": "upper", "left": "right", "right": "left"}
+_HALVES = {"upper": (0, 0), "lower": (0, 1), "left": (1, 0), "right": (1, 1)}
+"""Axis along which each half of a picture is cut off, and its place there."""
 
 
 def _half_missing(samples: Sequence[Sample]) -> Layout | None:
@@ -164,10 +146,11 @@ def _half_missing(samples: Sequence[Sample]) -> Layout | None:
     An object may well be in the upper half alone, and few bits show no noise: then the halves differ in how
     black they are.
     """
-    for name, half in _HALVES.items():
-        is_view = name in ("left", "right")
-        both = [(half(one.picture), _HALVES[_OTHER[name]](one.picture)) for one in samples]
-        if all(_is_filled_in(one, other) and (is_view or _is_blacker(one, other)) for one, other in both):
+    for name, (axis, place) in _HALVES.items():
+        cut = [np.split(one.field.luma, [one.field.luma.shape[axis] // 2], axis) for one in samples]
+        inner = [[half[_MARGIN:-_MARGIN, _MARGIN:-_MARGIN] for half in halves] for halves in cut]
+        both = [(halves[place], halves[1 - place]) for halves in inner]
+        if all(_is_filled_in(one, other) and (axis or _is_blacker(one, other)) for one, other in both):
             return Layout(LayoutKind.HALF_MISSING, name)
     return None
 
@@ -199,9 +182,9 @@ class _Alike(NamedTuple):
         return self.share >= _EQUAL and near and self.spread_px < _SPREAD_PX / 2
 
 
-def _of_halves(found: Sequence[Blobs], samples: Sequence[Sample]) -> Layout | None:
+def _of_halves(found: Sequence[Blobs], samples: Sequence[Sample], *, is_flat: bool) -> Layout | None:
     """Layouts whose halves show the same discs: equal, or half a line apart."""
-    lines, columns = samples[0].picture.shape
+    lines, columns = samples[0].field.luma.shape
     for axis, length, twice, fields in (
         (1, lines, LayoutKind.TWICE_BELOW, LayoutKind.STACKED),
         (0, columns, LayoutKind.TWICE_BESIDE, LayoutKind.BESIDE),
@@ -211,7 +194,7 @@ def _of_halves(found: Sequence[Blobs], samples: Sequence[Sample]) -> Layout | No
             continue
         if np.mean([one.is_same for one in alike]) >= _EQUAL:
             return Layout(twice)
-        if np.median([one.share for one in alike]) < _MATCHED or not flatness(samples) > FLAT:
+        if np.median([one.share for one in alike]) < _MATCHED or not is_flat:
             continue
         # The object moves from field to field: what stands still shows how the lines lie.
         stillest = sorted(alike, key=lambda one: one.spread_px)[: max(1, len(alike) // 3)]

@@ -15,6 +15,7 @@ compared with the movement in the other half (an instrumental variable), which k
 """
 
 from collections import deque
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import cv2
@@ -57,13 +58,20 @@ class Ratio(NamedTuple):
         return f"{self.value:.2f} ± {self.sigma:.2f}"
 
 
-class DifferenceFinding(NamedTuple):
-    """Verdict by the differences; squared movement from a field of either parity to the next, in units of one
-    field step squared, None if too little moves.
+@dataclass(frozen=True, slots=True)
+class FieldOrderFinding:
+    """Result of a field order check.
+
+    Attributes:
+        order: verdict; `evidence`: the reason as a sentence.
+        fields: number of fields examined.
+        top_to_bottom: squared movement from a top field to the bottom field after it, in units of one field
+            step squared; `bottom_to_top` likewise. None if too little moves.
     """
 
     order: Order
     evidence: str
+    fields: int
     top_to_bottom: Ratio | None = None
     bottom_to_top: Ratio | None = None
 
@@ -91,16 +99,23 @@ class PictureDifferences:
         """Pass over a gap of unknown length."""
         self._newest.clear()
 
-    def finding(self) -> DifferenceFinding:
-        """Finding of the differences."""
-        differences = self._differences()
-        if min(len(differences[TOP].near), len(differences[BOTTOM].near)) < _BLOCKS:
-            return DifferenceFinding(Order.UNCLEAR, "too few fields follow one another without a gap")
+    def finding(self) -> FieldOrderFinding:
+        """Finding of the differences so far."""
+        differences, count = self._differences(), len(self._parities)
+        if min(len(one.near) for one in differences) < _BLOCKS:
+            evidence = "too few fields follow one another without a gap"
+            return FieldOrderFinding(Order.UNCLEAR, evidence, count)
         if _variation(np.concatenate([one.two_steps for one in differences])) < _CLEAR_OF_NOISE:
-            return _without_variation(np.concatenate([one.growth for one in differences]))
-        return _judged(_Estimate.of(differences[TOP]), _Estimate.of(differences[BOTTOM]))
+            order, evidence = _without_variation(np.concatenate([one.growth for one in differences]))
+            return FieldOrderFinding(order, evidence, count)
+        top, bottom = map(_Estimate, differences)
+        ratios = top.power, bottom.power
+        contrast = Ratio(4 * abs(top.whole - bottom.whole), 4 * _jackknife(top.without - bottom.without))
+        order = _order(contrast, min(ratios))
+        steps = f"top to bottom {ratios[0]}, bottom to top {ratios[1]} of one field step squared"
+        return FieldOrderFinding(order, f"{steps}: {_MEANING[order]}", count, *ratios)
 
-    def _differences(self) -> "tuple[_Differences, _Differences]":
+    def _differences(self) -> "list[_Differences]":
         """Differences of the steps from top to bottom, and of those from bottom to top."""
         # From field i on, though they were found at the later field.
         one, two, four = (
@@ -112,11 +127,10 @@ class PictureDifferences:
         growth = (four[i] - (two[i] + two[i + 2]) / 2).sum(axis=1)
         whole = ~np.isnan(growth + around.sum(axis=1))
         of = np.asarray(self._parities, np.intp)[i]
-        top, bottom = (
+        return [
             _Differences(one[i][chosen], around[chosen], growth[chosen])
             for chosen in (whole & (of == parity) for parity in (TOP, BOTTOM))
-        )
-        return top, bottom
+        ]
 
 
 def _smoothed(field: Field) -> Picture:
@@ -151,35 +165,24 @@ def _difference(picture: Picture, earlier: Picture) -> Array:
     return np.array([rows[bands == band].mean() for band in (0, 1)])
 
 
-class _Estimate(NamedTuple):
-    """Share of a step in the movement over two steps: from all fields, and without each block in turn."""
+class _Estimate:
+    """Share of a step in the movement over two steps: from all fields, and without each block in turn.
 
-    whole: float
-    without: Array
+    It is estimated from each half of the bands with the movement in the other half.
+    """
 
-    @classmethod
-    def of(cls, differences: _Differences) -> "_Estimate":
-        """Estimate from each half of the bands with the movement in the other half."""
+    def __init__(self, differences: _Differences) -> None:
         near, two_steps = (one - one.mean(axis=0) for one in (differences.near, differences.two_steps))
         elsewhere = two_steps[:, ::-1]
         share, variation = (_blocks((one * elsewhere).sum(axis=1)) for one in (near, two_steps))
-        return cls(share.sum() / variation.sum(), _without_each(share) / _without_each(variation))
+        self.whole = float(share.sum() / variation.sum())
+        self.without = _without_each(share) / _without_each(variation)
 
     @property
     def power(self) -> Ratio:
         """The share in units of one field step squared."""
         # Two steps squared are four units.
-        return Ratio(4 * float(self.whole), 4 * _jackknife(self.without))
-
-
-def _judged(top: _Estimate, bottom: _Estimate) -> DifferenceFinding:
-    ratios = top.power, bottom.power
-    contrast = Ratio(4 * abs(float(top.whole - bottom.whole)), 4 * _jackknife(top.without - bottom.without))
-    order = _order(contrast, min(ratios))
-    evidence = (
-        f"top to bottom {ratios[0]}, bottom to top {ratios[1]} of one field step squared: {_MEANING[order]}"
-    )
-    return DifferenceFinding(order, evidence, *ratios)
+        return Ratio(4 * self.whole, 4 * _jackknife(self.without))
 
 
 def _order(contrast: Ratio, lesser: Ratio) -> Order:
@@ -222,10 +225,8 @@ def _variation(two_steps: Array) -> float:
     return covariation / power * np.sqrt(len(halves) / _OVERLAP) if power > 0 else 0.0
 
 
-def _without_variation(growth: Array) -> DifferenceFinding:
+def _without_variation(growth: Array) -> tuple[Order, str]:
     sigma = float(growth.std()) * np.sqrt(_OVERLAP / len(growth))
     if growth.mean() > _CLEAR_OF_NOISE * sigma:
-        steady = "the movement is too steady: move the object, pause, and move it again"
-        return DifferenceFinding(Order.UNCLEAR, steady)
-    still = "too little movement: no pictures differ by more than their noise"
-    return DifferenceFinding(Order.NO_MOVEMENT, still)
+        return Order.UNCLEAR, "the movement is too steady: move the object, pause, and move it again"
+    return Order.NO_MOVEMENT, "too little movement: no pictures differ by more than their noise"
