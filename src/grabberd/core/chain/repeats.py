@@ -147,4 +147,4 @@ def rhythm(repeats: Sequence[bool]) -> str:
 
 
 _FEWEST_STEPS, _MOSTLY = 3, 0.7
-_ORDINALS = {2: "second", 3: "third", 4: "fourth", 5: "fifth"}
+_ORDINALS = {2: "second", 3: "third", 4: "fourth", 5: "fifth", 21: "21st", 22: "22nd", 23: "23rd"}
