@@ -151,7 +151,9 @@ def _by_numbers(directory: Path, paths: Sequence[Path]) -> Names | None:
     found = [one for one in (_of_number(paths, values) for values in distinct) if one]
     if len(varying) == 1 and not found:
         raise _neither(directory, sorted(varying[0]))
-    if not found or any(one.paths != found[0].paths for one in found):
+    if len({tuple(one.paths) for one in found}) > 1:  # a checksum may look like times
+        found = [one for one in found if one.numbers]
+    if len({tuple(one.paths) for one in found}) != 1:
         return None
     return max(found, key=lambda one: one.numbers[-1] if one.numbers else math.inf)
 

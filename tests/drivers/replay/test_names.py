@@ -79,6 +79,12 @@ def test_a_count_beside_the_time_of_day_tells_what_is_missing(tmp_path: Path) ->
     assert names.numbers == list(KEPT)
 
 
+def test_a_checksum_beside_a_count_is_no_time(tmp_path: Path) -> None:
+    numbers = [n for n in range(40) if n not in (10, 11, 25)]
+    names = read(tmp_path, [f"{n:04d}_{n * 7919 % 10007}.png" for n in numbers])
+    assert names.numbers == numbers
+
+
 @pytest.mark.parametrize("last", [9, 99, 120])
 def test_a_count_that_need_not_have_begun_anew_has_not(tmp_path: Path, last: int) -> None:
     names = read(tmp_path, [f"{n}.png" for n in (0, 1, 2, last - 1, last)])
