@@ -4,6 +4,7 @@ They are a count where most of their numbers step alike, and all others by a mul
 is lost. Numbers that step unevenly are times, as are dates. Whatever else they are is said.
 """
 
+import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -20,6 +21,7 @@ _DATE = re.compile(
     r"((?:19|20)\d\d)[-_.:]?([01]\d)[-_.:]?([0-3]\d)[T_ -]{0,2}([0-2]\d)[-_.:h]?([0-5]\d)[-_.:m]?([0-5]\d)"
     r"(?:[.,_s-]?(\d{1,9}))?(?!\d)"
 )
+_CLOCK = re.compile(r"(?<!\d)([0-2]\d)[-_.:h]([0-5]\d)[-_.:m]([0-5]\d)[-_.,](\d{3,9})(?!.*\d)")
 _SECONDS = re.compile(r"(\d+)[.,](\d+)(?!.*\d)")
 _UNITS_S = {"s": Fraction(1), "ms": Fraction(1, 10**3), "us": Fraction(1, 10**6), "ns": Fraction(1, 10**9)}
 _SINCE_1970 = range(10**9, 4 * 10**9)
@@ -32,6 +34,8 @@ _FEWEST_OF_SECOND = 3
 _MOSTLY = 0.5
 _FEWEST_DIGITS = 3
 """Of a counter that may have begun anew."""
+_BINARY = (1 << 8, 1 << 16, 1 << 32)
+"""Numbers that a camera's counter of bytes has."""
 _NAMED = 3
 
 
@@ -62,7 +66,8 @@ class Names(NamedTuple):
         paths = [path for path in found if not path.name.startswith(".")]
         _check_kinds(directory, paths)
         hidden = [f"{len(found) - len(paths)} hidden files are left out."] if len(found) > len(paths) else []
-        names = _by_dates(paths) or _by_seconds(paths) or _by_numbers(directory, paths) or _by_name(paths)
+        timed = _by_dates(paths) or _by_clock(paths) or _by_seconds(paths)
+        names = timed or _by_numbers(directory, paths) or _by_name(paths)
         return names._replace(remarks=(*hidden, *names.remarks))
 
 
@@ -80,6 +85,7 @@ def _check_kinds(directory: Path, paths: Sequence[Path]) -> None:
 
 def _by_dates(paths: Sequence[Path]) -> Names | None:
     times: list[Fraction] = []
+    within: set[int] = set()
     finest = 0
     for path in paths:
         found = _DATE.search(path.stem)
@@ -87,14 +93,25 @@ def _by_dates(paths: Sequence[Path]) -> Names | None:
             return None
         *parts, fraction = found.groups()
         finest = max(finest, len(fraction or ""))
+        within.add(int(fraction or 0))
         try:
             whole = datetime(*map(int, parts), tzinfo=UTC)  # type: ignore[misc, arg-type]
         except ValueError:
             return None
         times.append(int(whole.timestamp()) + Fraction(int(fraction or 0), 10 ** len(fraction or "")))
-    if finest < _FEWEST_OF_SECOND and len({int(time) for time in times}) == 1:
+    is_counted = len(within) == max(within) - min(within) + 1 and 2 * max(within) < 10**finest
+    if finest < _FEWEST_OF_SECOND and (is_counted or len({int(time) for time in times}) == 1):
         return None
     return _timed(paths, times, "dates")
+
+
+def _by_clock(paths: Sequence[Path]) -> Names | None:
+    """Names with times of one day: only the hour and the minute order their seconds."""
+    found = [_CLOCK.search(path.stem) for path in paths]
+    if any(one is None for one in found):
+        return None
+    times = [3600 * int(one[1]) + 60 * int(one[2]) + Fraction(f"{one[3]}.{one[4]}") for one in found if one]
+    return _timed(paths, times, "times of day")
 
 
 def _by_seconds(paths: Sequence[Path]) -> Names | None:
@@ -118,32 +135,53 @@ def _timed(paths: Sequence[Path], times: Sequence[Fraction], what: str) -> Names
 
 
 def _by_numbers(directory: Path, paths: Sequence[Path]) -> Names | None:
-    """Names in which one number differs, as a count or times; None if there is no such number."""
+    """Names in which a number differs from all others, as a count or times; None if there is no such number.
+
+    Of several, as a count beside a time, times decide, and else the count that lacks most: a program's own
+    count of what it saved goes on where pictures are lost.
+    """
     pieces = [re.split(r"(\d+)", path.stem) for path in paths]
     if len({tuple(one[::2]) for one in pieces}) != 1 or len(paths) < 2:
         return None
-    varying = [at for at in range(1, len(pieces[0]), 2) if len({int(one[at]) for one in pieces}) > 1]
-    if len(varying) != 1:
+    columns = [[int(one[at]) for one in pieces] for at in range(1, len(pieces[0]), 2)]
+    varying = [values for values in columns if len({*values}) > 1]
+    if len(varying) == 1:
+        _check_distinct(directory, paths, varying[0])
+    distinct = [values for values in varying if len({*values}) == len(paths)]
+    found = [one for one in (_of_number(paths, values) for values in distinct) if one]
+    if len(varying) == 1 and not found:
+        raise _neither(directory, sorted(varying[0]))
+    if len({tuple(one.paths) for one in found}) > 1:  # a checksum may look like times
+        found = [one for one in found if one.numbers]
+    if len({tuple(one.paths) for one in found}) != 1:
         return None
-    at = varying[0]
-    ordered = sorted((int(one[at]), path) for one, path in zip(pieces, paths, strict=True))
+    return max(found, key=lambda one: one.numbers[-1] if one.numbers else math.inf)
+
+
+def _check_distinct(directory: Path, paths: Sequence[Path], values: Sequence[int]) -> None:
+    ordered = sorted(zip(values, paths, strict=True))
     for (earlier, first), (later, second) in pairwise(ordered):
         if earlier == later:
             raise DeviceRefused(
                 f"{directory}: {first.name} and {second.name} have the same number", "leave one of them out"
             )
+
+
+def _of_number(paths: Sequence[Path], values: Sequence[int]) -> Names | None:
     remarks: list[str] = []
-    values = _unwrapped([value for value, _ in ordered], remarks)
-    ordered = sorted(zip(values, (path for _, path in ordered), strict=True))
-    return _count(ordered, remarks) or _stamps(directory, ordered)
+    ordered = sorted(zip(values, paths, strict=True))
+    unwrapped = _unwrapped([value for value, _ in ordered], remarks)
+    ordered = sorted(zip(unwrapped, (path for _, path in ordered), strict=True))
+    return _count(ordered, remarks) or _stamps(ordered)
 
 
 def _unwrapped(values: list[int], remarks: list[str]) -> list[int]:
-    """Numbers, ascending, of a counter that may have gone from 9999 to 0 or 1 among them."""
+    """Numbers, ascending, of a counter that may have gone from 9999 or 65535 to 0 or 1 among them."""
     last, digits = values[-1], len(str(values[-1]))
+    capacities = (10**digits, *_BINARY)
     gaps = [(later - earlier, at) for at, (earlier, later) in enumerate(pairwise(values), start=1)]
     widest, at = max(gaps)
-    if digits < _FEWEST_DIGITS or last != 10**digits - 1 or values[0] > 1 or 2 * widest < last:
+    if digits < _FEWEST_DIGITS or last + 1 not in capacities or values[0] > 1 or 2 * widest < last:
         return values
     remarks.append(f"Its count goes on from {last} with {values[0]:0{digits}d}.")
     beyond = last + 1 - values[0]
@@ -174,16 +212,20 @@ def _missing(ordered: Sequence[tuple[int, Path]], step: int) -> Iterator[str]:
             yield f"{what} missing after {before.name}"
 
 
-def _stamps(directory: Path, ordered: Sequence[tuple[int, Path]]) -> Names:
-    """Names whose numbers are times, in the unit that gives a camera's rate."""
+def _stamps(ordered: Sequence[tuple[int, Path]]) -> Names | None:
+    """Names whose numbers are times, in the unit that gives a camera's rate; None if no unit does."""
     paths = [path for _, path in ordered]
     for name, unit in _UNITS_S.items():
         if unit == 1 and ordered[0][0] not in _SINCE_1970:
             continue
         if timed := _timed(paths, [value * unit for value, _ in ordered], f"times in {name}"):
             return timed
-    steps = [later - earlier for (earlier, _), (later, _) in pairwise(ordered)]
-    raise DeviceRefused(
+    return None
+
+
+def _neither(directory: Path, values: Sequence[int]) -> DeviceRefused:
+    steps = [later - earlier for earlier, later in pairwise(values)]
+    return DeviceRefused(
         f"{directory}: the numbers in its names step by {min(steps)} to {max(steps)}: neither a count nor "
         "times in ms, us or ns",
         "name the pictures by the times at which they were taken, such as 12.340.png in seconds",

@@ -48,7 +48,7 @@ CONTAINERS = (
     Container("MPEG", re.compile(rb"\x00\x00\x01\xba|\x47.{187}\x47", re.DOTALL)),
     Container(f"MPEG{_BARE}", re.compile(rb"\x00\x00\x01\xb3"), timed=False),
     Container(f"MJPEG{_BARE}", re.compile(rb"\xff\xd8\xff"), timed=False, rated=False),
-    Container("DV", re.compile(rb"\x1f\x07\x00[\x3f\xbf]")),
+    Container("DV", re.compile(rb"\x1f\x07\x00[\x3f\xbf]"), timed=False),
     Container("NUT", re.compile(rb"nut/multimedia container")),
 )
 

@@ -207,24 +207,25 @@ class Cells:
 
         Args:
             keys: Keys of the columns.
-            whole: Those that hold whole numbers, and therefore tell nothing of the decimal sign.
+            whole: Those that hold whole numbers, which may have leading zeros and show no decimal sign.
 
         Raises:
             TableError: A cell is not a number, or could be two; the message names its line and column.
         """
         texts = {key: self.columns[key] for key in keys}
         _check_decimal_sign([cell for key, cells in texts.items() if key not in whole for cell in cells])
-        return {key: self._numbers(key, cells) for key, cells in texts.items()}
+        return {key: self._numbers(key, cells, is_whole=key in whole) for key, cells in texts.items()}
 
-    def _numbers(self, key: str, cells: list[str]) -> list[float]:
+    def _numbers(self, key: str, cells: list[str], *, is_whole: bool) -> list[float]:
         numbers, name = [], self.names[key]
         for line, cell in zip(self.lines, cells, strict=True):
             value = number_of(cell)
             if value is None:
                 raise TableError(f"line {line}: {name} is {cell!r}, not a number")
-            if self.separator == "," and cell[0] == "0" and len(cell) > 1 and cell.isdigit():
-                why = f"line {line}: {name} is {cell!r}: decimal commas between commas?"
-                raise TableError(why, _SEMICOLONS)
+            if not is_whole and self.separator == "," and cell[0] == "0" and len(cell) > 1 and cell.isdigit():
+                raise TableError(
+                    f"line {line}: {name} is {cell!r}: decimal commas between commas?", _SEMICOLONS
+                )
             numbers.append(value)
         return numbers
 

@@ -35,6 +35,10 @@ def test_a_spreadsheets_byte_order_mark_does_no_harm(file):
     assert read_truth(file("\ufefftarget,x_mm,y_mm,z_mm\n3,1,2,3\n")).target.tolist() == [3]
 
 
+def test_a_target_keeps_the_zeros_that_are_printed_beside_it(file):
+    assert read_truth(file("target,x_mm,y_mm,z_mm\n011,1.5,2,3\n012,2.5,2,3\n")).target.tolist() == [11, 12]
+
+
 TRUTH = {
     "R, write.csv2": '"";"target";"x_mm";"y_mm";"z_mm"\n"1";1;10,25;20,5;3,75\n"2";2;11;20,5;3,75\n',
     "R, write.table": '"target" "x_mm" "y_mm" "z_mm"\n"1" 1 10.25 20.5 3.75\n"2" 2 11 20.5 3.75\n',

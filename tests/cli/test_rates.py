@@ -59,7 +59,10 @@ def draw(folder: Path, places_mm: np.ndarray, moved_mm: np.ndarray) -> Path:
 
 def captured(folder: Path, name: str, pictures: Path, rate_hz: float, bits: int) -> Path:
     config, out = folder / f"{name}.yaml", folder / f"{name}.grab"
-    config.write_text(CONFIG.format(pictures=pictures, rate_hz=rate_hz))
+    text = CONFIG.format(pictures=pictures, rate_hz=rate_hz)
+    if (pictures / "fields.csv").exists():
+        text = text.replace("pictures: progressive, ", "")
+    config.write_text(text)
     run("capture", "--config", config, "--bits", bits, "--out", out)
     return out
 

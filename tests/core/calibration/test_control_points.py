@@ -49,6 +49,7 @@ def test_a_line_has_no_one_two_or_three_sigmas_or_a_diagonal_covariance(given, s
         "# id, X, Y, Z (mm)\n1,100,200,50",
         "\ufeff# id, X, Y, Z (mm)\n1,100,200,50",
         "# id, X (cm), Y (cm), Z [cm]\n1,10,20,5",
+        "# id, name, X_mm, Y_mm, Z_mm\n1,CP1,100,200,50",
     ],
 )
 def test_names_order_and_unit_are_those_that_the_list_leaves_no_doubt_of(text):
@@ -62,6 +63,7 @@ def test_names_order_and_unit_are_those_that_the_list_leaves_no_doubt_of(text):
         "# id, name, X, Y, Z, std\n1,101,.1,.2,.05,.001",
         "# sx, sy, sz, x, y, z, id (mm)\n1,1,1,100,200,50,1",
         "# id, X, Y, Z, sigma_xy, sigma_z\n1,.1,.2,.05,.001,.001",
+        "# id, X, Y, Z, sx, sy, sz (mm)\n1,100,200,50,1,1,1",
     ],
 )
 def test_a_header_says_which_cell_is_the_sigma(text):
@@ -111,6 +113,13 @@ def test_a_header_says_which_cell_is_the_sigma(text):
         ("# id, X (m), Y (m), Z (m), sigma (mm)\n1,.1,.2,.05,1", "line 1: the header states the units m, mm"),
         ("# id, X, Y, Z (ft)\n1,.1,.2,.05", "line 1: the header states the units ft"),
         ("# all in mm\n# id, X, Y, Z\n1,100,200,50", "line 1: this says mm, and no header says so"),
+        ("# in micrometres\n1,a,100000,200000,50000", "line 1: this says micrometres, and no header says so"),
+        ("# id, X_mm, Y_mm, Z_cm\n1,100,200,5", "line 1: the header states the units cm, mm"),
+        (
+            "# id, name, X, Y, Z (mm)\n1,a,100,1,50,2,3,5\n2,b,200,2,20,3,1,5",
+            "line 2: 8 cells, and no decimal point in any line: decimal commas between commas?",
+        ),
+        ("# id, X, Y, Z (mm)\n1,100,200,50,2", "line 2: 5 cells, and no decimal point in any line"),
         ("# nothing\n", "holds no points"),
     ],
 )

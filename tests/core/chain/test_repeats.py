@@ -135,6 +135,8 @@ def test_what_shows_no_target_may_have_moved() -> None:
         (range(1, 24, 2), 24, "every second"),
         (range(4, 64, 5), 64, "every fifth"),
         (range(24, 100, 25), 100, "every 25th"),
+        (range(21, 100, 22), 100, "every 22nd"),
+        (range(9, 16), 24, "mostly one after another"),
         ([1, 3, 5, 7, 9, 11, 13, 16], 24, "every second"),
         ([2, 3, 7, 11, 12, 19], 24, ""),
         (range(1, 24), 24, "the last 23, a frozen end"),

@@ -218,7 +218,7 @@ def test_uncompressed_video_too_is_played_in_its_marked_order(tmp_path):
 def test_raw_dv_is_known_by_its_first_bytes(tmp_path):
     found = container_of(interlaced(tmp_path / "raw.dv"))
     assert found is not None
-    assert found.name == "DV"
+    assert (found.name, found.timed) == ("DV", False)
 
 
 # --- grey values ---

@@ -56,6 +56,35 @@ def test_a_counter_goes_on_after_its_last_number(tmp_path: Path, first: int) -> 
     assert names.remarks[0] == f"Its count goes on from 9999 with {first:04d}."
 
 
+@pytest.mark.parametrize("last", [255, 65_535, 4_294_967_295])
+def test_a_counter_of_bytes_goes_on_after_its_last_number(tmp_path: Path, last: int) -> None:
+    names = read(tmp_path, [f"f{n}.png" for n in (last - 2, last - 1, last, 0, 2)])
+    assert in_order(names)[0] == f"f{last - 2}.png"
+    assert names.numbers == [0, 1, 2, 3, 5]
+
+
+@pytest.mark.parametrize("template", ["{count:04d}_{saved:02d}.png", "{saved:02d}-of-5_{count}.png"])
+def test_of_two_counts_that_of_the_camera_tells_what_is_missing(tmp_path: Path, template: str) -> None:
+    names = read(tmp_path, [template.format(count=n, saved=k) for k, n in enumerate(KEPT)])
+    assert names.numbers == list(KEPT)
+
+
+def test_a_number_beside_a_count_that_tells_nothing_is_passed_over(tmp_path: Path) -> None:
+    names = read(tmp_path, [f"{n:04d}_{20 + n + n * n % 7}C.png" for n in KEPT])
+    assert names.numbers == list(KEPT)
+
+
+def test_a_count_beside_the_time_of_day_tells_what_is_missing(tmp_path: Path) -> None:
+    names = read(tmp_path, [f"20260301_10000{n // 3}_{n:04d}.png" for n in KEPT])
+    assert names.numbers == list(KEPT)
+
+
+def test_a_checksum_beside_a_count_is_no_time(tmp_path: Path) -> None:
+    numbers = [n for n in range(40) if n not in (10, 11, 25)]
+    names = read(tmp_path, [f"{n:04d}_{n * 7919 % 10007}.png" for n in numbers])
+    assert names.numbers == numbers
+
+
 @pytest.mark.parametrize("last", [9, 99, 120])
 def test_a_count_that_need_not_have_begun_anew_has_not(tmp_path: Path, last: int) -> None:
     names = read(tmp_path, [f"{n}.png" for n in (0, 1, 2, last - 1, last)])
@@ -92,6 +121,19 @@ def test_two_pictures_that_were_written_at_once_leave_the_others_their_times(tmp
     assert names.times_s == pytest.approx([(one - stamps[0]) / 1e6 for one in stamps])
 
 
+def test_times_beside_a_count_of_what_was_saved_tell_what_is_missing(tmp_path: Path) -> None:
+    stamps = [1_767_261_600_123 + PERIOD_MS * n + n % 2 for n in KEPT]
+    names = read(tmp_path, [f"cam1_{k:04d}_{stamp}.png" for k, stamp in enumerate(stamps)])
+    assert names.times_s == pytest.approx([(one - stamps[0]) / 1e3 for one in stamps])
+
+
+@pytest.mark.parametrize("point", [".", ",", "-"])
+def test_times_of_day_go_on_from_minute_to_minute(tmp_path: Path, point: str) -> None:
+    names = read(tmp_path, [f"10-00-59{point}920.png", f"10-00-59{point}960.png", f"10-01-00{point}040.png"])
+    assert names.times_s == pytest.approx([0.0, 0.04, 0.12])
+    assert names.remarks == ("Its names are read as times of day.",)
+
+
 @pytest.mark.parametrize("point", [".", ","])
 def test_numbers_with_a_point_or_a_comma_are_times_in_seconds(tmp_path: Path, point: str) -> None:
     names = read(tmp_path, [f"t_{9.96 + 0.04 * n:.3f}.png".replace(".", point, 1) for n in KEPT])
@@ -117,6 +159,12 @@ def test_dates_with_their_fractions_are_times(tmp_path: Path, names: list[str]) 
 def test_a_count_after_the_date_of_the_first_picture_is_a_count(tmp_path: Path, count: str) -> None:
     names = read(tmp_path, [f"20240229_235959_{count.format(n)}.png" for n in range(1, 10)])
     assert (names.numbers, names.times_s) == (list(range(9)), None)
+
+
+def test_a_count_that_begins_anew_with_every_second_is_no_fraction_of_it(tmp_path: Path) -> None:
+    names = read(tmp_path, [f"20240229_23595{n // 25}_{n % 25:02d}.png" for n in range(60)])
+    assert names.remarks == ("Its names tell an order, but neither a count nor times.",)
+    assert names.numbers == list(range(60))
 
 
 def test_a_date_that_no_calendar_has_is_none(tmp_path: Path) -> None:

@@ -181,9 +181,16 @@ _MM = {"m": 1000.0, "cm": 10.0, "mm": 1.0}
 _SYNONYMS = {"no": "id", "nr": "id", "number": "id", "label": "name"}
 _COLUMN = re.compile(r"(?P<sigma>s|std|sd|sigma|σ)[ _]?(?P<axes>|xyz|xy|[xyz])")
 _UNIT = re.compile(r"\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]")
-_OTHER_UNIT = re.compile(r"\b(?:mm|cm|millimet\w+|centimet\w+|inch\w*|f(?:oo|ee)?t)\b", re.IGNORECASE)
+_SUFFIX = re.compile(r"(?<=\w)_(mm|cm|m)\b", re.IGNORECASE)
+_OTHER_UNIT = re.compile(
+    r"(?<![^\W_])(?:[mcµu]m|(?:milli|centi|micro)met\w+|microns?|inch\w*|f(?:oo|ee)?t)\b", re.IGNORECASE
+)
 _WRITE = (
     "write a header, '# id, name, X, Y, Z, sigma' or '# id, X, Y, Z (mm)', that names the cells of each line"
+)
+_NAME_SIGMAS = (
+    "write decimal points; or, if they are standard deviations, a header that names them, such as "
+    "'# id, name, X, Y, Z, sx, sy, sz (mm)'"
 )
 _CELLS = "give none (held), one, two (XY and Z) or three standard deviations, or a covariance of nine numbers"
 
@@ -205,6 +212,7 @@ def read_control_points(text: str) -> dict[int, ControlPoint]:
     if not rows:
         raise InputError(f"{_WHAT} holds no points", "give a line for each: id, name, X, Y, Z")
     columns = _columns(lines, rows, named)
+    _check_decimal_commas(lines, rows, columns)
     seen: dict[int, int] = {}
     points = []
     for lines.number, cells in rows:
@@ -221,7 +229,8 @@ def _header(lines: Lines) -> tuple[tuple[str, ...], float]:
     """The columns that a comment names, none if no comment does, and the list's unit in mm."""
     columns: tuple[str, ...] = ()
     unit, foreign = "", None
-    for text in lines.comments():
+    for comment in lines.comments():
+        text = _SUFFIX.sub(lambda suffix: f" ({suffix[1].lower()})", comment)
         units = set(_UNIT.findall(text))
         words = [word.strip().lower() for word in _UNIT.sub("", text).split("," if "," in text else None)]
         if not set(_PLACE) <= set(words):
@@ -276,6 +285,22 @@ def _columns(lines: Lines, rows: Sequence[tuple[int, list[str]]], stated: tuple[
     where = "here, and a number in other lines" if any(texts) else "in every line"
     kind = repr(cells[1]) if any(texts) else "a number"
     raise lines.refusal(f"the second cell is {kind} {where}: it may be a name or X", _WRITE)
+
+
+def _check_decimal_commas(
+    lines: Lines, rows: Sequence[tuple[int, list[str]]], columns: Sequence[str]
+) -> None:
+    """Check that cells after the position are no decimals: 100,5 between commas gives a cell more."""
+    longest = max(len(cells) for _, cells in rows)
+    is_whole = all(cell.lstrip("-").isdecimal() for _, cells in rows for cell in cells[len(columns) :])
+    has_point = any("." in cell for _, cells in rows for cell in cells)
+    if any(one.startswith("s") for one in columns) or has_point or not is_whole:
+        return
+    if len(columns) < longest <= len(columns) + len(_PLACE):
+        lines.number = next(number for number, cells in rows if len(cells) == longest)
+        raise lines.refusal(
+            f"{longest} cells, and no decimal point in any line: decimal commas between commas?", _NAME_SIGMAS
+        )
 
 
 def _point(lines: Lines, cells: Sequence[str], columns: Sequence[str], unit_mm: float) -> ControlPoint:

@@ -141,8 +141,10 @@ def rhythm(repeats: Sequence[bool]) -> str:
     if len(at) < _FEWEST_STEPS:
         return ""
     step, often = Counter(int(later - earlier) for earlier, later in pairwise(at)).most_common(1)[0]
-    return f"every {_ORDINALS.get(step, f'{step}th')}" if often > _MOSTLY * (len(at) - 1) else ""
+    if often <= _MOSTLY * (len(at) - 1):
+        return ""
+    return "mostly one after another" if step == 1 else f"every {_ORDINALS.get(step, f'{step}th')}"
 
 
 _FEWEST_STEPS, _MOSTLY = 3, 0.7
-_ORDINALS = {1: "one", 2: "second", 3: "third", 4: "fourth", 5: "fifth"}
+_ORDINALS = {2: "second", 3: "third", 4: "fourth", 5: "fifth", 21: "21st", 22: "22nd", 23: "23rd"}

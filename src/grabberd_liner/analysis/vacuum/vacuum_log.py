@@ -26,6 +26,8 @@ _UNITS: Mapping[str, Mapping[str, float]] = {
 _GAP_STEPS = 3.0
 """Steps between two readings from which on readings are missing; a logger's clock may jitter by less."""
 _LEAST_ROWS = 10
+_SHORTEST_STEP_S = 20e-6
+"""Step of the fastest loggers; milliseconds with points for thousands, 1.000 and 1.005, give 5 us."""
 _COLUMNS = (
     f"the header names the columns: time_s or time_ms, {PULSATION} and, where they are known, {LINER}"
     f" and {LIGHT}; every line below it is one reading"
@@ -55,7 +57,7 @@ class VacuumLog:
         """Checks times and units.
 
         Raises:
-            InputError: there are too few readings, times do not ascend, or the values are in another unit.
+            InputError: there are too few readings, times do not ascend, or anything is in another unit.
         """
         if len(self.time_s) < _LEAST_ROWS:
             hint = _COLUMNS if self.channel is None else "the capture's channels say what is missing, and why"
@@ -66,6 +68,12 @@ class VacuumLog:
                 f"the times of {self.source} do not ascend: reading {back[0] + 2} is at"
                 f" {self.time_s[back[0] + 1]:g} s, the one before at {self.time_s[back[0]]:g} s",
                 "sort the log by time, and cut it where the logger was restarted",
+            )
+        if self.channel is None and self.step_s < _SHORTEST_STEP_S:
+            raise InputError(
+                f"the readings of {self.source} are {self.step_s * 1e6:.3g} us apart: its times are in "
+                "another unit, or have points for thousands",
+                "name the unit of its times, time_s or time_ms, and write no signs for thousands",
             )
         if self.channel is None:
             _check_unit(f"{PULSATION} of {self.source}", self.pulsation_kpa, LEAST_KPA)

@@ -149,3 +149,10 @@ def test_pressure_over_atmosphere_is_no_vacuum() -> None:
 def test_what_cannot_be_read_is_named(change: object, said: str) -> None:
     with pytest.raises(InputError, match=said):
         read_vacuum_log(change(text()))
+
+
+def test_points_for_thousands_in_milliseconds_are_no_microseconds():
+    rows = "".join(f"1.{5 * k:03d};42\n" for k in range(60))
+    with pytest.raises(InputError, match=r"5 us apart: .* points for thousands"):
+        read_vacuum_log("time_ms;pulsation_vacuum_kpa\n" + rows)
+    assert read_vacuum_log("time_s;pulsation_vacuum_kpa\n" + rows).step_s == pytest.approx(0.005)
