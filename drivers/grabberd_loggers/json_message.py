@@ -14,6 +14,7 @@ from grabberd.bounded_documents import DEEPEST
 from grabberd.tables import Column, number_of
 from grabberd_loggers.lines import ABSENT, IGNORED, OTHER_CELLS, printable
 
+OTHER_UNIT = "a message states another unit than the column"
 NOT_JSON, OTHER_KEYS = "a message is not valid JSON", "a message has other keys than the columns"
 _SHOWN = 300
 _ISO = re.compile(r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d(?::\d\d)?)(?:[.,](\d{1,9}))?(Z|[+-]\d\d:?\d\d)?")
@@ -47,7 +48,9 @@ def cells_of(text: str, columns: Sequence[Column]) -> list[str]:
     except ValueError as error:
         raise Unusable(NOT_JSON, f"{error}: {text[:60]}") from None
     if isinstance(values, dict):
-        _check_keys(values, [column for column in columns if column.name != IGNORED])
+        asked = [column for column in columns if column.name != IGNORED]
+        _check_keys(values, asked)
+        _check_units(values, asked)
         values = [values.get(column.name) for column in columns]
     if len(values) != len(columns):
         raise Unusable(OTHER_CELLS, f"{len(values)} values for {len(columns)} columns: {text[:60]}")
@@ -88,6 +91,23 @@ def _check_keys(values: Mapping[str, Any], columns: Sequence[Column]) -> None:
         are = "is" if len(missing) == 1 else "are"
         said = f"the message's keys are {keys}; {', '.join(missing)} {are} not among them{advice}"
         raise Unusable(OTHER_KEYS, said if values else "the message has no keys")
+
+
+def _check_units(values: Mapping[str, Any], columns: Sequence[Column]) -> None:
+    """Check the units that a message states beside its values, as `PressureUnit`, wherever it does."""
+    stated = {key.rpartition(".")[2].lower(): text for key, text in values.items() if isinstance(text, str)}
+    for column in columns:
+        leaf = column.name.rpartition(".")[2].lower()
+        unit = next((stated[key] for key in (f"{leaf}unit", f"{leaf}_unit") if key in stated), None)
+        if unit and column.unit and _same(unit) != _same(column.unit):
+            raise Unusable(
+                OTHER_UNIT, f"the message says {column.name} is in {unit}, the column {column.unit}"
+            )
+
+
+def _same(unit: str) -> str:
+    unit = unit.strip().lower()
+    return {"mbar": "hpa", "torr": "mmhg"}.get(unit, unit)
 
 
 def _cell(column: Column, value: Any) -> str:

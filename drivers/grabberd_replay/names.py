@@ -32,6 +32,8 @@ _HURRIED = 10
 _FEWEST_OF_SECOND = 3
 """Digits of a fraction that tells pictures of one second apart; fewer are a count within it."""
 _MOSTLY = 0.5
+_ALIKE = 0.8
+"""Share of names that are alike but for their numbers, from which on another one is an oversight."""
 _FEWEST_DIGITS = 3
 """Of a counter that may have begun anew."""
 _BINARY = (1 << 8, 1 << 16, 1 << 32)
@@ -141,7 +143,18 @@ def _by_numbers(directory: Path, paths: Sequence[Path]) -> Names | None:
     count of what it saved goes on where pictures are lost.
     """
     pieces = [re.split(r"(\d+)", path.stem) for path in paths]
-    if len({tuple(one[::2]) for one in pieces}) != 1 or len(paths) < 2:
+    kinds = Counter(tuple(one[::2]) for one in pieces)
+    (usual, often), *others = kinds.most_common()
+    if others and often >= _ALIKE * len(paths):
+        odd, like = (
+            next(path for path, one in zip(paths, pieces, strict=True) if (tuple(one[::2]) == usual) is alike)
+            for alike in (False, True)
+        )
+        raise DeviceRefused(
+            f"{directory}: {odd.name} is named unlike the others, such as {like.name}, so they are no count",
+            "move it to another folder, or name it like the others",
+        )
+    if others or len(paths) < 2:
         return None
     columns = [[int(one[at]) for one in pieces] for at in range(1, len(pieces[0]), 2)]
     varying = [values for values in columns if len({*values}) > 1]

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from grabberd_loggers.json_message import NOT_JSON, OTHER_KEYS, Unusable, cells_of
+from grabberd_loggers.json_message import NOT_JSON, OTHER_KEYS, OTHER_UNIT, Unusable, cells_of
 from grabberd_loggers.lines import NOT_A_NUMBER, OTHER_CELLS, Column, Line, LineFormat
 
 TASMOTA = '{"Time":"2026-03-01T10:00:00","BMP280":{"Temperature":20.1,"Pressure":602.1},"PressureUnit":"hPa"}'
@@ -49,6 +49,21 @@ def test_a_message_without_any_of_the_columns_is_refused_with_its_keys() -> None
     assert one.example == "the message's keys are state, Time; p1, p2 are not among them"
     assert refused("{}", "p1").example == "the message has no keys"
     assert len(refused('{"' + "x" * 4000 + '": 1}', "p1").example) < 400
+
+
+@pytest.mark.parametrize(("stated", "column"), [("hPa", "hPa"), ("mbar", "hPa"), ("HPA", "hPa")])
+def test_a_unit_that_the_message_states_may_be_that_of_the_column(stated: str, column: str) -> None:
+    assert read(TASMOTA.replace('"hPa"', f'"{stated}"'), f"BMP280.Pressure [{column}]") == Line(
+        None, (602.1,)
+    )
+
+
+def test_another_unit_than_that_of_the_column_is_refused_with_both() -> None:
+    one = refused(TASMOTA.replace('"hPa"', '"mmHg"'), "BMP280.Pressure [hPa]")
+    assert (one.reason, one.example) == (
+        OTHER_UNIT,
+        "the message says BMP280.Pressure is in mmHg, the column hPa",
+    )
 
 
 def test_a_key_that_is_missing_beside_others_is_no_reading_of_that_channel() -> None:

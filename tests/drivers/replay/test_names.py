@@ -220,3 +220,10 @@ def test_hidden_files_of_other_computers_are_left_out_and_that_is_said(tmp_path:
 def test_a_folder_without_pictures_is_refused_with_the_kinds_that_are_read(tmp_path: Path) -> None:
     with pytest.raises(DeviceRefused, match=r"has no pictures \(BMP, JPEG, PGM, PNG, TIFF\)"):
         read(tmp_path, ["clip.avi", "notes.txt", "._1.png"])
+
+
+@pytest.mark.parametrize("odd", ["0007 copy.png", "background.png", "0007 (1).png"])
+def test_a_name_unlike_all_others_is_refused_by_name(tmp_path: Path, odd: str) -> None:
+    with pytest.raises(DeviceRefused, match="is named unlike the others, such as") as caught:
+        read(tmp_path, [*(f"{n:04d}.png" for n in range(20)), odd])
+    assert odd in caught.value.message
