@@ -47,7 +47,7 @@ def test_what_a_driver_finds_is_listed_in_its_order(install):
 @pytest.mark.parametrize("entry", ["barn = a_module_nobody_has:look", "barn = barn_discovery:gone"])
 def test_a_driver_that_cannot_look_is_named(install, entry):
     install(entry)
-    with pytest.raises(DriverMissing, match="'barn' cannot look"):
+    with pytest.raises(DriverMissing, match="'barn' cannot search for devices"):
         discovery.discover()
 
 
