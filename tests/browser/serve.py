@@ -98,8 +98,8 @@ def service_of(options: dict[str, Any]) -> Service:
         name: replace(one, logger=FakeLogger(clock=WaitingClock(clock), faults=faults, **one.config.options))
         for name, one in read.items()
     }
-    folder, site = Path(os.environ["STATE_DIRECTORY"]), dict(config.site)
-    service = Service(setups, folder, site=site, loggers=loggers, clock=clock)
+    folder = Path(os.environ["STATE_DIRECTORY"])
+    service = Service(setups, folder, loggers=loggers, config=(config, file), clock=clock)
     clock.slowness = lambda: slowness(service, idle if clock.is_warm else min(idle, capture), capture)
     return service
 
