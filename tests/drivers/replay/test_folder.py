@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from grabberd.errors import DeviceRefused
-from grabberd_replay.names import Names
+from grabberd_replay.folder import Names
 
 PERIOD_MS = 40
 KEPT = (0, 1, 2, 4, 5)
@@ -26,7 +26,9 @@ def in_order(names: Names) -> list[str]:
 # --- a count ---
 
 
-@pytest.mark.parametrize("template", ["{:04d}.png", "frame-{}.png", "take2_{:03d}_of_9.png", "{}.TIFF"])
+@pytest.mark.parametrize(
+    "template", ["{:04d}.png", "frame-{}.png", "take2_{:03d}_of_9.png", "{}.TIFF", "frame{:04d}.png"]
+)
 def test_numbers_that_step_alike_are_a_count(tmp_path: Path, template: str) -> None:
     names = read(tmp_path, [template.format(n) for n in range(7, 19)])
     assert in_order(names) == [template.format(n) for n in range(7, 19)]
@@ -227,3 +229,52 @@ def test_a_name_unlike_all_others_is_refused_by_name(tmp_path: Path, odd: str) -
     with pytest.raises(DeviceRefused, match="is named unlike the others, such as") as caught:
         read(tmp_path, [*(f"{n:04d}.png" for n in range(20)), odd])
     assert odd in caught.value.message
+
+
+@pytest.mark.parametrize(
+    "template", ["{:02d}-{:02d}-{:02d}.{:03d}", "{:02d}{:02d}{:02d}{:03d}", "cam_{:02d}{:02d}{:02d}.{:03d}"]
+)
+@pytest.mark.parametrize("first_s", [36_059, 86_399])
+def test_times_of_day_go_on_over_the_minute_and_over_midnight(
+    tmp_path: Path, template: str, first_s: int
+) -> None:
+    at_ms = [first_s * 1000 + 200 + PERIOD_MS * n for n in range(40) if n != 25]
+    named = [
+        template.format(t // 3_600_000 % 24, t // 60_000 % 60, t // 1000 % 60, t % 1000) + ".png"
+        for t in at_ms
+    ]
+    names = read(tmp_path, named)
+    assert in_order(names) == named
+    assert names.times_s == pytest.approx([(t - at_ms[0]) / 1000 for t in at_ms])
+
+
+def test_nine_digits_may_be_a_count_nevertheless(tmp_path: Path) -> None:
+    assert read(tmp_path, [f"{n:09d}.png" for n in range(100_059_998, 100_060_004)]).numbers == [*range(6)]
+
+
+def test_numbers_below_zero_come_first(tmp_path: Path) -> None:
+    named = [f"{n}.png" for n in range(-3, 4)]
+    names = read(tmp_path, named)
+    assert (in_order(names), names.numbers) == (named, [*range(7)])
+
+
+@pytest.mark.parametrize("start", ["img_", "frame", "", "cafe"])
+def test_a_hexadecimal_count_is_one_and_said(tmp_path: Path, start: str) -> None:
+    named = [f"{start}{n:04x}.png" for n in range(5, 40) if n != 17]
+    names = read(tmp_path, named)
+    assert (in_order(names), names.numbers) == (named, [n - 5 for n in range(5, 40) if n != 17])
+    assert names.remarks[-1] == "Its names are read as a hexadecimal count."
+
+
+def test_words_of_hexadecimal_letters_are_no_count(tmp_path: Path) -> None:
+    assert (
+        "neither a count nor times" in read(tmp_path, ["add.png", "bed.png", "cab.png", "fee.png"]).remarks[0]
+    )
+
+
+def test_capitals_make_no_difference(tmp_path: Path) -> None:
+    assert in_order(read(tmp_path, ["F0001.png", "f0002.png", "F0003.png"])) == [
+        "F0001.png",
+        "f0002.png",
+        "F0003.png",
+    ]
