@@ -191,6 +191,8 @@ def test_a_text_says_by_its_byte_order_mark_how_it_is_encoded(tmp_path, encoding
 @pytest.mark.parametrize(
     ("content", "message"),
     [
+        (b"PK\x03\x04\x14\0\x06\0", "it is a spreadsheet's own file, not a text: save it as CSV UTF-8"),
+        (b"\xd0\xcf\x11\xe0\xa1\xb1", "it is a spreadsheet's own file, not a text: save it as CSV UTF-8"),
         ("time\nµs".encode("cp1252"), "line 2 has the byte 0xB5, which is not UTF-8: save it as UTF-8"),
         ("time".encode("utf-16-le"), "zero characters, as UTF-16 has without its byte order mark"),
         (b"\xff\xfet\0i", "not UTF-16-LE"),

@@ -33,6 +33,7 @@ from grabberd_replay.timeline import LOOKED_AT, Numbered, Pace, Timeline, apart_
 
 _GRABBED_SIZES = ((720, 576), (720, 288), (720, 480), (720, 240))
 _SLOWEST_HZ = 1.0
+"""No camera is as slow: 'grabberd inspect' states this rate to look at pictures whose rate nothing tells."""
 _SAME_RATE = 0.02
 """Departure of the times' rate from a multiple of a stated one up to which they are of one clock."""
 
@@ -92,11 +93,7 @@ class Source(Protocol):
 
 
 class Options(NamedTuple):
-    """Statements of the user about the pictures; None where there is none.
-
-    Raises:
-        ValueError: a value is none that the option can have.
-    """
+    """Statements of the user about the pictures; None where there is none."""
 
     pictures: str | None = None
     field_order: str | None = None
@@ -157,7 +154,7 @@ class FootageRecording(Recording):
         interlaced = source.marked in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST)
         stated = Pictures(options.pictures or Pictures.AUTO)
         pictures = recognise(source.path, stated, source.lines, source.columns, interlaced=interlaced)
-        _refuse_without_effect(source.path, options, pictures, self._levels.bits, look.first)
+        _refuse_without_effect(source, options, pictures, look.first)
         pace = Pace.of(look.times_s) if len(look.times_s) > 1 else None
         _check_steady(source.path, pace, look.times_s)
         rate_hz = options.rate_hz or _rate_hz(source, pictures, pace)
@@ -276,15 +273,16 @@ def _as_far_as_possible(pictures: Iterator[Shown]) -> Iterator[Shown]:
         return
 
 
-def _refuse_without_effect(
-    path: Path, options: Options, pictures: Pictures, bits: int, first: Samples
-) -> None:
+def _refuse_without_effect(source: Source, options: Options, pictures: Pictures, first: Samples) -> None:
+    path = source.path
     if pictures is not Pictures.FRAMES:
         options.refuse(path, f"pictures that are {pictures}, which have one field each", "field_order")
     if pictures not in (Pictures.FIELDS, Pictures.DOUBLED):
         options.refuse(path, f"pictures that are {pictures}", "first_parity")
-    if first.dtype == np.uint8 or bits not in KNOWN_BITS:
+    if first.dtype == np.uint8:
         options.refuse(path, f"pictures that are not stored with {STORED_BITS} bits a sample", "bits")
+    if source.bits is not None:
+        options.refuse(path, f"pictures that are known to have {source.bits} bits a sample", "bits")
 
 
 def _check_steady(path: Path, pace: Pace | None, times_s: list[float]) -> None:
@@ -335,11 +333,8 @@ def _of_fields(source: Source, splitter: Splitter, options: Options) -> Iterator
         )
     if pictures is Pictures.FRAMES and marked not in (None, FieldOrder.PROGRESSIVE, splitter.order):
         yield f"It is marked as {marked}, but played as {splitter.order}, as the option 'field_order' asks."
-    if (
-        pictures is Pictures.FRAMES
-        and options.field_order is None
-        and marked in (None, FieldOrder.PROGRESSIVE)
-    ):
+    is_stated = options.field_order is not None or marked not in (None, FieldOrder.PROGRESSIVE)
+    if pictures is Pictures.FRAMES and not is_stated:
         yield (
             "Nothing tells which field of a frame is the older: the top one is taken for it, as in PAL. If "
             "what moves jumps back and forth, it is wrong: 'grabberd inspect' finds it, 'field_order' states "

@@ -29,6 +29,8 @@ DEEPEST = 40
 MARKS = {"utf-8": codecs.BOM_UTF8, "utf-16-le": codecs.BOM_UTF16_LE, "utf-16-be": codecs.BOM_UTF16_BE}
 """Byte order marks of the encodings that are read."""
 _SAVE = "save it as UTF-8"
+_WORKBOOKS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
+"""First bytes of the files of Excel and LibreOffice, new and old."""
 
 
 def read_bounded(path: Path | Traversable, most: int = LARGEST_DOCUMENT) -> bytes:
@@ -68,6 +70,8 @@ def decoded(content: bytes) -> str:
     Raises:
         ValueError: It is in another encoding.
     """
+    if content.startswith(_WORKBOOKS):
+        raise ValueError("it is a spreadsheet's own file, not a text: save it as CSV UTF-8")
     encoding, mark = encoding_of(content)
     try:
         text = content[len(mark) :].decode(encoding)

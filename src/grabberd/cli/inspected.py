@@ -58,6 +58,7 @@ _LAYOUTS = {
     LayoutKind.INTERPOLATED: "one field of each frame, whose missing lines are interpolated",
     LayoutKind.FIELD_MISSING: "the lines of one field are black",
     LayoutKind.HALF_MISSING: "half of each picture is missing",
+    LayoutKind.TURNED: "the lines of interlaced frames stand upright, turned by a quarter (clock, or cclock)",
 }
 _FFMPEG = "convert them with ffmpeg -i INPUT -vf '{}' OUTPUT, and inspect the result"
 _SIDES = "split[a][b];[a]crop=iw/2:ih:0:0[l];[b]crop=iw/2:ih:iw/2:0[r];[{}]vstack,il=l=i:c=i"
@@ -71,6 +72,7 @@ _FILTERS = {
     (LayoutKind.LINES_TWICE, ""): "field=top",
     (LayoutKind.INTERPOLATED, "top"): "field=bottom",
     (LayoutKind.INTERPOLATED, "bottom"): "field=top",
+    (LayoutKind.TURNED, ""): "transpose=clock",
     (LayoutKind.FIELD_MISSING, "top"): "field=bottom",
     (LayoutKind.FIELD_MISSING, "bottom"): "field=top",
 }

@@ -33,6 +33,18 @@ def test_a_line_has_no_one_two_or_three_sigmas_or_a_diagonal_covariance(given, s
 
 
 @pytest.mark.parametrize(
+    ("header", "place"),
+    [
+        ("# id, N, E, H", (200.0, 100.0, 50.0)),
+        ("# id, E, N, H", PLACE),
+        ("# id, northing, easting, height (m)", (200.0, 100.0, 50.0)),
+    ],
+)
+def test_surveyors_axes_are_read_by_their_names(header, place):
+    assert first(f"{header}\n1,.1,.2,.05\n2,.3,.2,.06").xyz_mm == pytest.approx(place)
+
+
+@pytest.mark.parametrize(
     "text",
     [
         "1,CP1,.1,.2,.05\n2,CP2,.3,.2,.06",

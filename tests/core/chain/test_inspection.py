@@ -6,6 +6,7 @@ import pytest
 
 from core.chain.drawn_footage import footage
 from grabberd.core.chain.inspection import Interlacing, inspect, inspect_fields
+from grabberd.core.chain.layout import Layout, LayoutKind
 from grabberd.core.field import TOP, Field
 
 PAL = {"columns": 720, "lines": 576, "split": 360, "diameter_px": 5.0, "pitch_px": 24.0}
@@ -25,6 +26,17 @@ def test_lines_views_and_targets_are_told_by_what_the_pictures_show(kind, scene)
     assert found.targets.diameter_px == pytest.approx(5.0, rel=0.25)
     assert found.targets.contrast == pytest.approx(150, rel=0.2)
     assert found.targets.background == pytest.approx(25, abs=2)
+
+
+@pytest.mark.parametrize("kind", ["top_first", "bottom_first"])
+def test_frames_turned_by_a_quarter_are_not_progressive(kind):
+    found = inspect([np.ascontiguousarray(np.rot90(one)) for one in footage(kind, 40, **PAL)])
+    assert (found.interlacing, found.layout) == (Interlacing.UNKNOWN, Layout(LayoutKind.TURNED))
+
+
+def test_upright_progressive_pictures_are_progressive():
+    found = inspect([np.ascontiguousarray(np.rot90(one)) for one in footage("progressive", 40, **PAL)])
+    assert (found.interlacing, found.layout) == (Interlacing.PROGRESSIVE, None)
 
 
 def test_large_pictures_with_large_targets_are_not_dark():

@@ -179,6 +179,12 @@ _COVARIANCE = 9
 _COUNTS = (0, *map(len, _SIGMAS), _COVARIANCE)
 _MM = {"m": 1000.0, "cm": 10.0, "mm": 1.0}
 _SYNONYMS = {"no": "id", "nr": "id", "number": "id", "label": "name"}
+_SURVEYED = {
+    **dict.fromkeys(("e", "east", "easting"), "x"),
+    **dict.fromkeys(("n", "north", "northing"), "y"),
+    **dict.fromkeys(("h", "height", "elevation"), "z"),
+}
+"""Surveyors' names of the axes, of which the first two are often exchanged."""
 _COLUMN = re.compile(r"(?P<sigma>s|std|sd|sigma|σ)[ _]?(?P<axes>|xyz|xy|[xyz])")
 _UNIT = re.compile(r"\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]")
 _SUFFIX = re.compile(r"(?<=\w)_(mm|cm|m)\b", re.IGNORECASE)
@@ -233,6 +239,8 @@ def _header(lines: Lines) -> tuple[tuple[str, ...], float]:
         text = _SUFFIX.sub(lambda suffix: f" ({suffix[1].lower()})", comment)
         units = set(_UNIT.findall(text))
         words = [word.strip().lower() for word in _UNIT.sub("", text).split("," if "," in text else None)]
+        if not set(_PLACE) & set(words):
+            words = [_SURVEYED.get(word, word) for word in words]
         if not set(_PLACE) <= set(words):
             if other := _OTHER_UNIT.search(text):
                 foreign = foreign or lines.refusal(f"this says {other[0]}, and no header says so", _WRITE)

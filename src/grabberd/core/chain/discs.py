@@ -10,12 +10,10 @@ from scipy.spatial import cKDTree
 
 from grabberd.core.chain.thresholds import field_threshold
 from grabberd.core.field import Field, quantise
-from grabberd.core.measurement import Blobs, LocationSettings, ThresholdRule, measure
+from grabberd.core.measurement import ANY_DISC, Blobs, ThresholdRule, measure
 from grabberd.errors import MeasurementError
 
-FIND = LocationSettings(method="centroid", min_diameter_px=2.0, max_diameter_px=200.0, line_jitter_px=0.0)
-"""Anything from a dot to a coin: what size targets have is the question."""
-_LOCATE = replace(FIND, method="template", line_shifts=False)
+_LOCATE = replace(ANY_DISC, method="template", line_shifts=False)
 """The centroid of small discs on the same lines differs from parity to parity by as much as they move."""
 _LIKE = 2.0
 """Factor by which a target's diameter may differ from the usual one."""

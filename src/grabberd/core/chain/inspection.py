@@ -9,12 +9,12 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.chain.discs import FIND, alike, background, diameters, disc_level, peak
+from grabberd.core.chain.discs import alike, background, diameters, disc_level, peak
 from grabberd.core.chain.field_order import OrderCheck
 from grabberd.core.chain.layout import Layout, LayoutKind, Picture, Sample, recognise
 from grabberd.core.chain.picture_differences import FieldOrderFinding
-from grabberd.core.field import BOTTOM, PROGRESSIVE, TOP, Field, quantise, split_frame
-from grabberd.core.measurement import Blobs, measure
+from grabberd.core.field import BOTTOM, PROGRESSIVE, TOP, VIDEO_LINES, Field, quantise, split_frame
+from grabberd.core.measurement import ANY_DISC, Blobs, measure
 from grabberd.core.reconstruction.field_order import Order
 
 _MOST_PAIRS = 12
@@ -132,6 +132,34 @@ class _Samples:
             self.kept = [one for one in self.kept if one.number % self._every < 2]
 
 
+class _Checks:
+    """Checks of the field order for each way in which pictures may consist of fields.
+
+    Attributes:
+        frames: As frames of two fields.
+        singles: As single fields, the top one first.
+        turned: As frames turned by a quarter.
+    """
+
+    def __init__(self) -> None:
+        self.frames, self.singles, self.turned = OrderCheck(), OrderCheck(), OrderCheck()
+
+    def add(self, number: int, picture: Picture | None) -> None:
+        """Take the next picture, or None for one that is missing."""
+        if picture is None:
+            for check in (self.frames, self.singles, self.turned):
+                check.add(None)
+            return
+        lines, columns = picture.shape
+        for field in () if lines % 2 else split_frame(picture, TOP):
+            self.frames.add(field)
+        if columns >= _WIDE * lines:
+            self.singles.add(Field.intact(picture, (TOP, BOTTOM)[number % 2]))
+        if columns in VIDEO_LINES:
+            for field in split_frame(np.ascontiguousarray(picture.T), TOP):
+                self.turned.add(field)
+
+
 def inspect(pictures: Iterable[Picture | None]) -> Inspection:
     """Inspect whole pictures: frames of two fields, single fields, or progressive ones.
 
@@ -139,24 +167,20 @@ def inspect(pictures: Iterable[Picture | None]) -> Inspection:
         pictures: (lines, columns) uint8 each, at least one, all of one size, in the order of time; None for
             each that is missing. They are copied, if at all, before the next is requested.
     """
-    samples, frames, singles = _Samples(), OrderCheck(), OrderCheck()
+    samples, checks = _Samples(), _Checks()
     lines, columns = 0, 0
     for number, picture in enumerate(pictures):
-        if picture is None:
-            frames.add(None)
-            singles.add(None)
-            continue
-        lines, columns = picture.shape
-        samples.add(number, Field.progressive(picture))
-        for field in () if lines % 2 else split_frame(picture, TOP):
-            frames.add(field)
-        if columns >= _WIDE * lines:
-            singles.add(Field.intact(picture, (TOP, BOTTOM)[number % 2]))
+        checks.add(number, picture)
+        if picture is not None:
+            lines, columns = picture.shape
+            samples.add(number, Field.progressive(picture))
     layout, is_flat = recognise(samples.kept)
+    if layout is None and checks.turned.finding().order in (Order.RIGHT, Order.REVERSED):
+        layout = Layout(LayoutKind.TURNED)
     # Whatever half of a picture a field is in, nothing but its discs shows it: they are half as high.
     if layout is None and columns >= _WIDE * lines and (is_flat or lines in _FIELD_LINES):
-        return _of_singles(samples.kept, singles, is_flat=is_flat)
-    order = frames.finding() if lines % 2 == 0 else None
+        return _of_singles(samples.kept, checks.singles, is_flat=is_flat)
+    order = checks.frames.finding() if lines % 2 == 0 else None
     told = order.order if order else Order.SAME_INSTANT  # an odd number of lines is that of no frame
     interlacing, first = _BY_ORDER.get(told, Interlacing.UNKNOWN), None
     if layout is not None and layout.kind is LayoutKind.DOUBLED:
@@ -225,7 +249,7 @@ def _discs(field: Field) -> tuple[Field, Blobs, int] | None:
     level = disc_level(field)
     if level is None:
         return None
-    blobs = measure(quantise(field, 8, level), None, FIND)
+    blobs = measure(quantise(field, 8, level), None, ANY_DISC)
     ratio = blobs.width_px / np.maximum(blobs.height_px, 1.0)
     blobs = alike(blobs.select(~blobs.at_border & (ratio < _ROUND) & (ratio > 1 / _ROUND)))
     return (field, blobs, level) if len(blobs) else None

@@ -30,6 +30,7 @@ class LayoutKind(StrEnum):
     DOUBLED = "lines_interpolated_alternately"
     FIELD_MISSING = "field_missing"
     HALF_MISSING = "half_missing"
+    TURNED = "frames_turned_by_a_quarter"
 
 
 @dataclass(frozen=True, slots=True)

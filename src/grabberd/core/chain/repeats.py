@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.field import Field, quantise
-from grabberd.core.measurement import LocationSettings, measure
+from grabberd.core.measurement import ANY_DISC, measure
 
 Picture = NDArray[np.uint8]
 
@@ -29,7 +29,6 @@ _OF_OTHERS = 0.2
 _LATE = 32
 _FEWEST_BRIGHT, _LEAST_CONTRAST = 64, 20
 """Pixels that are brighter than a peak, so that hot ones are none; and its height, in grey levels."""
-_FIND = LocationSettings(method="centroid", min_diameter_px=2.0, max_diameter_px=200.0, line_jitter_px=0.0)
 _NEAR_PX, _NEIGHBOURS = 6.0, 8
 """Distance within which a target is found again; targets whose common movement counts, since the noise of
 each alone would hide it.
@@ -110,7 +109,7 @@ def moved(before: Field, after: Field) -> bool:
 def _places(field: Field) -> NDArray[np.float64]:
     """(N, 2) frame pixels of whatever is bright."""
     level = _level(field.luma)
-    return measure(quantise(field, 8, level), None, _FIND).xy_px if level >= 0 else np.empty((0, 2))
+    return measure(quantise(field, 8, level), None, ANY_DISC).xy_px if level >= 0 else np.empty((0, 2))
 
 
 def repetitions(repeats: Sequence[bool], rate_hz: float, what: str = "pictures") -> str:

@@ -8,7 +8,7 @@ bytes are empty and never touched, and grey values are gathered only where the t
 from grabberd.core.measurement.blobs import Blobs
 from grabberd.core.measurement.location import measure, seen_in
 from grabberd.core.measurement.noise import background_of
-from grabberd.core.measurement.settings import METHODS, LocationSettings
+from grabberd.core.measurement.settings import ANY_DISC, METHODS, LocationSettings
 from grabberd.core.measurement.threshold import (
     ThresholdRule,
     choose_threshold,
@@ -18,6 +18,7 @@ from grabberd.core.measurement.threshold import (
 )
 
 __all__ = [
+    "ANY_DISC",
     "METHODS",
     "Blobs",
     "LocationSettings",

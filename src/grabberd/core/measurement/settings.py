@@ -101,3 +101,7 @@ class LocationSettings:
     def solves_line_shifts(self, bits: int) -> bool:
         """True if shifts are solved for in fields of so many bits."""
         return bits > 1 if self.line_shifts is None else self.line_shifts
+
+
+ANY_DISC = LocationSettings(method="centroid", min_diameter_px=2.0, max_diameter_px=200.0, line_jitter_px=0.0)
+"""For anything from a dot to a coin, where the question is what size targets have, or whether they moved."""
